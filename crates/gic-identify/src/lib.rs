@@ -1,0 +1,1 @@
+//! Material parameters from surfaces and masks, with error bars (paper section 4.3).

@@ -1,0 +1,1 @@
+//! Motion-factorised dynamic Gaussians (paper section 4.1): the network, its gradient, and training.

@@ -1,0 +1,57 @@
+//! The one camera convention of gic: x right, y down, z forward (OpenCV); pixel centres at +0.5; world frame = the dataset's.
+
+use glam::{DMat3, DVec2, DVec3};
+
+/// A pinhole camera in the world frame of its dataset, in metres and pixels.
+///
+/// A world point `x` has camera coordinates `rotation^T (x - centre)` with z forward, and image coordinates
+/// `(fx X/Z + cx, fy Y/Z + cy)`, where the centre of the pixel in column i, row j is `(i + 0.5, j + 0.5)`.
+/// Images with lens distortion are undistorted when they are read, so that everything downstream is a pinhole.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Camera {
+    /// Image width [pixels].
+    pub width: usize,
+    /// Image height [pixels].
+    pub height: usize,
+    /// Focal lengths (fx, fy) [pixels].
+    pub focal: DVec2,
+    /// Principal point (cx, cy) [pixels].
+    pub principal: DVec2,
+    /// Camera-to-world rotation: its columns are the camera's x (right), y (down) and z (forward) axes in the world.
+    pub rotation: DMat3,
+    /// Camera centre in the world [m].
+    pub centre: DVec3,
+}
+
+impl Camera {
+    /// Camera coordinates (x right, y down, z forward) [m] of a world point [m].
+    pub fn to_camera(&self, world: DVec3) -> DVec3 {
+        self.rotation.transpose() * (world - self.centre)
+    }
+
+    /// Image coordinates [pixels] and depth along the optical axis [m] of a world point; `None` behind the camera.
+    pub fn project(&self, world: DVec3) -> Option<(DVec2, f64)> {
+        let c = self.to_camera(world);
+        (c.z > 1e-9).then(|| (self.focal * DVec2::new(c.x, c.y) / c.z + self.principal, c.z))
+    }
+
+    /// World point [m] seen at image coordinates `pixel` [pixels] at `depth` along the optical axis [m].
+    pub fn unproject(&self, pixel: DVec2, depth: f64) -> DVec3 {
+        let c = (pixel - self.principal) / self.focal * depth;
+        self.rotation * DVec3::new(c.x, c.y, depth) + self.centre
+    }
+
+    /// The same camera with an image scaled by `factor` in both directions; sizes are rounded to whole pixels.
+    pub fn scaled(&self, factor: f64) -> Camera {
+        let (width, height) =
+            ((self.width as f64 * factor).round().max(1.0), (self.height as f64 * factor).round().max(1.0));
+        let ratio = DVec2::new(width / self.width as f64, height / self.height as f64);
+        Camera {
+            width: width as usize,
+            height: height as usize,
+            focal: self.focal * ratio,
+            principal: self.principal * ratio,
+            ..self.clone()
+        }
+    }
+}

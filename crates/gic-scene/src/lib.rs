@@ -1,0 +1,5 @@
+//! Cameras, images and masks; readers for each dataset format.
+
+mod camera;
+
+pub use camera::Camera;

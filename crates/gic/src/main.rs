@@ -1,0 +1,2 @@
+//! The command `gic`.
+fn main() {}
