@@ -149,7 +149,8 @@ impl Solver<'_> {
                     before_minimum = settled;
                     least = distance[columns[reached]];
                     reached += 1;
-                    for k in reached..n {
+                    let unsettled = reached..n;
+                    for k in unsettled {
                         let j = columns[k];
                         if distance[j] < least {
                             least = distance[j];
@@ -168,7 +169,8 @@ impl Solver<'_> {
                 settled += 1;
                 let i = self.row_of[via];
                 let offset = f64::from(self.costs[i * n + via]) - self.prices[via] - least;
-                for k in reached..n {
+                let further = reached..n;
+                for k in further {
                     let j = columns[k];
                     let through = f64::from(self.costs[i * n + j]) - self.prices[j] - offset;
                     if through < distance[j] {
