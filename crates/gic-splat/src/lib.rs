@@ -2,6 +2,11 @@
 
 mod gaussians;
 mod render;
+pub mod sh;
+pub mod twin;
 
-pub use gaussians::{Gaussians, GaussianGradients, Shape};
-pub use render::{ImageGradients, Rendered, RenderSettings, backward, render};
+pub use gaussians::{GaussianGradients, Gaussians, GaussiansError, Shape};
+pub use render::{
+    ALPHA_MAX, ALPHA_MIN, Channels, FRUSTUM_MARGIN, ImageGradients, RenderSettings, Rendered, TRANSMITTANCE_MIN,
+    backward, render,
+};
