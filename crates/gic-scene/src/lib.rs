@@ -1,5 +1,21 @@
-//! Cameras, images and masks; readers for each dataset format.
+//! Cameras, images and masks; readers for each dataset format; matting; the visual hull.
+//!
+//! Open a folder with [`Scene::open`], load pixels with [`Scene::load_view`]. What each format means (axes, units, files)
+//! is written down in the page of [conventions].
 
 mod camera;
+mod error;
+mod lens;
+mod matting;
+mod picture;
+mod read;
+mod scene;
 
 pub use camera::Camera;
+pub use error::{Problem, SceneError, Severity};
+pub use matting::difference_matte;
+pub use picture::{Mask, Picture, PixelBox};
+pub use scene::{ColouredPoint, Format, MaskSource, Masks, OpenOptions, Plane, Scene, Split, View, World};
+
+#[doc = include_str!("../CONVENTIONS.md")]
+pub mod conventions {}

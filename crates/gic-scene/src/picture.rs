@@ -1,0 +1,202 @@
+//! Pictures and masks in memory, and how they are decoded from PNG and JPEG files.
+
+use std::path::Path;
+
+use image::{DynamicImage, ImageDecoder, ImageReader};
+
+use crate::error::Problem;
+
+/// A colour picture: straight (not premultiplied) RGB as stored on disk, sRGB-encoded, row-major from the top left.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Width [pixels].
+    pub width: usize,
+    /// Height [pixels].
+    pub height: usize,
+    /// Red, green, blue in [0, 1], shape [height * width, 3], flattened.
+    pub rgb: Vec<f32>,
+}
+
+/// Coverage of the object per pixel: 0 outside, 1 inside, between on the outline; row-major from the top left.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mask {
+    /// Width [pixels].
+    pub width: usize,
+    /// Height [pixels].
+    pub height: usize,
+    /// Coverage in [0, 1], shape [height * width].
+    pub coverage: Vec<f32>,
+}
+
+/// A rectangle of whole pixels: columns `x0..x1`, rows `y0..y1`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PixelBox {
+    /// First column.
+    pub x0: usize,
+    /// First row.
+    pub y0: usize,
+    /// One past the last column.
+    pub x1: usize,
+    /// One past the last row.
+    pub y1: usize,
+}
+
+impl PixelBox {
+    /// The rectangle grown by `margin` pixels on every side and cut at the border of a `width` x `height` picture.
+    pub fn grown(self, margin: usize, width: usize, height: usize) -> PixelBox {
+        PixelBox {
+            x0: self.x0.saturating_sub(margin),
+            y0: self.y0.saturating_sub(margin),
+            x1: (self.x1 + margin).min(width),
+            y1: (self.y1 + margin).min(height),
+        }
+    }
+}
+
+impl Picture {
+    /// Colour of the pixel in column `x`, row `y`.
+    pub fn at(&self, x: usize, y: usize) -> [f32; 3] {
+        let i = 3 * (y * self.width + x);
+        [self.rgb[i], self.rgb[i + 1], self.rgb[i + 2]]
+    }
+
+    /// Bilinear colour at image coordinates (pixel centres at +0.5); `None` outside the picture.
+    pub fn sample(&self, x: f64, y: f64) -> Option<[f32; 3]> {
+        let taps = bilinear_taps(self.width, self.height, x, y)?;
+        let mut colour = [0.0; 3];
+        for (index, weight) in taps {
+            for channel in 0..3 {
+                colour[channel] += weight * self.rgb[3 * index + channel];
+            }
+        }
+        Some(colour)
+    }
+
+    /// The picture over a uniform `background`: `coverage * rgb + (1 - coverage) * background`, shape [height * width, 3].
+    /// The mask has the same size.
+    pub fn composited(&self, mask: &Mask, background: [f32; 3]) -> Vec<f32> {
+        let pixels = self.rgb.chunks_exact(3).zip(&mask.coverage);
+        pixels.flat_map(|(rgb, a)| std::array::from_fn::<_, 3, _>(|c| a * rgb[c] + (1.0 - a) * background[c])).collect()
+    }
+}
+
+impl Mask {
+    /// Coverage of the pixel in column `x`, row `y`.
+    pub fn at(&self, x: usize, y: usize) -> f32 {
+        self.coverage[y * self.width + x]
+    }
+
+    /// Bilinear coverage at image coordinates (pixel centres at +0.5); 0 outside the mask.
+    pub fn sample(&self, x: f64, y: f64) -> f32 {
+        match bilinear_taps(self.width, self.height, x, y) {
+            Some(taps) => taps.into_iter().map(|(index, weight)| weight * self.coverage[index]).sum(),
+            None => 0.0,
+        }
+    }
+
+    /// Sum of the coverage [pixels].
+    pub fn area(&self) -> f64 {
+        self.coverage.iter().map(|&a| f64::from(a)).sum()
+    }
+
+    /// The smallest rectangle that holds every pixel with coverage of at least one half; `None` when there is none.
+    pub fn bounding_box(&self) -> Option<PixelBox> {
+        let mut found: Option<PixelBox> = None;
+        for y in 0..self.height {
+            let row = &self.coverage[y * self.width..(y + 1) * self.width];
+            let Some(first) = row.iter().position(|&a| a >= 0.5) else { continue };
+            let last = row.iter().rposition(|&a| a >= 0.5).unwrap_or(first);
+            found = Some(match found {
+                None => PixelBox { x0: first, y0: y, x1: last + 1, y1: y + 1 },
+                Some(b) => PixelBox { x0: b.x0.min(first), y0: b.y0, x1: b.x1.max(last + 1), y1: y + 1 },
+            });
+        }
+        found
+    }
+
+    /// Whether pixels of the object lie on the border of the picture, so that part of it may be out of view.
+    pub fn touches_border(&self) -> bool {
+        self.bounding_box().is_some_and(|b| b.x0 == 0 || b.y0 == 0 || b.x1 == self.width || b.y1 == self.height)
+    }
+}
+
+/// The four pixels (index, weight) around image coordinates (x, y), clamped at the border; `None` outside or for NaN.
+fn bilinear_taps(width: usize, height: usize, x: f64, y: f64) -> Option<[(usize, f32); 4]> {
+    let inside = x >= 0.0 && y >= 0.0 && x <= width as f64 && y <= height as f64;
+    if !inside {
+        return None;
+    }
+    let (x, y) = ((x - 0.5).clamp(0.0, (width - 1) as f64), (y - 0.5).clamp(0.0, (height - 1) as f64));
+    let (x0, y0) = (x as usize, y as usize);
+    let (x1, y1) = ((x0 + 1).min(width - 1), (y0 + 1).min(height - 1));
+    let (tx, ty) = ((x - x0 as f64) as f32, (y - y0 as f64) as f32);
+    Some([
+        (y0 * width + x0, (1.0 - tx) * (1.0 - ty)),
+        (y0 * width + x1, tx * (1.0 - ty)),
+        (y1 * width + x0, (1.0 - tx) * ty),
+        (y1 * width + x1, tx * ty),
+    ])
+}
+
+/// A decoded file: colour and, where the file has one, the alpha channel.
+pub(crate) struct Decoded {
+    pub(crate) picture: Picture,
+    pub(crate) alpha: Option<Vec<f32>>,
+}
+
+fn reader(path: &Path) -> Result<ImageReader<std::io::BufReader<std::fs::File>>, Problem> {
+    let unreadable = |reason: String| Problem::Unreadable { path: path.to_owned(), reason };
+    // The content decides, not the name: photographs with the wrong extension are common.
+    ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(|error| unreadable(error.to_string()))
+}
+
+/// Width and height [pixels], and whether there is an alpha channel, from the header of a picture file.
+pub(crate) fn header(path: &Path) -> Result<((usize, usize), bool), Problem> {
+    let decoder = reader(path)?
+        .into_decoder()
+        .map_err(|error| Problem::Unreadable { path: path.to_owned(), reason: error.to_string() })?;
+    let (width, height) = decoder.dimensions();
+    Ok(((width as usize, height as usize), decoder.color_type().has_alpha()))
+}
+
+/// Decodes a PNG or JPEG file: 8 or 16 bits a channel, grey, palette or RGB, with or without alpha.
+pub(crate) fn decode(path: &Path) -> Result<Decoded, Problem> {
+    let decoded = reader(path)?
+        .decode()
+        .map_err(|error| Problem::Unreadable { path: path.to_owned(), reason: error.to_string() })?;
+    let (width, height) = (decoded.width() as usize, decoded.height() as usize);
+    let (rgb, alpha) = match decoded {
+        DynamicImage::ImageLuma8(image) => (image.iter().flat_map(|&v| [unit8(v); 3]).collect(), None),
+        DynamicImage::ImageRgb8(image) => (image.iter().map(|&v| unit8(v)).collect(), None),
+        DynamicImage::ImageRgba8(image) => (
+            image.chunks_exact(4).flat_map(|p| [unit8(p[0]), unit8(p[1]), unit8(p[2])]).collect(),
+            Some(image.chunks_exact(4).map(|p| unit8(p[3])).collect()),
+        ),
+        other => {
+            // 16 bits and grey with alpha: rare, so one general road.
+            let has_alpha = other.color().has_alpha();
+            let image = other.to_rgba32f();
+            (
+                image.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect(),
+                has_alpha.then(|| image.chunks_exact(4).map(|p| p[3]).collect()),
+            )
+        }
+    };
+    Ok(Decoded { picture: Picture { width, height, rgb }, alpha })
+}
+
+fn unit8(value: u8) -> f32 {
+    f32::from(value) / 255.0
+}
+
+/// A mask file as coverage: the alpha channel where there is one that says something, else the brightness.
+///
+/// A file with an alpha channel that is opaque everywhere is a black-and-white picture saved as RGBA.
+pub(crate) fn decode_mask(path: &Path) -> Result<Mask, Problem> {
+    let Decoded { picture, alpha } = decode(path)?;
+    let coverage = match alpha {
+        Some(alpha) if alpha.iter().any(|&a| a < 1.0) => alpha,
+        _ => picture.rgb.chunks_exact(3).map(|p| (p[0] + p[1] + p[2]) / 3.0).collect(),
+    };
+    Ok(Mask { width: picture.width, height: picture.height, coverage })
+}

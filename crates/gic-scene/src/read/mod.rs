@@ -1,0 +1,43 @@
+//! Recognising a format by its files, and what all readers share: poses, masks, the final checks.
+
+mod blender;
+mod draft;
+mod json;
+mod pac_nerf;
+mod pose;
+mod spring_gaus;
+
+use std::path::Path;
+
+use crate::error::SceneError;
+use crate::scene::{OpenOptions, Scene};
+
+pub(crate) use draft::MASK_HINT;
+use draft::{Draft, DraftCamera, DraftView, Intrinsics};
+
+type Reader = fn(&Path, &OpenOptions) -> Result<Draft, SceneError>;
+
+/// The file that gives a format away, relative to the scene's folder, and the reader. The first match wins: the more
+/// specific formats come first.
+const FORMATS: [(&str, Reader); 5] = [
+    ("all_data.json", pac_nerf::read),
+    ("camera.json", spring_gaus::read),
+    ("transforms_train.json", blender::read),
+    ("transforms_val.json", blender::read),
+    ("transforms_test.json", blender::read),
+];
+
+/// Opens the scene at `path`: a folder, or the file that gives the format away.
+pub(crate) fn open(path: &Path, options: &OpenOptions) -> Result<Scene, SceneError> {
+    if !path.exists() {
+        return Err(SceneError::NotFound { path: path.to_owned() });
+    }
+    let root = match path.parent() {
+        Some(parent) if path.is_file() => parent,
+        _ => path,
+    };
+    let Some((_, reader)) = FORMATS.iter().find(|(file, _)| root.join(file).exists()) else {
+        return Err(SceneError::UnknownFormat { path: path.to_owned() });
+    };
+    draft::finish(reader(root, options)?, root, options)
+}
