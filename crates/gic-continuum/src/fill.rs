@@ -1,0 +1,295 @@
+//! Coarse-to-fine filling: Algorithm 1 of the paper, a function per group of lines.
+//!
+//! The structure is the paper's: internal particles are kept where every view's rendered depth lies in front of them and its mask
+//! covers them; a density field is upsampled, mean-filtered and reassigned level by level. Three things differ, each because what
+//! is made of the body downstream (its mass, its contact time) needs its volume without bias:
+//!
+//! 1. *Densities are shares, not flags.* A voxel that holds any particle gets density 1 in the paper, which makes the body half a
+//!    voxel too large all around. Here the particles are stratified, eight to a voxel of the finest level, each with a weight
+//!    that ramps across the surface, and a voxel's density is their mean: the level 0.5 then lies where the surface lies, to a
+//!    small part of a voxel.
+//! 2. *Certainly empty is reassigned too.* Where a mask or several depth maps say empty, reassigning writes zero as well as
+//!    writing one inside. What is left to the interpolated and filtered field is what is in doubt: where only one depth map
+//!    sees past the surface, as it does through a gap between Gaussians.
+//! 3. *Undersides.* What no view sees is filled, but down to the middle between the smallest and the largest body that agree with
+//!    the views (see [`crate::Unseen`]).
+
+use gic_splat::{Gaussians, Shape};
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::unseen::halve_unseen;
+use crate::view::Evidence;
+use crate::{ContinuumError, DensityField, FillSettings, MaskedView, Unseen};
+
+/// Fewer Gaussians than this are no body.
+const MIN_GAUSSIANS: usize = 8;
+/// A Gaussian is outside a mask where the coverage at its centre is below this.
+const OUTSIDE: f32 = 0.05;
+
+/// The density field of one frame, and what it was made from.
+#[derive(Clone, Debug)]
+pub struct Filling {
+    /// F(t) at the finest level.
+    pub field: DensityField,
+    /// The level of the body's boundary in the field, the paper's th_min.
+    pub th_min: f64,
+    /// Upper density of the surface, the paper's th_max.
+    pub th_max: f64,
+    /// Gaussians that counted.
+    pub gaussians_used: usize,
+    /// Gaussians given.
+    pub gaussians_given: usize,
+    /// Views that had a mask.
+    pub views_used: usize,
+}
+
+impl Filling {
+    /// Volume of the body [m^3]: where the interpolated field is at least th_min.
+    pub fn volume(&self) -> f64 {
+        self.field.volume(self.th_min)
+    }
+
+    /// P~(t) of Algorithm 1, line 16: centres of the voxels of at least th_min [m].
+    pub fn continuum_voxels(&self) -> Vec<DVec3> {
+        self.positions(self.th_min, f64::INFINITY)
+    }
+
+    /// S~(t) of Algorithm 1, line 17: centres of the voxels between th_min and th_max [m].
+    pub fn surface_voxels(&self) -> Vec<DVec3> {
+        self.positions(self.th_min, self.th_max)
+    }
+
+    /// GetPosition of the paper.
+    fn positions(&self, low: f64, high: f64) -> Vec<DVec3> {
+        let inside = |v: f32| f64::from(v) >= low && f64::from(v) <= high;
+        (0..self.field.len())
+            .filter(|&i| inside(self.field.values[i]))
+            .map(|i| self.field.centre(self.field.voxel(i)))
+            .collect()
+    }
+}
+
+/// Algorithm 1: the density field of one frame from its Gaussians and masks.
+pub fn fill(gaussians: &Gaussians, views: &[MaskedView], settings: &FillSettings) -> Result<Filling, ContinuumError> {
+    settings.validate()?;
+    let usable = usable_gaussians(gaussians, views, settings)?;
+    let evidence = Evidence::gather(views, Some(&usable))?;
+    let grid = initialize_field(&usable, settings)?;
+    let inset = settings.depth_inset * median_scale(&usable);
+    let particles = internal_particles(&grid, &evidence, inset, settings);
+    let mut field = coarse_to_fine(&particles, &usable, settings);
+    if settings.unseen == Unseen::Midway {
+        halve_unseen(&mut field, &evidence, inset, settings);
+    }
+    smooth(&mut field);
+    if !field.values.iter().any(|&v| f64::from(v) >= settings.th_min) {
+        return Err(ContinuumError::Empty);
+    }
+    Ok(Filling {
+        field,
+        th_min: settings.th_min,
+        th_max: settings.th_max,
+        gaussians_used: usable.positions.len(),
+        gaussians_given: gaussians.positions.len(),
+        views_used: evidence.len(),
+    })
+}
+
+/// The Gaussians that count: finite, opaque enough, and outside no mask.
+fn usable_gaussians(
+    gaussians: &Gaussians,
+    views: &[MaskedView],
+    settings: &FillSettings,
+) -> Result<Gaussians, ContinuumError> {
+    let masks = Evidence::gather(views, None)?;
+    let counts = |i: usize| {
+        let p = gaussians.positions[i];
+        let point = DVec3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2]));
+        gaussians.opacities[i] >= settings.min_opacity
+            && scale(gaussians, i) > 0.0
+            && point.is_finite()
+            && settings.ground.is_none_or(|g| g.height(point) >= -settings.finest_spacing())
+            && masks.iter().all(|view| view.look(point).is_none_or(|seen| seen.coverage >= OUTSIDE))
+    };
+    let total = gaussians.positions.len();
+    let kept: Vec<usize> = (0..total).into_par_iter().filter(|&i| counts(i)).collect();
+    if kept.len() < MIN_GAUSSIANS {
+        return Err(ContinuumError::TooFewGaussians { total, kept: kept.len(), needed: MIN_GAUSSIANS });
+    }
+    let pick = |v: &Vec<[f32; 3]>| kept.iter().map(|&i| v[i]).collect();
+    Ok(Gaussians {
+        positions: pick(&gaussians.positions),
+        opacities: kept.iter().map(|&i| gaussians.opacities[i]).collect(),
+        shape: match &gaussians.shape {
+            Shape::Isotropic { scales } => Shape::Isotropic { scales: kept.iter().map(|&i| scales[i]).collect() },
+            Shape::Anisotropic { scales, rotations } => {
+                Shape::Anisotropic { scales: pick(scales), rotations: kept.iter().map(|&i| rotations[i]).collect() }
+            }
+        },
+        // Only alpha and depth are drawn: one colour coefficient each is enough.
+        sh_degree: 0,
+        sh: vec![[0.0; 3]; kept.len()],
+    })
+}
+
+/// Standard deviation of a Gaussian [m]; of an anisotropic one the geometric mean.
+fn scale(gaussians: &Gaussians, i: usize) -> f32 {
+    match &gaussians.shape {
+        Shape::Isotropic { scales } => scales[i],
+        Shape::Anisotropic { scales, .. } => scales[i].iter().product::<f32>().cbrt(),
+    }
+}
+
+fn median_scale(gaussians: &Gaussians) -> f64 {
+    let mut scales: Vec<f32> = (0..gaussians.positions.len()).map(|i| scale(gaussians, i)).collect();
+    scales.sort_by(f32::total_cmp);
+    f64::from(scales[scales.len() / 2])
+}
+
+/// Line 7: a field of zeros over the bounding box of the Gaussians, at the spacing of the last level; coarser levels pool its
+/// voxels. The box is widened by the Gaussians' reach and by two voxels of air.
+fn initialize_field(gaussians: &Gaussians, settings: &FillSettings) -> Result<DensityField, ContinuumError> {
+    let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    for p in &gaussians.positions {
+        let point = DVec3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2]));
+        low = low.min(point);
+        high = high.max(point);
+    }
+    let margin = 3.0 * median_scale(gaussians) + 3.0 * settings.finest_spacing();
+    DensityField::covering(low - margin, high + margin, settings.finest_spacing(), 1 << (settings.levels - 1))
+}
+
+/// The shares of each voxel of the finest level that are certainly inside and in doubt; the rest is certainly empty.
+pub(crate) struct InternalParticles {
+    inside: DensityField,
+    doubtful: DensityField,
+}
+
+/// Lines 1 to 6: particles sampled in the box, kept where they are inside every mask and behind every rendered depth.
+///
+/// The sampling is stratified (2x2x2 to a voxel). A particle's weight ramps from 0 to 1 across the surface over its own width, so
+/// that the mean over a voxel is the share of the voxel that is inside.
+fn internal_particles(
+    grid: &DensityField,
+    views: &[Evidence],
+    inset: f64,
+    settings: &FillSettings,
+) -> InternalParticles {
+    let width = 0.5 * grid.spacing;
+    let weights: Vec<(f32, f32)> = (0..grid.len())
+        .into_par_iter()
+        .map(|i| {
+            let centre = grid.centre(grid.voxel(i));
+            let (mut inside, mut doubtful) = (0.0, 0.0);
+            for k in 0..8u32 {
+                let corner = DVec3::new(f64::from(k & 1), f64::from(k >> 1 & 1), f64::from(k >> 2)) - 0.5;
+                let weight = filter_by_views(centre + width * corner, width, views, inset, settings);
+                inside += weight.0 / 8.0;
+                doubtful += weight.1 / 8.0;
+            }
+            (inside, doubtful)
+        })
+        .collect();
+    let (inside, doubtful) = weights.into_iter().unzip();
+    InternalParticles {
+        inside: DensityField { values: inside, ..empty_like(grid) },
+        doubtful: DensityField { values: doubtful, ..empty_like(grid) },
+    }
+}
+
+fn empty_like(grid: &DensityField) -> DensityField {
+    DensityField { values: Vec::new(), ..*grid }
+}
+
+/// Line 5 for one particle of width `width` [m]: its weights (inside, doubtful).
+fn filter_by_views(point: DVec3, width: f64, views: &[Evidence], inset: f64, settings: &FillSettings) -> (f32, f32) {
+    let mut covered = match settings.ground {
+        Some(ground) => (0.5 + ground.height(point) / width).clamp(0.0, 1.0) as f32,
+        None => 1.0,
+    };
+    // The emptiest few views, emptiest first.
+    let mut emptiest = [0.0f32; 4];
+    let votes = settings.depth_votes.min(emptiest.len()).min(views.len().div_ceil(3));
+    for view in views {
+        if covered <= 0.0 {
+            return (0.0, 0.0);
+        }
+        let Some(seen) = view.look(point) else { continue };
+        covered = covered.min(seen.coverage);
+        let mut empty = (0.5 - (f64::from(seen.behind) + inset) / width).clamp(0.0, 1.0) as f32;
+        for slot in &mut emptiest {
+            if empty > *slot {
+                std::mem::swap(slot, &mut empty);
+            }
+        }
+    }
+    let inside = covered.min(1.0 - emptiest[0]);
+    let empty = (1.0 - covered).max(emptiest[votes - 1]);
+    (inside, (1.0 - inside - empty).max(0.0))
+}
+
+/// Lines 8 to 15: from the coarsest to the finest level, upsample, mean-filter and reassign.
+fn coarse_to_fine(particles: &InternalParticles, gaussians: &Gaussians, settings: &FillSettings) -> DensityField {
+    let mut levels = vec![(particles.inside.clone(), particles.doubtful.clone())];
+    for _ in 1..settings.levels {
+        let (inside, doubtful) = &levels[levels.len() - 1];
+        levels.push((inside.pool(), doubtful.pool()));
+    }
+    let mut field: Option<DensityField> = None;
+    for (inside, doubtful) in levels.iter().rev() {
+        // On the first level nothing is known yet of what is in doubt: as likely as not.
+        let mut current = field
+            .map_or_else(|| DensityField { values: vec![0.5; inside.len()], ..empty_like(inside) }, |f| f.upsample());
+        reassign(&mut current, inside, doubtful, gaussians, settings);
+        for _ in 0..settings.filter_rounds {
+            current.mean_filter(1.0 / 3.0);
+            reassign(&mut current, inside, doubtful, gaussians, settings);
+        }
+        field = Some(current);
+    }
+    field.expect("there is at least one level")
+}
+
+/// Lines 11 and 14: the share that is certainly inside counts fully, the share in doubt at the field's own density, the rest
+/// not at all. Voxels that hold a Gaussian where nothing else is dense get density 1: parts thinner than a voxel.
+fn reassign(
+    field: &mut DensityField,
+    inside: &DensityField,
+    doubtful: &DensityField,
+    gaussians: &Gaussians,
+    settings: &FillSettings,
+) {
+    for ((value, &inside), &doubtful) in field.values.iter_mut().zip(&inside.values).zip(&doubtful.values) {
+        *value = inside + doubtful * *value;
+    }
+    let thin: Vec<usize> = gaussians
+        .positions
+        .par_iter()
+        .filter_map(|p| field.discretize(DVec3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2]))))
+        .filter(|&i| !dense_nearby(field, i, settings.th_min as f32))
+        .collect();
+    for i in thin {
+        field.values[i] = 1.0;
+    }
+}
+
+/// Whether any voxel of the 3x3x3 around one reaches a density.
+fn dense_nearby(field: &DensityField, index: usize, density: f32) -> bool {
+    let [x, y, z] = field.voxel(index);
+    let range = |c: usize, n: usize| c.saturating_sub(1)..(c + 2).min(n);
+    range(z, field.size[2]).any(|z| {
+        range(y, field.size[1]).any(|y| range(x, field.size[0]).any(|x| field.values[field.index(x, y, z)] >= density))
+    })
+}
+
+/// A last gentle filter, so that the level set is smooth; parts so thin that they would vanish keep their density.
+fn smooth(field: &mut DensityField) {
+    let before = field.values.clone();
+    field.mean_filter(0.25);
+    let lost: Vec<usize> =
+        (0..before.len()).into_par_iter().filter(|&i| before[i] >= 0.5 && !dense_nearby(field, i, 0.5)).collect();
+    for i in lost {
+        field.values[i] = before[i];
+    }
+}

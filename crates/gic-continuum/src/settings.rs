@@ -1,0 +1,100 @@
+//! Settings of filling, derived from the object's size.
+
+use glam::DVec3;
+
+use crate::ContinuumError;
+
+/// A plane that the body cannot cross: ground that is known. It counts as seen.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GroundPlane {
+    /// A point of the plane [m].
+    pub point: DVec3,
+    /// Unit normal towards the free side.
+    pub normal: DVec3,
+}
+
+impl GroundPlane {
+    /// Height of a point above the plane [m].
+    pub fn height(&self, point: DVec3) -> f64 {
+        (point - self.point).dot(self.normal)
+    }
+}
+
+/// What to do where the body's boundary is one that no view sees (undersides): between the largest body that agrees with all
+/// views and the smallest one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Unseen {
+    /// The surface half-way between the smallest and the largest body; nearly unbiased in volume.
+    #[default]
+    Midway,
+    /// The largest body, as in the paper.
+    Fill,
+}
+
+/// How Gaussians are filled; make one with [`FillSettings::for_size`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct FillSettings {
+    /// Side of the voxels of the first level, the paper's delta x [m].
+    pub grid_spacing: f64,
+    /// Number of levels, the paper's n_u: each but the first halves the voxels.
+    pub levels: usize,
+    /// Density from which a voxel belongs to the body, the paper's th_min.
+    pub th_min: f64,
+    /// Density up to which a voxel of the body belongs to its surface, the paper's th_max.
+    pub th_max: f64,
+    /// Gaussians with less opacity do not count.
+    pub min_opacity: f32,
+    /// How far the rendered depth lies below the true surface, in units of the Gaussians' median standard deviation.
+    pub depth_inset: f64,
+    /// How many views must see in front of the surface at a point before it counts as empty for certain. A point that fewer
+    /// views (but at least one) call empty is left to the density field: a hole between Gaussians in one view does not dig a tunnel.
+    pub depth_votes: usize,
+    /// Mean filtering and reassigning is repeated so often on each level.
+    pub filter_rounds: usize,
+    /// What to do where no view sees the boundary.
+    pub unseen: Unseen,
+    /// A plane below which there is nothing, if known.
+    pub ground: Option<GroundPlane>,
+}
+
+impl FillSettings {
+    /// Settings for an object whose largest side at t0 is `size` [m]: four levels, the finest with voxels of 1/48 of the size
+    /// (7 mm for 0.35 m).
+    pub fn for_size(size: f64) -> FillSettings {
+        FillSettings {
+            grid_spacing: size / 6.0,
+            levels: 4,
+            th_min: 0.5,
+            th_max: 0.8,
+            min_opacity: 0.02,
+            depth_inset: 0.5,
+            depth_votes: 2,
+            filter_rounds: 2,
+            unseen: Unseen::Midway,
+            ground: None,
+        }
+    }
+
+    /// Side of the voxels of the last level [m].
+    pub fn finest_spacing(&self) -> f64 {
+        self.grid_spacing / (1u64 << (self.levels.max(1) - 1)) as f64
+    }
+
+    /// Fails on the first setting out of its range.
+    pub(crate) fn validate(&self) -> Result<(), ContinuumError> {
+        let check = |setting, value: f64, good: bool, must| {
+            if good { Ok(()) } else { Err(ContinuumError::Setting { setting, value, must }) }
+        };
+        check(
+            "grid_spacing",
+            self.grid_spacing,
+            self.grid_spacing > 0.0 && self.grid_spacing.is_finite(),
+            "above 0 m",
+        )?;
+        check("levels", self.levels as f64, (1..=10).contains(&self.levels), "from 1 to 10")?;
+        check("th_min", self.th_min, self.th_min > 0.0 && self.th_min < 1.0, "between 0 and 1")?;
+        check("th_max", self.th_max, self.th_max > self.th_min && self.th_max <= 1.0, "above th_min and at most 1")?;
+        check("depth_inset", self.depth_inset, self.depth_inset.is_finite(), "a finite number")?;
+        check("depth_votes", self.depth_votes as f64, self.depth_votes >= 1, "at least 1")
+    }
+}

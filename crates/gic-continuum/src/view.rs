@@ -1,0 +1,132 @@
+//! What one view says about a point: is it inside the mask, and is it in front of the rendered surface?
+
+use gic_scene::Camera;
+use gic_splat::{Channels, Gaussians, RenderSettings, render};
+use glam::{DVec2, DVec3};
+
+use crate::ContinuumError;
+
+/// Pixels with less accumulated alpha than this have no rendered surface.
+const SOLID: f32 = 0.5;
+
+/// A camera and the mask of the object in its image.
+#[derive(Clone, Copy, Debug)]
+pub struct MaskedView<'a> {
+    /// The camera.
+    pub camera: &'a Camera,
+    /// Antialiased coverage of the object in [0, 1], row-major, shape [height * width]; `None` where this view has no mask in
+    /// this frame: the view then says nothing.
+    pub mask: Option<&'a [f32]>,
+}
+
+/// A view with its mask, its rendered depth map and how obliquely it sees the surface.
+pub(crate) struct Evidence<'a> {
+    camera: &'a Camera,
+    mask: &'a [f32],
+    /// D(u) / A(u) [m]; infinite where nothing solid is drawn or no depth is asked for.
+    depth: Vec<f32>,
+    /// Cosine between the ray and the normal of the rendered surface; 1 where there is no depth.
+    cosine: Vec<f32>,
+}
+
+/// What a view says about a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Seen {
+    /// Coverage of the mask at the point's projection.
+    pub(crate) coverage: f32,
+    /// Distance behind the rendered surface, about perpendicular to it [m]; negative in front of it; infinite where the view
+    /// renders no surface there.
+    pub(crate) behind: f32,
+}
+
+impl<'a> Evidence<'a> {
+    /// Views that have a mask, with depth maps rendered from the Gaussians (Algorithm 1, lines 2 and 3).
+    pub(crate) fn gather(
+        views: &[MaskedView<'a>],
+        gaussians: Option<&Gaussians>,
+    ) -> Result<Vec<Evidence<'a>>, ContinuumError> {
+        let mut gathered = Vec::new();
+        for (view, MaskedView { camera, mask }) in views.iter().enumerate() {
+            let Some(mask) = *mask else { continue };
+            let (width, height) = (camera.width, camera.height);
+            if mask.len() != width * height {
+                return Err(ContinuumError::MaskSize { view, found: mask.len(), width, height });
+            }
+            let depth = match gaussians {
+                Some(gaussians) => depth_map(gaussians, camera, mask),
+                None => vec![f32::INFINITY; mask.len()],
+            };
+            let cosine = cosines(&depth, camera);
+            gathered.push(Evidence { camera, mask, depth, cosine });
+        }
+        if gathered.is_empty() { Err(ContinuumError::NoMasks { views: views.len() }) } else { Ok(gathered) }
+    }
+
+    /// What this view says about a point [m]; `None` where it does not see it: behind the camera or outside the image.
+    pub(crate) fn look(&self, point: DVec3) -> Option<Seen> {
+        let (pixel, z) = self.camera.project(point)?;
+        let p = pixel - 0.5;
+        let (w, h) = (self.camera.width, self.camera.height);
+        if !(p.x >= -0.5 && p.y >= -0.5 && p.x < w as f64 - 0.5 && p.y < h as f64 - 0.5) {
+            return None;
+        }
+        let corner = p.floor();
+        let t = DVec2::new(p.x - corner.x, p.y - corner.y).as_vec2();
+        let at = |dx: i64, dy: i64| {
+            let x = (corner.x as i64 + dx).clamp(0, w as i64 - 1) as usize;
+            let y = (corner.y as i64 + dy).clamp(0, h as i64 - 1) as usize;
+            y * w + x
+        };
+        let corners = [at(0, 0), at(1, 0), at(0, 1), at(1, 1)];
+        let weights = [(1.0 - t.x) * (1.0 - t.y), t.x * (1.0 - t.y), (1.0 - t.x) * t.y, t.x * t.y];
+        let coverage = corners.iter().zip(weights).map(|(&i, w)| self.mask[i] * w).sum();
+        // The front-most of the four pixels: interpolating across an occluding edge would invent a surface between.
+        let (mut depth, mut cosine) = (f32::INFINITY, 1.0);
+        for &i in &corners {
+            if self.depth[i] < depth {
+                (depth, cosine) = (self.depth[i], self.cosine[i]);
+            }
+        }
+        // Where the surface is continuous, interpolate after all.
+        let spread = corners.iter().map(|&i| self.depth[i] - depth).fold(0.0, f32::max);
+        if spread.is_finite() && spread * self.camera.focal.x as f32 <= 4.0 * depth {
+            depth = corners.iter().zip(weights).map(|(&i, w)| self.depth[i] * w).sum();
+        }
+        let behind = if depth.is_finite() { (z as f32 - depth) * cosine } else { f32::INFINITY };
+        Some(Seen { coverage, behind })
+    }
+}
+
+/// D / A where the Gaussians are solid and the mask covers, else infinite.
+fn depth_map(gaussians: &Gaussians, camera: &Camera, mask: &[f32]) -> Vec<f32> {
+    let settings = RenderSettings { channels: Channels::AlphaDepth, ..RenderSettings::default() };
+    let rendered = render(gaussians, camera, &settings);
+    rendered
+        .depth
+        .iter()
+        .zip(&rendered.alpha)
+        .zip(mask)
+        .map(|((&depth, &alpha), &mask)| if alpha >= SOLID && mask > 0.0 { depth / alpha } else { f32::INFINITY })
+        .collect()
+}
+
+/// Cosine between ray and surface normal from the slope of the depth map: a pixel is z / f wide at depth z.
+fn cosines(depth: &[f32], camera: &Camera) -> Vec<f32> {
+    let (w, h) = (camera.width, camera.height);
+    let slope = |a: f32, b: f32, z: f32, focal: f64| -> f32 {
+        let s = (a - b) * 0.5 * focal as f32 / z;
+        if s.is_finite() { s } else { 0.0 }
+    };
+    (0..w * h)
+        .map(|i| {
+            let z = depth[i];
+            if !z.is_finite() {
+                return 1.0;
+            }
+            let (x, y) = (i % w, i / w);
+            let sx = if x > 0 && x + 1 < w { slope(depth[i + 1], depth[i - 1], z, camera.focal.x) } else { 0.0 };
+            let sy = if y > 0 && y + 1 < h { slope(depth[i + w], depth[i - w], z, camera.focal.y) } else { 0.0 };
+            1.0 / (1.0 + sx * sx + sy * sy).sqrt()
+        })
+        .collect()
+}
