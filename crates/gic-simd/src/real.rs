@@ -40,18 +40,27 @@ pub trait Real:
     fn max(self, other: Self) -> Self;
     /// The largest whole number not above.
     fn floor(self) -> Self;
-    /// Natural exponential; lanes of f32 are accurate to 2 ulp for |x| < 80 and clamp outside.
+    /// Natural exponential. SIMD lanes are accurate to 2 ulp for x in [-87, 88] and clamp x to it; NaN stays NaN.
     fn exp(self) -> Self;
-    /// Natural logarithm; accurate to 2 ulp for positive normal numbers.
+    /// Natural logarithm. SIMD lanes are accurate to 2 ulp for positive normal numbers; anything else gives a NaN (plain numbers give
+    /// minus infinity for zero).
     fn ln(self) -> Self;
+    /// The size of `self` with the sign of `sign`.
+    fn copysign(self, sign: Self) -> Self;
     /// `self < other`; false for NaN.
     fn lt(self, other: Self) -> Self::Mask;
     /// `self <= other`; false for NaN.
     fn le(self, other: Self) -> Self::Mask;
     /// `if mask { yes } else { no }`, lane by lane.
     fn select(mask: Self::Mask, yes: Self, no: Self) -> Self;
-    /// Whether any lane's flag is set.
-    fn any(mask: Self::Mask) -> bool;
+    /// Both flags, lane by lane.
+    fn and(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// At least one of the flags, lane by lane.
+    fn or(a: Self::Mask, b: Self::Mask) -> Self::Mask;
+    /// The opposite flag, lane by lane.
+    fn not(a: Self::Mask) -> Self::Mask;
+    /// The flags as bits, lane 0 lowest.
+    fn bits(mask: Self::Mask) -> u32;
     /// Sum over the lanes in a fixed order, in f64.
     fn sum_lanes(self) -> f64;
     /// The number in a lane.
@@ -66,6 +75,21 @@ pub trait Real:
     #[inline(always)]
     fn one() -> Self {
         Self::splat(1.0)
+    }
+    /// Whether any lane's flag is set.
+    #[inline(always)]
+    fn any(mask: Self::Mask) -> bool {
+        Self::bits(mask) != 0
+    }
+    /// `1 / self`, to 2 ulp.
+    #[inline(always)]
+    fn recip(self) -> Self {
+        Self::one() / self
+    }
+    /// `1 / sqrt(self)` for positive normal numbers, to 3 ulp.
+    #[inline(always)]
+    fn rsqrt(self) -> Self {
+        Self::one() / self.sqrt()
     }
 }
 
@@ -125,8 +149,24 @@ macro_rules! plain_real {
                 if mask { yes } else { no }
             }
             #[inline(always)]
-            fn any(mask: bool) -> bool {
-                mask
+            fn copysign(self, sign: Self) -> Self {
+                <$t>::copysign(self, sign)
+            }
+            #[inline(always)]
+            fn and(a: bool, b: bool) -> bool {
+                a & b
+            }
+            #[inline(always)]
+            fn or(a: bool, b: bool) -> bool {
+                a | b
+            }
+            #[inline(always)]
+            fn not(a: bool) -> bool {
+                !a
+            }
+            #[inline(always)]
+            fn bits(mask: bool) -> u32 {
+                u32::from(mask)
             }
             #[inline(always)]
             fn sum_lanes(self) -> f64 {
@@ -142,3 +182,33 @@ macro_rules! plain_real {
 
 plain_real!(f32);
 plain_real!(f64);
+
+/// A plain number: f32 or f64.
+pub trait Scalar: Real<Mask = bool> + Default {
+    /// The number in f64.
+    fn to_f64(self) -> f64;
+    /// The nearest number of this type.
+    fn from_f64(value: f64) -> Self;
+}
+
+impl Scalar for f32 {
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        f64::from(self)
+    }
+    #[inline(always)]
+    fn from_f64(value: f64) -> Self {
+        value as f32
+    }
+}
+
+impl Scalar for f64 {
+    #[inline(always)]
+    fn to_f64(self) -> f64 {
+        self
+    }
+    #[inline(always)]
+    fn from_f64(value: f64) -> Self {
+        value
+    }
+}

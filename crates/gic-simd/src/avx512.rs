@@ -1,0 +1,194 @@
+//! Sixteen f32 with AVX-512F.
+//!
+//! SAFETY, for every intrinsic here: it needs AVX-512F, and a value of this type exists only below
+//! [`dispatch`](crate::dispatch), which has checked for it. Pointers: as the trait's methods ask of their callers.
+
+use core::arch::x86_64::*;
+
+use crate::packed::Vector;
+use crate::polynomial::{self, Bits, SQRT_HALF};
+
+/// The sign bits of all lanes.
+#[inline(always)]
+fn sign_bits() -> __m512i {
+    unsafe { _mm512_set1_epi32(i32::MIN) }
+}
+
+impl Vector for __m512 {
+    type Scalar = f32;
+    type Mask = __mmask16;
+    const LANES: usize = 16;
+
+    #[inline(always)]
+    fn of(value: f32) -> Self {
+        unsafe { _mm512_set1_ps(value) }
+    }
+    #[inline(always)]
+    unsafe fn load(from: *const f32) -> Self {
+        unsafe { _mm512_loadu_ps(from) }
+    }
+    #[inline(always)]
+    unsafe fn store(self, to: *mut f32) {
+        unsafe { _mm512_storeu_ps(to, self) }
+    }
+    #[inline(always)]
+    fn add(self, b: Self) -> Self {
+        unsafe { _mm512_add_ps(self, b) }
+    }
+    #[inline(always)]
+    fn sub(self, b: Self) -> Self {
+        unsafe { _mm512_sub_ps(self, b) }
+    }
+    #[inline(always)]
+    fn mul(self, b: Self) -> Self {
+        unsafe { _mm512_mul_ps(self, b) }
+    }
+    #[inline(always)]
+    fn div(self, b: Self) -> Self {
+        unsafe { _mm512_div_ps(self, b) }
+    }
+    #[inline(always)]
+    fn neg(self) -> Self {
+        unsafe { _mm512_castsi512_ps(_mm512_xor_si512(_mm512_castps_si512(self), sign_bits())) }
+    }
+    #[inline(always)]
+    fn mul_add(self, a: Self, b: Self) -> Self {
+        unsafe { _mm512_fmadd_ps(self, a, b) }
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        unsafe { _mm512_sqrt_ps(self) }
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        unsafe { _mm512_abs_ps(self) }
+    }
+    #[inline(always)]
+    fn copysign(self, sign: Self) -> Self {
+        unsafe {
+            let sign = _mm512_and_si512(_mm512_castps_si512(sign), sign_bits());
+            _mm512_castsi512_ps(_mm512_or_si512(_mm512_castps_si512(self.abs()), sign))
+        }
+    }
+    #[inline(always)]
+    fn floor(self) -> Self {
+        // Round towards minus infinity, no exceptions.
+        unsafe { _mm512_roundscale_ps::<0x09>(self) }
+    }
+    #[inline(always)]
+    fn min(self, b: Self) -> Self {
+        unsafe { _mm512_min_ps(self, b) }
+    }
+    #[inline(always)]
+    fn max(self, b: Self) -> Self {
+        unsafe { _mm512_max_ps(self, b) }
+    }
+    #[inline(always)]
+    fn exp(self) -> Self {
+        polynomial::exp(self)
+    }
+    #[inline(always)]
+    fn ln(self) -> Self {
+        polynomial::ln(self)
+    }
+    #[inline(always)]
+    fn recip(self) -> Self {
+        Self::of(1.0).div(self)
+    }
+    #[inline(always)]
+    fn rsqrt(self) -> Self {
+        // 14 bits, then a Newton step: y (1.5 - x y^2 / 2).
+        let y = unsafe { _mm512_rsqrt14_ps(self) };
+        let half = self.mul(Self::of(-0.5)).mul(y);
+        y.mul(half.mul_add(y, Self::of(1.5)))
+    }
+    #[inline(always)]
+    fn lt(self, b: Self) -> __mmask16 {
+        unsafe { _mm512_cmp_ps_mask::<_CMP_LT_OQ>(self, b) }
+    }
+    #[inline(always)]
+    fn le(self, b: Self) -> __mmask16 {
+        unsafe { _mm512_cmp_ps_mask::<_CMP_LE_OQ>(self, b) }
+    }
+    #[inline(always)]
+    fn select(mask: __mmask16, yes: Self, no: Self) -> Self {
+        unsafe { _mm512_mask_blend_ps(mask, no, yes) }
+    }
+    #[inline(always)]
+    fn and(a: __mmask16, b: __mmask16) -> __mmask16 {
+        a & b
+    }
+    #[inline(always)]
+    fn or(a: __mmask16, b: __mmask16) -> __mmask16 {
+        a | b
+    }
+    #[inline(always)]
+    fn not(a: __mmask16) -> __mmask16 {
+        !a
+    }
+    #[inline(always)]
+    fn bits(mask: __mmask16) -> u32 {
+        u32::from(mask)
+    }
+    #[inline(always)]
+    unsafe fn quad(from: *const f32) -> Self {
+        unsafe { _mm512_broadcast_f32x4(_mm_loadu_ps(from)) }
+    }
+    #[inline(always)]
+    unsafe fn spread(from: *const f32) -> Self {
+        unsafe {
+            // In each group, pick the element with the group's own number.
+            let pick = _mm512_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
+            _mm512_permutevar_ps(Self::quad(from), pick)
+        }
+    }
+    #[inline(always)]
+    fn transpose([a, b, c, d]: [Self; 4]) -> [Self; 4] {
+        unsafe {
+            let (ab_low, ab_high) = (_mm512_unpacklo_ps(a, b), _mm512_unpackhi_ps(a, b));
+            let (cd_low, cd_high) = (_mm512_unpacklo_ps(c, d), _mm512_unpackhi_ps(c, d));
+            [
+                _mm512_shuffle_ps::<0x44>(ab_low, cd_low),
+                _mm512_shuffle_ps::<0xee>(ab_low, cd_low),
+                _mm512_shuffle_ps::<0x44>(ab_high, cd_high),
+                _mm512_shuffle_ps::<0xee>(ab_high, cd_high),
+            ]
+        }
+    }
+    #[inline(always)]
+    unsafe fn store_group_sums([a, b, c, d]: [Self; 4], to: *mut f32) {
+        unsafe {
+            // Groups (a0, a1, b0, b1) + (a2, a3, b2, b3), likewise c and d; then even + odd groups.
+            let ab = _mm512_shuffle_f32x4::<0x44>(a, b).add(_mm512_shuffle_f32x4::<0xee>(a, b));
+            let cd = _mm512_shuffle_f32x4::<0x44>(c, d).add(_mm512_shuffle_f32x4::<0xee>(c, d));
+            _mm512_shuffle_f32x4::<0x88>(ab, cd).add(_mm512_shuffle_f32x4::<0xdd>(ab, cd)).store(to);
+        }
+    }
+    #[inline(always)]
+    fn broadcast_fourth(self) -> Self {
+        unsafe { _mm512_permute_ps::<0xff>(self) }
+    }
+    #[inline(always)]
+    fn with_fourth(self, fourth: Self) -> Self {
+        unsafe { _mm512_mask_blend_ps(0x8888, self, fourth) }
+    }
+}
+
+impl Bits for __m512 {
+    #[inline(always)]
+    fn split(self) -> (Self, Self) {
+        unsafe {
+            let bits = _mm512_castps_si512(self);
+            let e = _mm512_srai_epi32::<23>(_mm512_sub_epi32(bits, _mm512_set1_epi32(SQRT_HALF)));
+            let m = _mm512_sub_epi32(bits, _mm512_slli_epi32::<23>(e));
+            (_mm512_castsi512_ps(m), _mm512_cvtepi32_ps(e))
+        }
+    }
+    #[inline(always)]
+    fn scale(self, n: Self) -> Self {
+        unsafe {
+            let shift = _mm512_slli_epi32::<23>(_mm512_cvtps_epi32(n));
+            _mm512_castsi512_ps(_mm512_add_epi32(_mm512_castps_si512(self), shift))
+        }
+    }
+}

@@ -1,0 +1,179 @@
+//! Four f32 with NEON.
+//!
+//! SAFETY, for every intrinsic here: it needs NEON, and a value of this type exists only below
+//! [`dispatch`](crate::dispatch), which has checked for it. Pointers: as the trait's methods ask of their callers.
+
+use core::arch::aarch64::*;
+
+use crate::packed::Vector;
+use crate::polynomial::{self, Bits, SQRT_HALF};
+
+impl Vector for float32x4_t {
+    type Scalar = f32;
+    type Mask = uint32x4_t;
+    const LANES: usize = 4;
+
+    #[inline(always)]
+    fn of(value: f32) -> Self {
+        unsafe { vdupq_n_f32(value) }
+    }
+    #[inline(always)]
+    unsafe fn load(from: *const f32) -> Self {
+        unsafe { vld1q_f32(from) }
+    }
+    #[inline(always)]
+    unsafe fn store(self, to: *mut f32) {
+        unsafe { vst1q_f32(to, self) }
+    }
+    #[inline(always)]
+    fn add(self, b: Self) -> Self {
+        unsafe { vaddq_f32(self, b) }
+    }
+    #[inline(always)]
+    fn sub(self, b: Self) -> Self {
+        unsafe { vsubq_f32(self, b) }
+    }
+    #[inline(always)]
+    fn mul(self, b: Self) -> Self {
+        unsafe { vmulq_f32(self, b) }
+    }
+    #[inline(always)]
+    fn div(self, b: Self) -> Self {
+        unsafe { vdivq_f32(self, b) }
+    }
+    #[inline(always)]
+    fn neg(self) -> Self {
+        unsafe { vnegq_f32(self) }
+    }
+    #[inline(always)]
+    fn mul_add(self, a: Self, b: Self) -> Self {
+        unsafe { vfmaq_f32(b, self, a) }
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        unsafe { vsqrtq_f32(self) }
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        unsafe { vabsq_f32(self) }
+    }
+    #[inline(always)]
+    fn copysign(self, sign: Self) -> Self {
+        unsafe { vbslq_f32(vdupq_n_u32(0x8000_0000), sign, self) }
+    }
+    #[inline(always)]
+    fn floor(self) -> Self {
+        unsafe { vrndmq_f32(self) }
+    }
+    #[inline(always)]
+    fn min(self, b: Self) -> Self {
+        // Not vminq: that gives NaN for a NaN on either side.
+        Self::select(self.lt(b), self, b)
+    }
+    #[inline(always)]
+    fn max(self, b: Self) -> Self {
+        Self::select(b.lt(self), self, b)
+    }
+    #[inline(always)]
+    fn exp(self) -> Self {
+        polynomial::exp(self)
+    }
+    #[inline(always)]
+    fn ln(self) -> Self {
+        polynomial::ln(self)
+    }
+    #[inline(always)]
+    fn recip(self) -> Self {
+        Self::of(1.0).div(self)
+    }
+    #[inline(always)]
+    fn rsqrt(self) -> Self {
+        Self::of(1.0).div(self.sqrt())
+    }
+    #[inline(always)]
+    fn lt(self, b: Self) -> uint32x4_t {
+        unsafe { vcltq_f32(self, b) }
+    }
+    #[inline(always)]
+    fn le(self, b: Self) -> uint32x4_t {
+        unsafe { vcleq_f32(self, b) }
+    }
+    #[inline(always)]
+    fn select(mask: uint32x4_t, yes: Self, no: Self) -> Self {
+        unsafe { vbslq_f32(mask, yes, no) }
+    }
+    #[inline(always)]
+    fn and(a: uint32x4_t, b: uint32x4_t) -> uint32x4_t {
+        unsafe { vandq_u32(a, b) }
+    }
+    #[inline(always)]
+    fn or(a: uint32x4_t, b: uint32x4_t) -> uint32x4_t {
+        unsafe { vorrq_u32(a, b) }
+    }
+    #[inline(always)]
+    fn not(a: uint32x4_t) -> uint32x4_t {
+        unsafe { vmvnq_u32(a) }
+    }
+    #[inline(always)]
+    fn bits(mask: uint32x4_t) -> u32 {
+        unsafe {
+            let weights = vld1q_u32([1, 2, 4, 8].as_ptr());
+            vaddvq_u32(vandq_u32(mask, weights))
+        }
+    }
+    #[inline(always)]
+    unsafe fn quad(from: *const f32) -> Self {
+        unsafe { vld1q_f32(from) }
+    }
+    #[inline(always)]
+    unsafe fn spread(from: *const f32) -> Self {
+        unsafe { vld1q_dup_f32(from) }
+    }
+    #[inline(always)]
+    fn transpose([a, b, c, d]: [Self; 4]) -> [Self; 4] {
+        unsafe {
+            // (a0, c0, a1, c1), (a2, c2, a3, c3), likewise b and d; then interleave those.
+            let (ac_low, ac_high) = (vzip1q_f32(a, c), vzip2q_f32(a, c));
+            let (bd_low, bd_high) = (vzip1q_f32(b, d), vzip2q_f32(b, d));
+            [
+                vzip1q_f32(ac_low, bd_low),
+                vzip2q_f32(ac_low, bd_low),
+                vzip1q_f32(ac_high, bd_high),
+                vzip2q_f32(ac_high, bd_high),
+            ]
+        }
+    }
+    #[inline(always)]
+    unsafe fn store_group_sums(rows: [Self; 4], to: *mut f32) {
+        for (q, row) in rows.into_iter().enumerate() {
+            unsafe { row.store(to.add(4 * q)) }
+        }
+    }
+    #[inline(always)]
+    fn broadcast_fourth(self) -> Self {
+        unsafe { vdupq_laneq_f32::<3>(self) }
+    }
+    #[inline(always)]
+    fn with_fourth(self, fourth: Self) -> Self {
+        unsafe { vcopyq_laneq_f32::<3, 3>(self, fourth) }
+    }
+}
+
+impl Bits for float32x4_t {
+    #[inline(always)]
+    fn split(self) -> (Self, Self) {
+        unsafe {
+            let bits = vreinterpretq_s32_f32(self);
+            let e = vshrq_n_s32::<23>(vsubq_s32(bits, vdupq_n_s32(SQRT_HALF)));
+            let m = vsubq_s32(bits, vshlq_n_s32::<23>(e));
+            (vreinterpretq_f32_s32(m), vcvtq_f32_s32(e))
+        }
+    }
+    #[inline(always)]
+    fn scale(self, n: Self) -> Self {
+        unsafe {
+            let shift = vshlq_n_s32::<23>(vcvtnq_s32_f32(n));
+            vreinterpretq_f32_s32(vaddq_s32(vreinterpretq_s32_f32(self), shift))
+        }
+    }
+}
