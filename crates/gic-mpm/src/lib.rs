@@ -1,15 +1,31 @@
 //! A differentiable material point method (MLS-MPM: APIC, quadratic B-splines, explicit symplectic steps; paper section 4.3).
 
 mod collider;
-// Until the engine calls them all.
-#[allow(dead_code)]
+mod contact;
+mod error;
+mod gradient;
+mod grid;
+mod jacobian;
 mod law;
-#[allow(dead_code)]
 mod mat3;
 mod material;
+mod options;
+mod rollout;
+mod scalar;
+mod scene;
+mod simulator;
+mod state;
+mod stencil;
+mod validate;
 mod world;
 
 pub use collider::{Collider, Contact, Motion, Primitive};
+pub use error::SimulationError;
+pub use gradient::{BodyGradient, Gradient, gradient};
+pub use jacobian::{Differences, Jacobian, Unknown, jacobian};
 pub use law::Rules;
 pub use material::{Material, MaterialError};
+pub use options::{Options, Precision};
+pub use rollout::{ContactForce, Frame};
+pub use simulator::{Simulator, Snapshot, rollout};
 pub use world::{Body, Stepping, World};

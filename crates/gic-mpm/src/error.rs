@@ -1,0 +1,118 @@
+//! What can go wrong in a simulation, and the way out.
+
+use glam::DVec3;
+
+use crate::MaterialError;
+
+/// Why a simulation could not be set up or continued.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SimulationError {
+    /// A number of the world makes no sense.
+    #[error("{field} = {value}: {expected}")]
+    Invalid {
+        /// Which one, as in `bodies[0].density_kg_m3`.
+        field: String,
+        /// The value found.
+        value: String,
+        /// What it must be.
+        expected: &'static str,
+    },
+    /// A material's parameters make no sense.
+    #[error("bodies[{body}]: {source}")]
+    Material {
+        /// Number of the body.
+        body: usize,
+        /// What is wrong.
+        source: MaterialError,
+    },
+    /// There is nothing to simulate.
+    #[error("the world has no particles: give at least one body with at least one position")]
+    Empty,
+    /// A particle starts inside an obstacle.
+    #[error(
+        "particle {particle} at {position} m starts {depth_m:.4} m inside colliders[{collider}]: move the body or the collider"
+    )]
+    InsideCollider {
+        /// Number of the particle.
+        particle: usize,
+        /// Where it is [m].
+        position: DVec3,
+        /// Number of the collider.
+        collider: usize,
+        /// How deep [m].
+        depth_m: f64,
+    },
+    /// A frame stays unstable however many substeps it gets.
+    #[error(
+        "frame {frame} is unstable even with {substeps} substeps: particle {particle} moves at {velocity} m/s; lower the stiffness or \
+         the viscosity, raise `grid_spacing_m`, or check the parameters' units"
+    )]
+    Unstable {
+        /// The frame that was being computed.
+        frame: usize,
+        /// The substeps of the last attempt.
+        substeps: usize,
+        /// Number of the first particle that broke the bound.
+        particle: usize,
+        /// Its velocity [m/s]; not finite if it became NaN.
+        velocity: DVec3,
+    },
+    /// The time step that the material needs is beyond reason.
+    #[error(
+        "bodies[{body}] needs {substeps:.3e} substeps per frame (wave speed {wave_speed_m_s:.1} m/s on a {grid_spacing_m} m grid), more \
+         than {limit}: lower its stiffness or viscosity, or raise `grid_spacing_m`"
+    )]
+    TooStiff {
+        /// Number of the body.
+        body: usize,
+        /// Substeps that stability asks for.
+        substeps: f64,
+        /// Speed of sound [m/s].
+        wave_speed_m_s: f64,
+        /// Grid spacing [m].
+        grid_spacing_m: f64,
+        /// Most substeps that are tried.
+        limit: usize,
+    },
+    /// A particle went too far from the others or from the origin.
+    #[error(
+        "frame {frame}: particle {particle} left the domain at {position} m with {velocity} m/s ({reason}); add a collider that holds it, \
+         simulate fewer frames, or raise `grid_spacing_m`"
+    )]
+    LeftDomain {
+        /// The frame that was being computed.
+        frame: usize,
+        /// Number of the particle.
+        particle: usize,
+        /// Where it is [m].
+        position: DVec3,
+        /// How fast it is [m/s].
+        velocity: DVec3,
+        /// Which limit it broke.
+        reason: &'static str,
+    },
+    /// A snapshot does not belong to this world.
+    #[error("the saved state does not fit this world: {reason}")]
+    StateMismatch {
+        /// What differs.
+        reason: String,
+    },
+    /// A gradient does not fit its memory budget.
+    #[error(
+        "the gradient needs at least {needed_bytes} bytes, but `gradient_memory_bytes` is {budget_bytes}: raise it or use fewer particles"
+    )]
+    MemoryBudget {
+        /// Smallest budget that works.
+        needed_bytes: usize,
+        /// The budget given.
+        budget_bytes: usize,
+    },
+    /// The loss returned a gradient of the wrong length or with a NaN.
+    #[error("the loss gradient of frame {frame} {reason}")]
+    LossGradient {
+        /// The frame.
+        frame: usize,
+        /// What is wrong with it.
+        reason: String,
+    },
+}

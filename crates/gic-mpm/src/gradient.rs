@@ -1,0 +1,241 @@
+//! The derivative of a loss on the positions of any frames, by the adjoint: one forward pass that keeps checkpoints, and one reverse
+//! pass that goes from checkpoint to checkpoint, last first.
+//!
+//! The cost is that of two forward passes and the adjoint, for any number of unknowns. Checkpoints lie every `stride` segments; the
+//! stride grows as the memory budget fills. The reverse pass recomputes the states at the segments' starts from a checkpoint, then
+//! each segment in full.
+
+use glam::DVec3;
+
+use crate::World;
+use crate::error::SimulationError;
+use crate::law::Coefficients;
+use crate::options::Options;
+use crate::rollout::{Frame, Rollout, Timing};
+use crate::scene::{BodyBars, Engine, Scene, SceneBody, Segment};
+use crate::simulator::with_engine;
+use crate::state::{State, double, vector};
+
+/// Derivatives of a loss with respect to what a body starts with.
+#[derive(Clone, Debug)]
+pub struct BodyGradient {
+    /// With respect to the material's parameters, in the order of [`crate::Material::parameters`].
+    pub material: Vec<f64>,
+    /// With respect to the density [per kg/m^3], at constant particle volume.
+    pub density: f64,
+    /// With respect to the rest volume of a particle [per m^3], at constant density.
+    pub particle_volume: f64,
+    /// With respect to the initial velocity [per m/s].
+    pub velocity: DVec3,
+    /// With respect to the initial angular velocity [per rad/s].
+    pub angular_velocity: DVec3,
+    /// With respect to each initial position [per m], shape [n]; the initial velocity field of a spinning body moves along.
+    pub positions: Vec<DVec3>,
+    /// With respect to each particle's own initial velocity [per m/s], shape [n]; they sum to `velocity`.
+    pub velocities: Vec<DVec3>,
+}
+
+/// Derivatives of a loss, and the frames on the way.
+#[derive(Clone, Debug)]
+pub struct Gradient {
+    /// One per body.
+    pub bodies: Vec<BodyGradient>,
+}
+
+/// Simulates `frames` frames (frame 0 included) and differentiates a loss.
+///
+/// `loss` is called once per frame in ascending order and returns the derivative of the loss with respect to that frame's positions
+/// [per m], shape [n], or `None` where the loss does not depend on them.
+///
+/// # Errors
+/// As [`crate::rollout`]; [`SimulationError::MemoryBudget`] when not even the sparsest checkpoints fit, and
+/// [`SimulationError::LossGradient`] when `loss` returns something of the wrong length or not finite.
+pub fn gradient(
+    world: &World,
+    options: &Options,
+    frames: usize,
+    loss: impl FnMut(&Frame) -> Option<Vec<DVec3>>,
+) -> Result<Gradient, SimulationError> {
+    let scene = Scene::new(world, options.rules)?;
+    with_engine!(options, engine => {
+        let rollout = Rollout::new(&engine, &scene, Timing::of(world));
+        Reverse::forward(rollout, frames, options.gradient_memory_bytes, loss)?.backward()
+    })
+}
+
+/// States at the starts of every `stride`-th segment.
+struct Checkpoints<R> {
+    stride: usize,
+    most: usize,
+    states: Vec<State<R>>,
+}
+
+impl<R: crate::grid::Plain> Checkpoints<R> {
+    /// Offers the state at the start of a segment; segments come in order, or start over at an earlier one.
+    fn offer(&mut self, segment: usize, state: &State<R>) {
+        if !segment.is_multiple_of(self.stride) {
+            return;
+        }
+        self.states.truncate(segment / self.stride);
+        // Half of the budget is for the starts of segments between two checkpoints, needed in the reverse pass.
+        if (self.states.len() + 1) + self.stride > self.most && self.states.len() > self.stride {
+            let mut index = 0;
+            self.states.retain(|_| {
+                index += 1;
+                index % 2 == 1
+            });
+            self.stride *= 2;
+            if !segment.is_multiple_of(self.stride) {
+                return;
+            }
+        }
+        self.states.push(state.clone());
+    }
+}
+
+/// A rollout with what its reverse pass needs.
+struct Reverse<'a, E: Engine> {
+    rollout: Rollout<'a, E>,
+    checkpoints: Checkpoints<E::Number>,
+    segments: Vec<Segment>,
+    /// For each frame, the index after its last segment; 0 for frame 0.
+    frame_ends: Vec<usize>,
+    /// For each frame, the derivative of the loss with respect to its positions.
+    position_bars: Vec<Option<Vec<DVec3>>>,
+}
+
+impl<'a, E: Engine> Reverse<'a, E> {
+    fn forward(
+        rollout: Rollout<'a, E>,
+        frames: usize,
+        budget: usize,
+        mut loss: impl FnMut(&Frame) -> Option<Vec<DVec3>>,
+    ) -> Result<Self, SimulationError> {
+        let mut state = State::<E::Number>::initial(rollout.scene);
+        let particles = state.len();
+        let per_state = State::<E::Number>::bytes(particles);
+        // Beside the checkpoints: the tape of a segment, the current and the next state, the adjoint.
+        let fixed = rollout.engine.tape_bytes(particles, crate::rollout::SEGMENT_SUBSTEPS) + 3 * per_state;
+        let most = budget.saturating_sub(fixed) / per_state;
+        let mut reverse = Self {
+            rollout,
+            checkpoints: Checkpoints { stride: 1, most, states: Vec::new() },
+            segments: Vec::new(),
+            frame_ends: Vec::new(),
+            position_bars: Vec::new(),
+        };
+        for index in 0..frames {
+            let frame = if index == 0 {
+                reverse.rollout.frame(0, &state, None)
+            } else {
+                let (done, checkpoints) = (reverse.segments.len(), &mut reverse.checkpoints);
+                let advanced =
+                    reverse.rollout.advance_frame(&mut state, index, |i, state| checkpoints.offer(done + i, state))?;
+                reverse.segments.extend(&advanced.segments);
+                let held = reverse.checkpoints.states.len() + reverse.checkpoints.stride;
+                if held > most {
+                    return Err(SimulationError::MemoryBudget {
+                        needed_bytes: fixed + held * per_state,
+                        budget_bytes: budget,
+                    });
+                }
+                reverse.rollout.frame(index, &state, Some(&advanced))
+            };
+            reverse.frame_ends.push(reverse.segments.len());
+            reverse.position_bars.push(checked(loss(&frame), index, particles)?);
+        }
+        Ok(reverse)
+    }
+
+    fn backward(mut self) -> Result<Gradient, SimulationError> {
+        let scene = self.rollout.scene;
+        let mut adjoint = State::<E::Number>::zeros(scene.particles());
+        let mut bars = vec![BodyBars::default(); scene.bodies.len()];
+        let stride = self.checkpoints.stride;
+        while let Some(state) = self.checkpoints.states.pop() {
+            let first = self.checkpoints.states.len() * stride;
+            let last = (first + stride).min(self.segments.len());
+            let starts = self.segment_starts(state, first, last)?;
+            for (segment, start) in (first..last).zip(starts).rev() {
+                self.add_losses(segment + 1, &mut adjoint);
+                let tape = self.rollout.record(&start, self.segments[segment])?;
+                self.rollout.engine.reverse(scene, tape, &mut adjoint, &mut bars);
+            }
+        }
+        self.add_losses(0, &mut adjoint);
+        let bodies = scene.bodies.iter().zip(&bars).map(|(body, bars)| body_gradient(body, bars, &adjoint)).collect();
+        Ok(Gradient { bodies })
+    }
+
+    /// The states at the starts of segments `first .. last`, from that at the first.
+    fn segment_starts(
+        &self,
+        state: State<E::Number>,
+        first: usize,
+        last: usize,
+    ) -> Result<Vec<State<E::Number>>, SimulationError> {
+        let mut starts = vec![state];
+        for segment in first..last.saturating_sub(1) {
+            let mut next = starts[segment - first].clone();
+            self.rollout.replay(&mut next, self.segments[segment])?;
+            starts.push(next);
+        }
+        Ok(starts)
+    }
+
+    /// Adds the loss's derivatives of the frames that end before segment `end`.
+    fn add_losses(&self, end: usize, adjoint: &mut State<E::Number>) {
+        for (frame_end, bars) in self.frame_ends.iter().zip(&self.position_bars) {
+            let Some(bars) = bars.as_ref().filter(|_| *frame_end == end) else { continue };
+            for (position, &bar) in adjoint.position.iter_mut().zip(bars) {
+                *position = vector(double(*position) + bar);
+            }
+        }
+    }
+}
+
+/// Refuses a loss gradient that cannot be one.
+fn checked(bars: Option<Vec<DVec3>>, frame: usize, particles: usize) -> Result<Option<Vec<DVec3>>, SimulationError> {
+    let error = |reason: String| Err(SimulationError::LossGradient { frame, reason });
+    if let Some(bars) = &bars {
+        if bars.len() != particles {
+            return error(format!("has {} entries for {particles} particles", bars.len()));
+        }
+        if let Some(p) = bars.iter().position(|bar| !bar.is_finite()) {
+            return error(format!("is not finite at particle {p}"));
+        }
+    }
+    Ok(bars)
+}
+
+/// From the adjoint of the initial state to the derivatives with respect to what a body starts with.
+fn body_gradient<R: crate::grid::Plain>(body: &SceneBody, bars: &BodyBars, adjoint: &State<R>) -> BodyGradient {
+    let spin = body.angular_velocity;
+    let (mut velocity, mut angular_velocity) = (DVec3::ZERO, DVec3::ZERO);
+    let mut positions = Vec::with_capacity(body.positions.len());
+    let mut velocities = Vec::with_capacity(body.positions.len());
+    for (p, &x) in body.range.clone().zip(&body.positions) {
+        let velocity_bar = double(adjoint.velocity[p]);
+        let c = adjoint.affine[p].0.map(|x| x.lane(0));
+        velocity += velocity_bar;
+        // v = v0 + w x (x - centre), C = [w x].
+        angular_velocity += (x - body.centre).cross(velocity_bar) + DVec3::new(c[7] - c[5], c[2] - c[6], c[3] - c[1]);
+        positions.push(double(adjoint.position[p]) - spin.cross(velocity_bar));
+        velocities.push(velocity_bar);
+    }
+    // The centre is the mean of the positions.
+    let through_centre = spin.cross(velocity) / body.positions.len() as f64;
+    for position in &mut positions {
+        *position += through_centre;
+    }
+    let density = body.mass / body.volume;
+    BodyGradient {
+        material: body.material.parameter_gradient(&Coefficients(bars.coefficients)),
+        density: bars.mass * body.volume,
+        particle_volume: bars.volume + bars.mass * density,
+        velocity,
+        angular_velocity,
+        positions,
+        velocities,
+    }
+}

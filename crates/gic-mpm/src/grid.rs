@@ -1,0 +1,178 @@
+//! The background grid: a dense box of nodes that follows the particles, and the update of its velocities; forward and backward.
+//!
+//! A node holds four numbers: momentum (later velocity) and mass. The z index runs fastest. In a substep, where the mass m of a
+//! node exceeds the gate, v = p / m + dt g, then each obstacle that contains the node acts in turn; elsewhere v = 0.
+
+use gic_simd::Real;
+use glam::{DVec3, IVec3};
+
+use crate::collider::{PosedCollider, Touch};
+
+/// A plain number, one at a time.
+pub(crate) trait Plain: Real<Mask = bool> {}
+impl Plain for f32 {}
+impl Plain for f64 {}
+
+/// Momentum [kg m/s] or velocity [m/s], and mass [kg].
+pub(crate) type Node<R> = [R; 4];
+
+/// A box of nodes; node `(0, 0, 0)` of the box is node `first` of the infinite grid, at `first * spacing`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct GridBox {
+    pub(crate) first: IVec3,
+    pub(crate) size: [usize; 3],
+}
+
+impl GridBox {
+    /// The box that holds the stencils of all particles whose stencil bases are within `[lowest, highest]`.
+    pub(crate) fn around(lowest: IVec3, highest: IVec3) -> Self {
+        // Three nodes per stencil, and a fourth along z because rows are read in fours.
+        let size = highest - lowest + IVec3::new(3, 3, 4);
+        Self { first: lowest, size: size.to_array().map(|n| n as usize) }
+    }
+
+    /// Number of nodes.
+    pub(crate) fn nodes(&self) -> usize {
+        self.size.iter().product()
+    }
+
+    /// Number of nodes in a plane of constant x.
+    pub(crate) fn plane(&self) -> usize {
+        self.size[1] * self.size[2]
+    }
+
+    /// Index of a node in the box.
+    #[inline(always)]
+    pub(crate) fn index(&self, x: usize, y: usize, z: usize) -> usize {
+        (x * self.size[1] + y) * self.size[2] + z
+    }
+}
+
+/// Momentum [N s] and angular momentum [N m s] given to an obstacle, the latter about the obstacle's origin.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Impulse {
+    pub(crate) linear: DVec3,
+    pub(crate) angular: DVec3,
+}
+
+impl core::ops::AddAssign for Impulse {
+    fn add_assign(&mut self, other: Self) {
+        self.linear += other.linear;
+        self.angular += other.angular;
+    }
+}
+
+/// What the velocity update of one substep needs.
+pub(crate) struct GridUpdate<'a> {
+    pub(crate) extent: GridBox,
+    /// Grid spacing [m].
+    pub(crate) spacing: f64,
+    /// Length of the substep [s].
+    pub(crate) dt: f64,
+    /// Gravity [m/s^2].
+    pub(crate) gravity: DVec3,
+    /// The obstacles where they are at the start of the substep.
+    pub(crate) colliders: Vec<PosedCollider<'a>>,
+}
+
+impl GridUpdate<'_> {
+    /// Nodes with less mass than this [kg] stay at rest (the reference's 1e-8 dx^3, read as kilograms).
+    fn mass_gate(&self) -> f64 {
+        1e-8 * self.spacing.powi(3)
+    }
+
+    fn node_position(&self, x: usize, y: usize, z: usize) -> DVec3 {
+        (self.extent.first + IVec3::new(x as i32, y as i32, z as i32)).as_dvec3() * self.spacing
+    }
+
+    /// Turns the momenta of plane `x` into velocities, and adds what the obstacles took to `impulses`, one per obstacle.
+    pub(crate) fn forward_plane<R: Plain>(&self, x: usize, nodes: &mut [Node<R>], impulses: &mut [Impulse]) {
+        let gate = R::splat(self.mass_gate());
+        let kick = (self.gravity * self.dt).to_array().map(R::splat);
+        for (row, y) in nodes.chunks_exact_mut(self.extent.size[2]).zip(0..) {
+            for (node, z) in row.iter_mut().zip(0..) {
+                let mass = node[3];
+                if !gate.lt(mass) {
+                    *node = [R::zero(), R::zero(), R::zero(), mass];
+                    continue;
+                }
+                let inverse = R::one() / mass;
+                for axis in 0..3 {
+                    node[axis] = node[axis] * inverse + kick[axis];
+                }
+                if self.colliders.is_empty() {
+                    continue;
+                }
+                let before = vector(node);
+                let after = self.collide(self.node_position(x, y, z), before, mass.lane(0), impulses);
+                if after != before {
+                    *node = [R::splat(after.x), R::splat(after.y), R::splat(after.z), mass];
+                }
+            }
+        }
+    }
+
+    /// The adjoint of [`Self::forward_plane`]: `nodes` holds momenta and masses; `adjoints` holds the adjoint of the velocities (its
+    /// fourth number is ignored) and receives that of momenta and masses.
+    pub(crate) fn adjoint_plane<R: Plain>(&self, x: usize, nodes: &[Node<R>], adjoints: &mut [Node<R>]) {
+        let gate = R::splat(self.mass_gate());
+        let kick = (self.gravity * self.dt).to_array().map(R::splat);
+        let rows = nodes.chunks_exact(self.extent.size[2]).zip(adjoints.chunks_exact_mut(self.extent.size[2]));
+        for ((row, row_bar), y) in rows.zip(0..) {
+            for ((node, bar), z) in row.iter().zip(row_bar).zip(0..) {
+                let mass = node[3];
+                if !gate.lt(mass) {
+                    *bar = [R::zero(); 4];
+                    continue;
+                }
+                let inverse = R::one() / mass;
+                let free = [node[0] * inverse, node[1] * inverse, node[2] * inverse];
+                let mut velocity_bar = [bar[0], bar[1], bar[2]];
+                if !self.colliders.is_empty() {
+                    let before = vector(&[free[0] + kick[0], free[1] + kick[1], free[2] + kick[2], mass]);
+                    let after_bar = vector(bar);
+                    let before_bar = collide_adjoint(&self.colliders, self.node_position(x, y, z), before, after_bar);
+                    if before_bar != after_bar {
+                        velocity_bar = before_bar.to_array().map(R::splat);
+                    }
+                }
+                let [px, py, pz] = velocity_bar.map(|v| v * inverse);
+                *bar = [px, py, pz, -(px * free[0] + py * free[1] + pz * free[2])];
+            }
+        }
+    }
+
+    /// Velocity of a node after all obstacles.
+    fn collide(&self, point: DVec3, velocity: DVec3, mass: f64, impulses: &mut [Impulse]) -> DVec3 {
+        let mut velocity = velocity;
+        for (posed, impulse) in self.colliders.iter().zip(impulses) {
+            if let Some(touch) = posed.touch(point) {
+                let after = respond(posed, &touch, velocity);
+                let taken = (velocity - after) * mass;
+                *impulse += Impulse { linear: taken, angular: (point - posed.pose.position).cross(taken) };
+                velocity = after;
+            }
+        }
+        velocity
+    }
+}
+
+fn respond(posed: &PosedCollider<'_>, touch: &Touch, velocity: DVec3) -> DVec3 {
+    touch.wall_velocity + posed.collider.contact.respond(velocity - touch.wall_velocity, touch.normal)
+}
+
+/// Adjoint of the velocity before the obstacles, from that after.
+fn collide_adjoint(colliders: &[PosedCollider<'_>], point: DVec3, velocity: DVec3, after_bar: DVec3) -> DVec3 {
+    let Some((posed, rest)) = colliders.split_first() else { return after_bar };
+    match posed.touch(point) {
+        None => collide_adjoint(rest, point, velocity, after_bar),
+        Some(touch) => {
+            let middle_bar = collide_adjoint(rest, point, respond(posed, &touch, velocity), after_bar);
+            posed.collider.contact.respond_adjoint(velocity - touch.wall_velocity, touch.normal, middle_bar)
+        }
+    }
+}
+
+fn vector<R: Plain>(node: &Node<R>) -> DVec3 {
+    DVec3::new(node[0].lane(0), node[1].lane(0), node[2].lane(0))
+}

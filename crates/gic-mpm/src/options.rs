@@ -1,0 +1,44 @@
+//! How a world is simulated, as opposed to what is.
+
+use gic_simd::Level;
+use serde::{Deserialize, Serialize};
+
+use crate::Rules;
+
+/// The numbers that a simulation computes with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Precision {
+    /// Single precision, on SIMD lanes: fast.
+    #[default]
+    F32,
+    /// Double precision, one particle at a time: the oracle.
+    F64,
+}
+
+/// How to compute a simulation. What it computes is in [`crate::World`].
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// SIMD level of the f32 engine; `None` takes the best of the machine (or of `GIC_SIMD`). `Level::Scalar` is the readable twin.
+    pub level: Option<Level>,
+    /// Numbers to compute with.
+    pub precision: Precision,
+    /// Whose numerics the laws follow.
+    pub rules: Rules,
+    /// Most memory [bytes] that the states kept for a gradient may take.
+    pub gradient_memory_bytes: usize,
+    /// Whether a single rollout may use more than one thread. The result does not depend on it.
+    pub parallel: bool,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            level: None,
+            precision: Precision::default(),
+            rules: Rules::default(),
+            gradient_memory_bytes: 1 << 30,
+            parallel: true,
+        }
+    }
+}

@@ -1,0 +1,241 @@
+//! A world made ready for the engines: numbered particles, coefficients, masses; and what engines have in common.
+
+use core::ops::Range;
+
+use glam::{DVec3, IVec3};
+
+use crate::error::SimulationError;
+use crate::grid::{GridBox, GridUpdate, Impulse, Plain};
+use crate::law::{Coefficients, MAX_COEFFICIENTS, Rules};
+use crate::state::State;
+use crate::{Body, Collider, Material, World};
+
+/// Most nodes of the grid; beyond, the particles are too far apart for a dense grid.
+const MAX_NODES: usize = 1 << 26;
+/// Farthest from the origin, in cells: beyond, f32 no longer resolves a position within its cell well.
+const MAX_CELLS_FROM_ORIGIN: f64 = (1 << 16) as f64;
+
+/// One body, ready to simulate.
+pub(crate) struct SceneBody {
+    /// Its particles among all.
+    pub(crate) range: Range<usize>,
+    pub(crate) material: Material,
+    pub(crate) coefficients: Coefficients,
+    /// Mass of a particle [kg].
+    pub(crate) mass: f64,
+    /// Rest volume of a particle [m^3].
+    pub(crate) volume: f64,
+    pub(crate) positions: Vec<DVec3>,
+    pub(crate) velocity: DVec3,
+    pub(crate) angular_velocity: DVec3,
+    /// Centre of mass at the start [m].
+    pub(crate) centre: DVec3,
+}
+
+/// A world, ready to simulate.
+pub(crate) struct Scene {
+    pub(crate) bodies: Vec<SceneBody>,
+    pub(crate) colliders: Vec<Collider>,
+    pub(crate) gravity: DVec3,
+    /// Grid spacing [m].
+    pub(crate) spacing: f64,
+    pub(crate) rules: Rules,
+}
+
+impl Scene {
+    /// Checks a world and makes it ready.
+    pub(crate) fn new(world: &World, rules: Rules) -> Result<Self, SimulationError> {
+        world.validate()?;
+        for (body, b) in world.bodies.iter().enumerate() {
+            if !matches!(b.material, Material::Elastic { .. }) {
+                let (field, value) = (format!("bodies[{body}].material"), b.material.model().into());
+                return Err(SimulationError::Invalid { field, value, expected: "must be elastic so far" });
+            }
+        }
+        let mut bodies = Vec::with_capacity(world.bodies.len());
+        let mut start = 0;
+        for body in &world.bodies {
+            let range = start..start + body.positions.len();
+            start = range.end;
+            bodies.push(SceneBody::new(body, range));
+        }
+        Ok(Self {
+            bodies,
+            colliders: world.colliders.clone(),
+            gravity: world.gravity_m_s2,
+            spacing: world.grid_spacing_m,
+            rules,
+        })
+    }
+
+    /// Number of particles.
+    pub(crate) fn particles(&self) -> usize {
+        self.bodies.last().map_or(0, |body| body.range.end)
+    }
+
+    /// The grid update of a substep.
+    pub(crate) fn grid_update(&self, extent: GridBox, time: f64, dt: f64) -> GridUpdate<'_> {
+        GridUpdate {
+            extent,
+            spacing: self.spacing,
+            dt,
+            gravity: self.gravity,
+            colliders: self.colliders.iter().map(|collider| collider.posed(time)).collect(),
+        }
+    }
+
+    /// The smallest grid that holds all particles, grown by `margin` cells on each side.
+    pub(crate) fn extent<R: Plain>(&self, state: &State<R>, margin: i32) -> Result<GridBox, Violation> {
+        let inverse = 1.0 / self.spacing;
+        let (mut lowest, mut highest) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+        for p in 0..state.len() {
+            let x = state.position_of(p) * inverse;
+            let near = x.abs().max_element() < MAX_CELLS_FROM_ORIGIN;
+            if !near {
+                return Err(Violation::left_domain(state, p, "too far from the origin, or not a number"));
+            }
+            lowest = lowest.min(x);
+            highest = highest.max(x);
+        }
+        let base = |x: DVec3| (x - 0.5).floor().as_ivec3();
+        // One more cell each way: f32 may round a base to the neighbour of what f64 gives here.
+        let margin = IVec3::splat(margin + 1);
+        let extent = GridBox::around(base(lowest) - margin, base(highest) + margin);
+        if extent.nodes() > MAX_NODES {
+            return Err(Violation::left_domain(state, farthest(state), "too far from the other particles"));
+        }
+        Ok(extent)
+    }
+}
+
+impl SceneBody {
+    fn new(body: &Body, range: Range<usize>) -> Self {
+        Self {
+            range,
+            material: body.material,
+            coefficients: body.material.coefficients(),
+            mass: body.density_kg_m3 * body.particle_volume_m3,
+            volume: body.particle_volume_m3,
+            positions: body.positions.clone(),
+            velocity: body.velocity_m_s,
+            angular_velocity: body.angular_velocity_rad_s,
+            centre: body.positions.iter().sum::<DVec3>() / body.positions.len() as f64,
+        }
+    }
+}
+
+/// The particle farthest from the mean position.
+fn farthest<R: Plain>(state: &State<R>) -> usize {
+    let mean = (0..state.len()).map(|p| state.position_of(p)).sum::<DVec3>() / state.len() as f64;
+    let distance = |p: &usize| state.position_of(*p).distance_squared(mean);
+    (0..state.len()).max_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
+}
+
+/// A run of substeps of equal length.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Segment {
+    /// Time at its start [s].
+    pub(crate) start: f64,
+    /// Length of a substep [s].
+    pub(crate) dt: f64,
+    /// How many.
+    pub(crate) substeps: usize,
+}
+
+impl Segment {
+    /// Time at the start of a substep [s].
+    pub(crate) fn time(&self, substep: usize) -> f64 {
+        self.start + self.dt * substep as f64
+    }
+}
+
+/// Why a segment cannot be completed.
+#[derive(Clone, Debug)]
+pub(crate) struct Violation {
+    pub(crate) kind: ViolationKind,
+    pub(crate) particle: usize,
+    pub(crate) position: DVec3,
+    pub(crate) velocity: DVec3,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum ViolationKind {
+    /// |v| dt > dx or NaN: shorter substeps may help.
+    TooFast,
+    /// Outside of what a grid can hold: nothing helps.
+    LeftDomain(&'static str),
+}
+
+impl Violation {
+    pub(crate) fn too_fast<R: Plain>(state: &State<R>, particle: usize) -> Self {
+        Self::new(ViolationKind::TooFast, state, particle)
+    }
+
+    fn left_domain<R: Plain>(state: &State<R>, particle: usize, reason: &'static str) -> Self {
+        Self::new(ViolationKind::LeftDomain(reason), state, particle)
+    }
+
+    fn new<R: Plain>(kind: ViolationKind, state: &State<R>, particle: usize) -> Self {
+        Self { kind, particle, position: state.position_of(particle), velocity: state.velocity_of(particle) }
+    }
+}
+
+/// Derivatives of the loss with respect to what all particles of a body share.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct BodyBars {
+    pub(crate) coefficients: [f64; MAX_COEFFICIENTS],
+    /// With respect to the mass of a particle.
+    pub(crate) mass: f64,
+    /// With respect to the rest volume of a particle, at constant mass.
+    pub(crate) volume: f64,
+}
+
+impl core::ops::AddAssign for BodyBars {
+    fn add_assign(&mut self, other: Self) {
+        for i in 0..MAX_COEFFICIENTS {
+            self.coefficients[i] += other.coefficients[i];
+        }
+        self.mass += other.mass;
+        self.volume += other.volume;
+    }
+}
+
+/// Something that computes substeps and their adjoint.
+pub(crate) trait Engine: Sync {
+    /// The number that states are kept in.
+    type Number: Plain;
+    /// What the reverse pass needs to know about a segment.
+    type Tape;
+
+    /// Advances a state by a segment; what obstacles took is added to `impulses`.
+    fn advance(
+        &self,
+        scene: &Scene,
+        state: &mut State<Self::Number>,
+        segment: Segment,
+        impulses: &mut [Impulse],
+    ) -> Result<(), Violation>;
+
+    /// Runs a segment from a state and keeps what the reverse pass needs.
+    fn record(&self, scene: &Scene, state: &State<Self::Number>, segment: Segment) -> Result<Self::Tape, Violation>;
+
+    /// Turns the adjoint of a segment's end into that of its start, and adds to `bars`, one per body.
+    fn reverse(&self, scene: &Scene, tape: Self::Tape, adjoint: &mut State<Self::Number>, bars: &mut [BodyBars]);
+
+    /// Estimated bytes of a tape.
+    fn tape_bytes(&self, particles: usize, substeps: usize) -> usize;
+}
+
+/// Runs an expression with `$law` naming the generic law type of a material.
+macro_rules! with_law {
+    ($material:expr, $law:ident => $body:expr) => {
+        match $material {
+            crate::Material::Elastic { .. } => {
+                type $law<R> = crate::law::Elastic<R>;
+                $body
+            }
+            _ => unreachable!("refused by Scene::new"),
+        }
+    };
+}
+pub(crate) use with_law;

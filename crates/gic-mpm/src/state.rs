@@ -1,0 +1,102 @@
+//! The state of all particles between two substeps; also the shape of its adjoint.
+
+use glam::DVec3;
+
+use crate::grid::Plain;
+use crate::mat3::Mat3;
+use crate::scene::Scene;
+
+/// Particles in input order. As an adjoint: the derivative of the loss with respect to each number.
+#[derive(Clone, Debug)]
+pub(crate) struct State<R> {
+    /// Positions [m].
+    pub(crate) position: Vec<[R; 3]>,
+    /// Velocities [m/s].
+    pub(crate) velocity: Vec<[R; 3]>,
+    /// Affine velocity gradients C [1/s].
+    pub(crate) affine: Vec<Mat3<R>>,
+    /// (Elastic) deformation gradients F.
+    pub(crate) deformation: Vec<Mat3<R>>,
+}
+
+/// Numbers per particle: x, v, C, F.
+pub(crate) const NUMBERS: usize = 24;
+
+impl<R: Plain> State<R> {
+    /// All zeros, as an adjoint starts.
+    pub(crate) fn zeros(particles: usize) -> Self {
+        Self {
+            position: vec![[R::zero(); 3]; particles],
+            velocity: vec![[R::zero(); 3]; particles],
+            affine: vec![Mat3::zero(); particles],
+            deformation: vec![Mat3::zero(); particles],
+        }
+    }
+
+    /// The start of a rollout: undeformed, each body moving rigidly.
+    pub(crate) fn initial(scene: &Scene) -> Self {
+        let mut state = Self::zeros(scene.particles());
+        for body in &scene.bodies {
+            for (p, &x) in body.range.clone().zip(&body.positions) {
+                state.position[p] = vector(x);
+                state.velocity[p] = vector(body.velocity + body.angular_velocity.cross(x - body.centre));
+                state.affine[p] = Mat3(skew(body.angular_velocity).map(R::splat));
+                state.deformation[p] = Mat3::identity();
+            }
+        }
+        state
+    }
+
+    /// The numbers of a particle: x, v, C, F.
+    pub(crate) fn to_numbers(&self, particle: usize) -> [f64; NUMBERS] {
+        let mut numbers = [0.0; NUMBERS];
+        let (c, f) = (&self.affine[particle].0, &self.deformation[particle].0);
+        let all = self.position[particle].iter().chain(&self.velocity[particle]).chain(c).chain(f);
+        for (number, x) in numbers.iter_mut().zip(all) {
+            *number = x.lane(0);
+        }
+        numbers
+    }
+
+    /// The reverse of [`Self::to_numbers`].
+    pub(crate) fn set_numbers(&mut self, particle: usize, numbers: &[f64; NUMBERS]) {
+        let (c, f) = (&mut self.affine[particle].0, &mut self.deformation[particle].0);
+        let all = self.position[particle].iter_mut().chain(&mut self.velocity[particle]).chain(c).chain(f);
+        for (x, &number) in all.zip(numbers) {
+            *x = R::splat(number);
+        }
+    }
+
+    /// Number of particles.
+    pub(crate) fn len(&self) -> usize {
+        self.position.len()
+    }
+
+    /// Bytes of a state of that many particles.
+    pub(crate) fn bytes(particles: usize) -> usize {
+        particles * NUMBERS * size_of::<R>()
+    }
+
+    /// Position of a particle [m].
+    pub(crate) fn position_of(&self, particle: usize) -> DVec3 {
+        double(self.position[particle])
+    }
+
+    /// Velocity of a particle [m/s].
+    pub(crate) fn velocity_of(&self, particle: usize) -> DVec3 {
+        double(self.velocity[particle])
+    }
+}
+
+/// The matrix of `w x`.
+fn skew(w: DVec3) -> [f64; 9] {
+    [0.0, -w.z, w.y, w.z, 0.0, -w.x, -w.y, w.x, 0.0]
+}
+
+pub(crate) fn vector<R: Plain>(v: DVec3) -> [R; 3] {
+    v.to_array().map(R::splat)
+}
+
+pub(crate) fn double<R: Plain>(v: [R; 3]) -> DVec3 {
+    DVec3::from_array(v.map(|x| x.lane(0)))
+}

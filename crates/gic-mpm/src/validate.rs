@@ -1,0 +1,143 @@
+//! Checks of a world before anything is computed.
+
+use glam::DVec3;
+
+use crate::collider::{Collider, Contact, Motion, Primitive};
+use crate::error::SimulationError;
+use crate::world::{Body, Stepping, World};
+
+type Check = Result<(), SimulationError>;
+
+/// A collider may hold particles this deep, as a fraction of the grid spacing: an object that rests on the ground touches it.
+const RESTING_DEPTH: f64 = 0.5;
+
+impl World {
+    /// Checks that the world can be simulated.
+    ///
+    /// # Errors
+    /// Names the first number that makes no sense, and what it must be.
+    pub fn validate(&self) -> Check {
+        positive("grid_spacing_m", self.grid_spacing_m)?;
+        positive("frame_rate_hz", self.frame_rate_hz)?;
+        finite("gravity_m_s2", self.gravity_m_s2)?;
+        match self.stepping {
+            Stepping::Fixed { substeps_per_frame: 0 } => {
+                return invalid("stepping.substeps_per_frame".into(), 0, "must be at least 1");
+            }
+            Stepping::Bound { courant } if !(courant > 0.0 && courant < 1.0) => {
+                return invalid("stepping.courant".into(), courant, "must be above 0 and below 1");
+            }
+            _ => {}
+        }
+        for (index, collider) in self.colliders.iter().enumerate() {
+            collider.validate(index)?;
+        }
+        for (index, body) in self.bodies.iter().enumerate() {
+            body.validate(index)?;
+        }
+        if self.bodies.is_empty() {
+            return Err(SimulationError::Empty);
+        }
+        self.check_overlap()
+    }
+
+    fn check_overlap(&self) -> Check {
+        let positions = self.bodies.iter().flat_map(|body| &body.positions);
+        for (particle, &position) in positions.enumerate() {
+            for (collider, shape) in self.colliders.iter().enumerate() {
+                let depth_m = -shape.signed_distance(position, 0.0);
+                if depth_m > RESTING_DEPTH * self.grid_spacing_m {
+                    return Err(SimulationError::InsideCollider { particle, position, collider, depth_m });
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Body {
+    fn validate(&self, index: usize) -> Check {
+        let field = |name: &str| format!("bodies[{index}].{name}");
+        self.material.validate().map_err(|source| SimulationError::Material { body: index, source })?;
+        positive(&field("density_kg_m3"), self.density_kg_m3)?;
+        positive(&field("particle_volume_m3"), self.particle_volume_m3)?;
+        finite(&field("velocity_m_s"), self.velocity_m_s)?;
+        finite(&field("angular_velocity_rad_s"), self.angular_velocity_rad_s)?;
+        if self.positions.is_empty() {
+            return invalid(field("positions"), "[]", "must hold at least one particle");
+        }
+        for (particle, &position) in self.positions.iter().enumerate() {
+            finite(&field(&format!("positions[{particle}]")), position)?;
+        }
+        Ok(())
+    }
+}
+
+impl Collider {
+    fn validate(&self, index: usize) -> Check {
+        let field = |name: &str| format!("colliders[{index}].{name}");
+        match self.primitive {
+            Primitive::HalfSpace { normal } => unit(&field("normal"), normal)?,
+            Primitive::Sphere { radius_m } => positive(&field("radius_m"), radius_m)?,
+            Primitive::Box { half_size_m } => {
+                if !(half_size_m.min_element() > 0.0 && half_size_m.is_finite()) {
+                    return invalid(field("half_size_m"), half_size_m, "must be positive and finite");
+                }
+            }
+            Primitive::Cylinder { radius_m, half_height_m } | Primitive::Capsule { radius_m, half_height_m } => {
+                positive(&field("radius_m"), radius_m)?;
+                positive(&field("half_height_m"), half_height_m)?;
+            }
+        }
+        match self.contact {
+            Contact::Slip { friction } | Contact::Separating { friction }
+                if !(friction >= 0.0 && friction.is_finite()) =>
+            {
+                return invalid(field("friction"), friction, "must be zero or positive");
+            }
+            _ => {}
+        }
+        match &self.motion {
+            Motion::Uniform { position_m, rotation, velocity_m_s, angular_velocity_rad_s } => {
+                finite(&field("position_m"), *position_m)?;
+                finite(&field("velocity_m_s"), *velocity_m_s)?;
+                finite(&field("angular_velocity_rad_s"), *angular_velocity_rad_s)?;
+                rotated(&field("rotation"), *rotation)
+            }
+            Motion::Keyframed { keys, rotation } => {
+                rotated(&field("rotation"), *rotation)?;
+                if keys.is_empty() {
+                    return invalid(field("keys"), "[]", "must hold at least one key");
+                }
+                for (key, &(time, position)) in keys.iter().enumerate() {
+                    let ascends = key == 0 || time > keys[key - 1].0;
+                    if !(time.is_finite() && ascends) {
+                        return invalid(field(&format!("keys[{key}]")), time, "times must be finite and ascend");
+                    }
+                    finite(&field(&format!("keys[{key}]")), position)?;
+                }
+                Ok(())
+            }
+        }
+    }
+}
+
+fn invalid<T>(field: String, value: impl ToString, expected: &'static str) -> Result<T, SimulationError> {
+    Err(SimulationError::Invalid { field, value: value.to_string(), expected })
+}
+
+fn positive(field: &str, value: f64) -> Check {
+    if value > 0.0 && value.is_finite() { Ok(()) } else { invalid(field.into(), value, "must be positive and finite") }
+}
+
+fn finite(field: &str, value: DVec3) -> Check {
+    if value.is_finite() { Ok(()) } else { invalid(field.into(), value, "must be finite") }
+}
+
+fn unit(field: &str, value: DVec3) -> Check {
+    if (value.length() - 1.0).abs() < 1e-6 { Ok(()) } else { invalid(field.into(), value, "must have length 1") }
+}
+
+fn rotated(field: &str, value: glam::DQuat) -> Check {
+    if (value.length() - 1.0).abs() < 1e-6 { Ok(()) } else { invalid(field.into(), value, "must be a unit quaternion") }
+}

@@ -1,0 +1,158 @@
+//! The published simulator's trajectories and gradients (`tests/data`, made with its Taichi code in f32 and f64), reproduced.
+//!
+//! 2,000 particles hit a sticky ground; 8 frames (0 the initial state) of 200 substeps. Loss: mean over particles of |x - (x_ref + shift)|^2 at the last frame.
+
+use std::{fs::File, io::BufReader, path::PathBuf};
+
+use gic_mpm::{
+    Body, Collider, Contact, Frame, Gradient, Material, Motion, Options, Precision, Primitive, Rules, Stepping, World,
+    gradient, rollout,
+};
+use glam::{DQuat, DVec3};
+use serde_json::Value;
+
+/// Frame 0 included.
+const FRAMES: usize = 8;
+
+struct Fixture {
+    json: Value,
+    arrays: PathBuf,
+    material: Material,
+}
+
+impl Fixture {
+    fn load(name: &str, material: Material) -> Self {
+        let folder = PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data"));
+        let json =
+            serde_json::from_reader(BufReader::new(File::open(folder.join(format!("{name}.json"))).unwrap())).unwrap();
+        Self { json, arrays: folder.join(format!("{name}.npz")), material }
+    }
+
+    fn array(&self, name: &str) -> Vec<f64> {
+        let mut npz = npyz::npz::NpzArchive::open(&self.arrays).unwrap();
+        let array = npz.by_name(name).unwrap().unwrap();
+        match array.dtype().num_bytes() {
+            Some(4) => array.into_vec::<f32>().unwrap().into_iter().map(f64::from).collect(),
+            _ => array.into_vec::<f64>().unwrap(),
+        }
+    }
+
+    fn vectors(&self, name: &str) -> Vec<DVec3> {
+        self.array(name).chunks_exact(3).map(DVec3::from_slice).collect()
+    }
+
+    fn number(&self, path: &str) -> f64 {
+        self.json.pointer(path).and_then(Value::as_f64).unwrap_or_else(|| panic!("no number at {path}"))
+    }
+
+    fn world(&self) -> World {
+        World {
+            bodies: vec![Body {
+                material: self.material,
+                density_kg_m3: self.number("/rho"),
+                particle_volume_m3: self.number("/particle_volume"),
+                positions: self.vectors("x0"),
+                velocity_m_s: DVec3::new(0.5, -2.0, 0.25),
+                angular_velocity_rad_s: DVec3::ZERO,
+            }],
+            colliders: vec![Collider {
+                primitive: Primitive::HalfSpace { normal: DVec3::Y },
+                motion: Motion::Uniform {
+                    position_m: DVec3::ZERO,
+                    rotation: DQuat::IDENTITY,
+                    velocity_m_s: DVec3::ZERO,
+                    angular_velocity_rad_s: DVec3::ZERO,
+                },
+                contact: Contact::Sticky,
+            }],
+            gravity_m_s2: DVec3::new(0.0, -9.8, 0.0),
+            grid_spacing_m: self.number("/dx"),
+            frame_rate_hz: self.number("/fps"),
+            stepping: Stepping::Fixed { substeps_per_frame: 200 },
+        }
+    }
+
+    /// Largest distance from the reference in the last frame [m].
+    fn worst_error(&self, precision: Precision, reference: &str) -> f64 {
+        let options = Options { precision, rules: Rules::Reference, ..Options::default() };
+        let mut last = None;
+        rollout(&self.world(), &options, FRAMES, |frame| last = Some(frame)).unwrap();
+        let last: Frame = last.unwrap();
+        let expected = self.vectors(reference);
+        let expected = &expected[expected.len() - last.positions.len()..];
+        last.positions.iter().zip(expected).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max)
+    }
+
+    fn gradient(&self, precision: Precision) -> Gradient {
+        let options = Options { precision, rules: Rules::Reference, ..Options::default() };
+        let shift = DVec3::new(0.01, 0.02, 0.0);
+        let reference = self.vectors("x_f64");
+        let n = self.vectors("x0").len();
+        let reference = &reference[reference.len() - n..];
+        gradient(&self.world(), &options, FRAMES, |frame| {
+            (frame.index == FRAMES - 1).then(|| {
+                let residual = |(x, r): (&DVec3, &DVec3)| (*x - (*r + shift)) * (2.0 / n as f64);
+                frame.positions.iter().zip(reference).map(residual).collect()
+            })
+        })
+        .unwrap()
+    }
+}
+
+fn frames_in(trajectory: &[DVec3]) -> usize {
+    trajectory.len() / 2000
+}
+
+fn elastic() -> Fixture {
+    Fixture::load("elastic", Material::Elastic { youngs_modulus_pa: 3e5, poisson_ratio: 0.3 })
+}
+
+#[test]
+fn frames_of_the_reference() {
+    let fixture = elastic();
+    assert_eq!(frames_in(&fixture.vectors("x_f64")), FRAMES);
+}
+
+#[test]
+fn elastic_trajectory_f64() {
+    let worst = elastic().worst_error(Precision::F64, "x_f64");
+    println!("elastic f64: {worst:.2e} m");
+    assert!(worst <= 1e-6);
+}
+
+#[test]
+fn elastic_trajectory_f32() {
+    let worst = elastic().worst_error(Precision::F32, "x_f64");
+    println!("elastic f32: {worst:.2e} m");
+    assert!(worst <= 2e-5);
+}
+
+/// Derivatives with respect to Lame's parameters, from those with respect to E and nu: what the reference differentiates by.
+fn lame_gradient(e: f64, nu: f64, [by_e, by_nu]: [f64; 2]) -> [f64; 2] {
+    let (a, b) = (1.0 + nu, 1.0 - 2.0 * nu);
+    // Columns of d(mu, lambda) / d(E, nu); its transposed inverse takes one gradient to the other.
+    let (mu_e, mu_nu) = (0.5 / a, -e / (2.0 * a * a));
+    let (lambda_e, lambda_nu) = (nu / (a * b), e * (1.0 + 2.0 * nu * nu) / (a * b).powi(2));
+    let det = mu_e * lambda_nu - mu_nu * lambda_e;
+    [(lambda_nu * by_e - lambda_e * by_nu) / det, (mu_e * by_nu - mu_nu * by_e) / det]
+}
+
+fn assert_close(what: &str, found: f64, expected: f64, absolute: f64) {
+    let error = (found - expected).abs();
+    println!("{what}: {found:.6e}, reference {expected:.6e}, relative error {:.1e}", error / expected.abs());
+    assert!(error <= (1e-3 * expected.abs()).max(absolute), "{what}: {found} against {expected}");
+}
+
+#[test]
+fn elastic_gradient() {
+    let fixture = elastic();
+    let g = &fixture.gradient(Precision::F64).bodies[0];
+    let [mu, lambda] = lame_gradient(3e5, 0.3, [g.material[0], g.material[1]]);
+    let reference = |name: &str| fixture.number(&format!("/finite_difference_f64/gradient/{name}"));
+    assert_close("mu", mu, reference("mu"), 0.0);
+    assert_close("lambda", lambda, reference("lambda"), 0.0);
+    for (axis, name) in ["velocity_x", "velocity_y", "velocity_z"].iter().enumerate() {
+        assert_close(name, g.velocity[axis], reference(name), 0.0);
+    }
+    assert_close("density", g.density, fixture.number("/f64/gradient/rho"), 0.0);
+}
