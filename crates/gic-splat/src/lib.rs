@@ -1,8 +1,11 @@
 //! Differentiable Gaussian splatting on CPUs: colour, alpha and depth in one pass, forward and backward (paper eq. 2).
 
 mod gaussians;
+mod projection;
+mod raster;
 mod render;
 pub mod sh;
+mod tiles;
 pub mod twin;
 
 pub use gaussians::{GaussianGradients, Gaussians, GaussiansError, Shape};

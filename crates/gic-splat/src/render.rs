@@ -1,8 +1,13 @@
 //! The fast renderer's front door: what to draw, the pictures, and their gradients.
 
 use gic_scene::Camera;
+use gic_simd::Level;
+use rayon::prelude::*;
 
-use crate::{GaussianGradients, Gaussians};
+use crate::projection::{AttributeGradient, Outcome, Splat, SplatGradient, View};
+use crate::raster::{self, EntryGradient, TileInput, TileLoss, TilePixels};
+use crate::tiles::{TILE, Tile, Tiles, sort_by_depth};
+use crate::{GaussianGradients, Gaussians, Shape};
 
 /// Below this alpha a Gaussian does not count in a pixel: half a step of an 8-bit picture.
 pub const ALPHA_MIN: f64 = 1.0 / 255.0;
@@ -43,6 +48,8 @@ pub struct RenderSettings {
     pub near: f32,
     /// Spherical harmonics above this degree are left out (their gradient is zero); training raises it step by step.
     pub max_sh_degree: usize,
+    /// Instructions to use; the widest that the machine has by default (or what `GIC_SIMD` says).
+    pub level: Level,
 }
 
 impl Default for RenderSettings {
@@ -54,6 +61,7 @@ impl Default for RenderSettings {
             compensate: false,
             near: 0.01,
             max_sh_degree: 3,
+            level: Level::active(),
         }
     }
 }
@@ -83,6 +91,18 @@ pub struct Rendered {
     /// Gaussians that were left out because an attribute was not finite (or a scale or opacity negative). Such a Gaussian
     /// gets a zero gradient; [`Gaussians::validate`] names it.
     pub rejected: usize,
+    /// What [`backward`] reads again.
+    pub(crate) saved: Saved,
+}
+
+/// The forward pass as the backward pass needs it.
+#[derive(Clone, Debug)]
+pub(crate) struct Saved {
+    /// Front to back.
+    pub(crate) splats: Vec<Splat>,
+    pub(crate) tiles: Tiles,
+    /// One for each of the tiles.
+    pub(crate) pixels: Vec<TilePixels>,
 }
 
 /// Derivative of a scalar loss with respect to the three pictures; an empty vector means zero.
@@ -96,33 +116,219 @@ pub struct ImageGradients {
     pub depth: Vec<f32>,
 }
 
+/// Gaussians per task: below this, a thread is not worth waking.
+const PER_TASK: usize = 512;
+
 /// Draws the Gaussians as `camera` sees them (paper eq. 2).
+///
+/// A Gaussian with centre `x`, covariance `Sigma = R S^2 R^T` and opacity `o` has camera coordinates `p = W (x - c)`, image
+/// centre `m` and projected covariance `Sigma' = J W Sigma W^T J^T + dilation I`. In a pixel at `u` its alpha is
+/// `o exp(-(u - m)^T Sigma'^-1 (u - m) / 2)`: nothing below [`ALPHA_MIN`], at most [`ALPHA_MAX`]. Gaussians are blended in the
+/// order of the depth of their centres (rounded to f32; ties: by index), until the transmittance is below
+/// [`TRANSMITTANCE_MIN`]. [`crate::twin`] is the same in plain f64.
+///
+/// # Panics
+/// If the arrays of `gaussians` do not belong together ([`Gaussians::validate`] tells), or colour is asked for without `sh`.
 pub fn render(gaussians: &Gaussians, camera: &Camera, settings: &RenderSettings) -> Rendered {
-    let pictures =
-        crate::twin::render(&crate::twin::Set::from(gaussians), camera, settings, crate::twin::Cutoffs::Hard);
-    let f = |v: Vec<f64>| v.iter().map(|&x| x as f32).collect();
-    Rendered {
-        color: pictures.color.iter().map(|c| c.as_vec3().to_array()).collect(),
-        alpha: f(pictures.alpha),
-        depth: f(pictures.depth),
-        rejected: 0,
+    let (splats, rejected) = splats(gaussians, camera, settings);
+    let tiles = Tiles::new(&splats, camera.width, camera.height);
+    let pixels = tiles
+        .tiles
+        .par_iter()
+        .map(|tile| raster::draw(settings.level, input(&splats, &tiles, tile, camera), settings.channels))
+        .collect();
+    let mut rendered = Rendered {
+        color: Vec::new(),
+        alpha: vec![0.0; camera.width * camera.height],
+        depth: Vec::new(),
+        rejected,
+        saved: Saved { splats, tiles, pixels },
+    };
+    if settings.channels == Channels::ColorAlphaDepth {
+        rendered.color = vec![settings.background; camera.width * camera.height];
+    }
+    if settings.channels != Channels::Alpha {
+        rendered.depth = vec![0.0; camera.width * camera.height];
+    }
+    rendered.assemble(camera, settings.background);
+    rendered
+}
+
+/// Projects all Gaussians; those in sight front to back, and how many had to be rejected.
+pub(crate) fn splats(gaussians: &Gaussians, camera: &Camera, settings: &RenderSettings) -> (Vec<Splat>, usize) {
+    if let Err(error) = gaussians.check_lengths() {
+        panic!("{error}");
+    }
+    let colorless = gaussians.sh.is_empty() && !gaussians.is_empty();
+    assert!(
+        settings.channels != Channels::ColorAlphaDepth || !colorless,
+        "Gaussians without spherical harmonics have no colour to draw: ask for Channels::AlphaDepth or Channels::Alpha"
+    );
+    let view = View::new(gaussians, camera, settings);
+    let outcomes: Vec<Outcome> =
+        (0..gaussians.len()).into_par_iter().with_min_len(PER_TASK).map(|i| view.project(gaussians, i)).collect();
+    let rejected = outcomes.iter().filter(|o| matches!(o, Outcome::Rejected)).count();
+    let mut splats = outcomes
+        .into_iter()
+        .filter_map(|o| match o {
+            Outcome::Drawn(splat) => Some(splat),
+            Outcome::Hidden | Outcome::Rejected => None,
+        })
+        .collect();
+    sort_by_depth(&mut splats);
+    (splats, rejected)
+}
+
+pub(crate) fn input<'a>(splats: &'a [Splat], tiles: &'a Tiles, tile: &Tile, camera: &Camera) -> TileInput<'a> {
+    TileInput {
+        splats,
+        entries: &tiles.entries[tile.first as usize..tile.last as usize],
+        tile: *tile,
+        inside: inside(tile, camera),
+    }
+}
+
+/// Columns and rows of a tile that lie inside the picture.
+fn inside(tile: &Tile, camera: &Camera) -> [usize; 2] {
+    [(camera.width - tile.origin[0] as usize).min(TILE), (camera.height - tile.origin[1] as usize).min(TILE)]
+}
+
+/// For each row of a tile inside the picture: where it starts in the tile, in the picture, and its length.
+pub(crate) fn rows_of(tile: &Tile, camera: &Camera) -> impl Iterator<Item = (usize, usize, usize)> + use<> {
+    let ([columns, rows], width, origin) = (inside(tile, camera), camera.width, tile.origin);
+    (0..rows).map(move |row| (row * TILE, (origin[1] as usize + row) * width + origin[0] as usize, columns))
+}
+
+impl Rendered {
+    /// Puts the tiles into the pictures.
+    fn assemble(&mut self, camera: &Camera, background: [f32; 3]) {
+        for (tile, pixels) in self.saved.tiles.tiles.iter().zip(&self.saved.pixels) {
+            for (from, to, count) in rows_of(tile, camera) {
+                let left = &pixels.transmittance[from..from + count];
+                for (alpha, t) in self.alpha[to..to + count].iter_mut().zip(left) {
+                    *alpha = 1.0 - t;
+                }
+                if let Some(depth) = &pixels.depth {
+                    self.depth[to..to + count].copy_from_slice(&depth[from..from + count]);
+                }
+                if let Some(color) = &pixels.color {
+                    for (k, out) in self.color[to..to + count].iter_mut().enumerate() {
+                        *out = std::array::from_fn(|c| color[c][from + k] + background[c] * left[k]);
+                    }
+                }
+            }
+        }
     }
 }
 
 /// Gradient of a loss on the pictures with respect to every attribute of the Gaussians.
+///
+/// `rendered` is what [`render`] made of the same Gaussians, camera and settings; `loss` the derivative of the loss with
+/// respect to its pictures. The sums are taken in a fixed order: the result does not depend on the number of threads.
+///
+/// # Panics
+/// If a picture in `loss` is neither empty nor of the camera's size.
 pub fn backward(
     gaussians: &Gaussians,
     camera: &Camera,
     settings: &RenderSettings,
-    _rendered: &Rendered,
+    rendered: &Rendered,
     loss: &ImageGradients,
 ) -> GaussianGradients {
-    let g = crate::twin::backward(
-        &crate::twin::Set::from(gaussians),
-        camera,
-        settings,
-        crate::twin::Cutoffs::Hard,
-        &crate::twin::Pictures::from(loss),
-    );
-    g.to_f32(gaussians)
+    for length in [loss.color.len(), loss.alpha.len(), loss.depth.len()] {
+        let fits = length == 0 || length == camera.width * camera.height;
+        assert!(fits, "a picture's gradient has {length} pixels, the camera {}x{}", camera.width, camera.height);
+    }
+    let Saved { splats, tiles, pixels } = &rendered.saved;
+    let mut entries = vec![EntryGradient::default(); tiles.entries.len()];
+    // Tiles own neighbouring parts of the entries.
+    let mut rest = entries.as_mut_slice();
+    let mut tasks = Vec::with_capacity(tiles.tiles.len());
+    for (tile, pixels) in tiles.tiles.iter().zip(pixels) {
+        let (part, others) = rest.split_at_mut((tile.last - tile.first) as usize);
+        tasks.push((tile, pixels, part));
+        rest = others;
+    }
+    tasks.into_par_iter().for_each(|(tile, pixels, part)| {
+        let loss = tile_loss(tile, camera, settings, loss);
+        let input = input(splats, tiles, tile, camera);
+        raster::draw_backward(settings.level, input, settings.channels, pixels, &loss, part);
+    });
+    attributes_backward(gaussians, camera, settings, &rendered.saved, &entries)
+}
+
+/// One tile's part of the pictures' gradients.
+fn tile_loss(tile: &Tile, camera: &Camera, settings: &RenderSettings, loss: &ImageGradients) -> TileLoss {
+    let mut out = TileLoss::ZERO;
+    let background = settings.background;
+    for (to, from, count) in rows_of(tile, camera) {
+        if !loss.alpha.is_empty() {
+            out.alpha[to..to + count].copy_from_slice(&loss.alpha[from..from + count]);
+        }
+        if !loss.depth.is_empty() && settings.channels != Channels::Alpha {
+            out.depth[to..to + count].copy_from_slice(&loss.depth[from..from + count]);
+        }
+        if !loss.color.is_empty() && settings.channels == Channels::ColorAlphaDepth {
+            for (k, color) in loss.color[from..from + count].iter().enumerate() {
+                for c in 0..3 {
+                    out.color[c][to + k] = color[c];
+                }
+                out.background[to + k] = color[0] * background[0] + color[1] * background[1] + color[2] * background[2];
+            }
+        }
+    }
+    out
+}
+
+/// From gradients per tile and splat to gradients per attribute.
+fn attributes_backward(
+    gaussians: &Gaussians,
+    camera: &Camera,
+    settings: &RenderSettings,
+    saved: &Saved,
+    entries: &[EntryGradient],
+) -> GaussianGradients {
+    let view = View::new(gaussians, camera, settings);
+    let Saved { splats, tiles, .. } = saved;
+    let mut out = GaussianGradients::zeros(gaussians);
+    let mut splat_of = vec![u32::MAX; gaussians.len()];
+    for (k, splat) in splats.iter().enumerate() {
+        splat_of[splat.index as usize] = k as u32;
+    }
+    let one = |k: u32, sh: &mut [[f32; 3]]| -> AttributeGradient {
+        let Some(splat) = splats.get(k as usize) else { return AttributeGradient::default() };
+        let slots = &tiles.slots[tiles.slot_starts[k as usize] as usize..tiles.slot_starts[k as usize + 1] as usize];
+        view.project_backward(gaussians, splat, &sum_entries(entries, slots), sh)
+    };
+    let attributes: Vec<AttributeGradient> = if out.sh.is_empty() {
+        splat_of.par_iter().with_min_len(PER_TASK).map(|&k| one(k, &mut [])).collect()
+    } else {
+        let sh = out.sh.par_chunks_mut(gaussians.sh_per_gaussian());
+        splat_of.par_iter().with_min_len(PER_TASK).zip(sh).map(|(&k, sh)| one(k, sh)).collect()
+    };
+    for (i, a) in attributes.iter().enumerate() {
+        out.positions[i] = a.position.as_vec3().to_array();
+        out.opacities[i] = a.opacity as f32;
+        out.screen[i] = a.screen.length() as f32;
+        match &mut out.shape {
+            Shape::Isotropic { scales } => scales[i] = a.scale.x as f32,
+            Shape::Anisotropic { scales, rotations } => {
+                scales[i] = a.scale.as_vec3().to_array();
+                rotations[i] = a.rotation.map(|v| v as f32);
+            }
+        }
+    }
+    out
+}
+
+/// Adds up a splat's tiles, in the order of the tiles.
+fn sum_entries(entries: &[EntryGradient], slots: &[u32]) -> SplatGradient {
+    let mut sums = [0.0f64; 12];
+    for &slot in slots {
+        for (sum, v) in sums.iter_mut().zip(&entries[slot as usize]) {
+            *sum += f64::from(*v);
+        }
+    }
+    let [m0, m1, m2, m3, m4, m5, depth, _, c0, c1, c2, _] = sums;
+    SplatGradient { moments: [m0, m1, m2, m3, m4, m5], color: [c0, c1, c2], depth }
 }

@@ -1,0 +1,400 @@
+//! From Gaussians in the world to ellipses in the picture, and back with gradients.
+//!
+//! In f64 and once per Gaussian; what is done once per pixel lives in [`crate::raster`].
+
+use gic_scene::Camera;
+use glam::{DMat3, DQuat, DVec2, DVec3};
+
+use crate::render::{ALPHA_MIN, FRUSTUM_MARGIN};
+use crate::{Channels, Gaussians, RenderSettings, Shape, sh};
+
+/// A Gaussian as one camera sees it. With `d = pixel - mean`,
+/// ln alpha = `log_opacity + quadratic[0] dx^2 + quadratic[1] dx dy + quadratic[2] dy^2`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Splat {
+    /// Projected centre [pixels].
+    pub(crate) mean: [f32; 2],
+    pub(crate) quadratic: [f32; 3],
+    pub(crate) log_opacity: f32,
+    /// Colour towards the camera.
+    pub(crate) color: [f32; 3],
+    /// Depth of the centre along the optical axis [m].
+    pub(crate) depth: f32,
+    /// First and one past the last column and row where alpha can reach 1/255.
+    pub(crate) columns: [u32; 2],
+    pub(crate) rows: [u32; 2],
+    /// Which Gaussian.
+    pub(crate) index: u32,
+}
+
+/// Gradient of the loss with respect to a [`Splat`], summed over its pixels: with g = d loss / d ln alpha,
+/// the sums of g, g dx, g dy, g dx^2, g dx dy, g dy^2, then colour and depth.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct SplatGradient {
+    pub(crate) moments: [f64; 6],
+    pub(crate) color: [f64; 3],
+    pub(crate) depth: f64,
+}
+
+/// Gradient with respect to the attributes of one Gaussian, without its spherical harmonics.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct AttributeGradient {
+    pub(crate) position: DVec3,
+    pub(crate) opacity: f64,
+    /// One value for isotropic shapes.
+    pub(crate) scale: DVec3,
+    /// (w, x, y, z).
+    pub(crate) rotation: [f64; 4],
+    pub(crate) screen: DVec2,
+}
+
+/// A symmetric 2x2 matrix: xx, xy, yy.
+#[derive(Clone, Copy, Debug)]
+struct Sym2 {
+    xx: f64,
+    xy: f64,
+    yy: f64,
+}
+
+/// A Gaussian with a wider projected standard deviation than this [pixels] is not drawn: f32 pixels could not follow it.
+const EXTENT_MAX: f64 = 1e6;
+
+impl Sym2 {
+    fn determinant(self) -> f64 {
+        self.xx * self.yy - self.xy * self.xy
+    }
+
+    fn inverse(self) -> Sym2 {
+        let scale = 1.0 / self.determinant();
+        Sym2 { xx: self.yy * scale, xy: -self.xy * scale, yy: self.xx * scale }
+    }
+
+    /// `self g self`.
+    fn sandwich(self, g: Sym2) -> Sym2 {
+        let (px, py) = (self.xx * g.xx + self.xy * g.xy, self.xx * g.xy + self.xy * g.yy);
+        let (qx, qy) = (self.xy * g.xx + self.yy * g.xy, self.xy * g.xy + self.yy * g.yy);
+        Sym2 { xx: px * self.xx + py * self.xy, xy: px * self.xy + py * self.yy, yy: qx * self.xy + qy * self.yy }
+    }
+
+    fn is_finite(self) -> bool {
+        self.xx.is_finite() && self.xy.is_finite() && self.yy.is_finite()
+    }
+}
+
+/// The square root `A` of a covariance in the camera frame, `Sigma = A A^T`.
+#[derive(Clone, Copy, Debug)]
+enum Root {
+    /// `scale` times the identity.
+    Isotropic { scale: f64 },
+    /// `axes diag(scales)`, where `axes` turns local axes into camera axes.
+    Anisotropic { axes: DMat3, scales: DVec3 },
+}
+
+impl Root {
+    fn new(gaussians: &Gaussians, i: usize, to_camera: DMat3) -> Root {
+        match &gaussians.shape {
+            Shape::Isotropic { scales } => Root::Isotropic { scale: scales[i].into() },
+            Shape::Anisotropic { scales, rotations } => Root::Anisotropic {
+                axes: to_camera * DMat3::from_quat(unit_quaternion(rotations[i]).0),
+                scales: DVec3::from_array(scales[i].map(f64::from)),
+            },
+        }
+    }
+
+    /// `A^T row`: a row of the Jacobian times the root.
+    fn apply(self, row: DVec3) -> DVec3 {
+        match self {
+            Root::Isotropic { scale } => row * scale,
+            Root::Anisotropic { axes, scales } => (axes.transpose() * row) * scales,
+        }
+    }
+
+    /// `A v`.
+    fn apply_transposed(self, v: DVec3) -> DVec3 {
+        match self {
+            Root::Isotropic { scale } => v * scale,
+            Root::Anisotropic { axes, scales } => axes * (v * scales),
+        }
+    }
+
+    /// Whether every standard deviation is a number that is not negative.
+    fn is_valid(self) -> bool {
+        match self {
+            Root::Isotropic { scale } => scale >= 0.0 && scale.is_finite(),
+            Root::Anisotropic { axes, scales } => scales.min_element() >= 0.0 && scales.is_finite() && axes.is_finite(),
+        }
+    }
+}
+
+/// A quaternion (w, x, y, z) made a rotation, and its length. Not finite if the length is zero.
+fn unit_quaternion(q: [f32; 4]) -> (DQuat, f64) {
+    let [w, x, y, z] = q.map(f64::from);
+    let length = (w * w + x * x + y * y + z * z).sqrt();
+    (DQuat::from_xyzw(x / length, y / length, z / length, w / length), length)
+}
+
+/// One camera's share of the projection, computed once per picture.
+#[derive(Clone, Debug)]
+pub(crate) struct View<'a> {
+    camera: &'a Camera,
+    settings: &'a RenderSettings,
+    to_camera: DMat3,
+    /// Limits of (x/z, y/z) for the affine approximation.
+    low: DVec2,
+    high: DVec2,
+    with_color: bool,
+    sh_degree: usize,
+}
+
+/// What became of a Gaussian.
+pub(crate) enum Outcome {
+    /// It is drawn.
+    Drawn(Splat),
+    /// It is out of sight.
+    Hidden,
+    /// An attribute is not finite, or a scale or opacity negative.
+    Rejected,
+}
+
+/// The geometric part of a projection.
+struct Geometry {
+    p: DVec3,
+    uv: DVec2,
+    /// `uv` inside the limits; slope 0 where it was moved.
+    limited: DVec2,
+    slope: DVec2,
+    root: Root,
+    /// `A^T J^T`: the projected covariance is its Gram matrix.
+    a: [DVec3; 2],
+    bare: Sym2,
+    conic: Sym2,
+    compensation: f64,
+}
+
+impl<'a> View<'a> {
+    pub(crate) fn new(gaussians: &Gaussians, camera: &'a Camera, settings: &'a RenderSettings) -> View<'a> {
+        let size = DVec2::new(camera.width as f64, camera.height as f64);
+        View {
+            camera,
+            settings,
+            to_camera: camera.rotation.transpose(),
+            low: (-FRUSTUM_MARGIN * size - camera.principal) / camera.focal,
+            high: ((1.0 + FRUSTUM_MARGIN) * size - camera.principal) / camera.focal,
+            with_color: settings.channels == Channels::ColorAlphaDepth,
+            sh_degree: gaussians.sh_degree.min(settings.max_sh_degree),
+        }
+    }
+
+    fn position(gaussians: &Gaussians, i: usize) -> DVec3 {
+        DVec3::from_array(gaussians.positions[i].map(f64::from))
+    }
+
+    /// The Jacobian's rows without their factor focal / z.
+    fn rows(limited: DVec2) -> [DVec3; 2] {
+        [DVec3::new(1.0, 0.0, -limited.x), DVec3::new(0.0, 1.0, -limited.y)]
+    }
+
+    /// `None` where the Gaussian cannot be projected: not in front of the near plane, without extent, or boundless.
+    fn geometry(&self, gaussians: &Gaussians, i: usize) -> Option<Geometry> {
+        let p = self.to_camera * (Self::position(gaussians, i) - self.camera.centre);
+        let in_front = p.z >= self.settings.near.into() && p.z > 0.0;
+        if !in_front {
+            return None;
+        }
+        let uv = DVec2::new(p.x, p.y) / p.z;
+        let limited = uv.clamp(self.low, self.high);
+        let slope = DVec2::new(f64::from(limited.x == uv.x), f64::from(limited.y == uv.y));
+        let root = Root::new(gaussians, i, self.to_camera);
+        let f = self.camera.focal / p.z;
+        let [r0, r1] = Self::rows(limited);
+        let a = [root.apply(r0) * f.x, root.apply(r1) * f.y];
+        let bare = Sym2 { xx: a[0].length_squared(), xy: a[0].dot(a[1]), yy: a[1].length_squared() };
+        let dilation = f64::from(self.settings.dilation);
+        let dilated = Sym2 { xx: bare.xx + dilation, xy: bare.xy, yy: bare.yy + dilation };
+        let determinant = dilated.determinant();
+        let conic = dilated.inverse();
+        let regular = determinant > 0.0 && conic.is_finite() && dilated.xx.max(dilated.yy) < EXTENT_MAX * EXTENT_MAX;
+        if !regular {
+            return None;
+        }
+        let compensation =
+            if self.settings.compensate { (bare.determinant().max(0.0) / determinant).sqrt() } else { 1.0 };
+        Some(Geometry { p, uv, limited, slope, root, a, bare, conic, compensation })
+    }
+
+    /// Projects Gaussian `i`.
+    pub(crate) fn project(&self, gaussians: &Gaussians, i: usize) -> Outcome {
+        if !self.is_valid(gaussians, i) {
+            return Outcome::Rejected;
+        }
+        let Some(g) = self.geometry(gaussians, i) else { return Outcome::Hidden };
+        let opacity = f64::from(gaussians.opacities[i]) * g.compensation;
+        // alpha >= 1/255 inside the ellipse d^T conic d <= level; its box has half-sizes sqrt(level * variance).
+        let level = 2.0 * (opacity / ALPHA_MIN).ln();
+        let reaches = level >= 0.0;
+        if !reaches {
+            return Outcome::Hidden;
+        }
+        let mean = self.camera.focal * g.uv + self.camera.principal;
+        let dilation = f64::from(self.settings.dilation);
+        let columns = pixel_range(mean.x, (level * (g.bare.xx + dilation)).sqrt(), self.camera.width);
+        let rows = pixel_range(mean.y, (level * (g.bare.yy + dilation)).sqrt(), self.camera.height);
+        if columns[0] >= columns[1] || rows[0] >= rows[1] {
+            return Outcome::Hidden;
+        }
+        let color = if self.with_color { self.color(gaussians, i).0 } else { DVec3::ZERO };
+        let depth = g.p.z as f32;
+        if !(color.is_finite() && depth.is_finite()) {
+            return Outcome::Rejected;
+        }
+        Outcome::Drawn(Splat {
+            mean: mean.as_vec2().to_array(),
+            quadratic: [-0.5 * g.conic.xx, -g.conic.xy, -0.5 * g.conic.yy].map(|v| v as f32),
+            log_opacity: opacity.ln() as f32,
+            color: color.as_vec3().to_array(),
+            depth,
+            columns,
+            rows,
+            index: i as u32,
+        })
+    }
+
+    fn is_valid(&self, gaussians: &Gaussians, i: usize) -> bool {
+        let (position, opacity) = (gaussians.positions[i], gaussians.opacities[i]);
+        position.iter().all(|v| v.is_finite())
+            && opacity >= 0.0
+            && opacity.is_finite()
+            && Root::new(gaussians, i, self.to_camera).is_valid()
+    }
+
+    /// Gradient with respect to the attributes of Gaussian `i`, which was drawn as `splat`; adds that with respect to its
+    /// spherical harmonics to `d_sh` [(degree + 1)^2] if colour was drawn.
+    pub(crate) fn project_backward(
+        &self,
+        gaussians: &Gaussians,
+        splat: &Splat,
+        gradient: &SplatGradient,
+        d_sh: &mut [[f32; 3]],
+    ) -> AttributeGradient {
+        let i = splat.index as usize;
+        let Some(g) = self.geometry(gaussians, i) else { return AttributeGradient::default() };
+        let [s, sx, sy, sxx, sxy, syy] = gradient.moments;
+
+        // ln alpha = ln(opacity compensation) - d^T conic d / 2
+        let mut out =
+            AttributeGradient { opacity: s / f64::from(gaussians.opacities[i]), ..AttributeGradient::default() };
+        let d_mean = DVec2::new(g.conic.xx * sx + g.conic.xy * sy, g.conic.xy * sx + g.conic.yy * sy);
+        let d_conic = Sym2 { xx: -0.5 * sxx, xy: -0.5 * sxy, yy: -0.5 * syy };
+        let mut d_bare = g.conic.sandwich(d_conic);
+        d_bare = Sym2 { xx: -d_bare.xx, xy: -d_bare.xy, yy: -d_bare.yy };
+        if self.settings.compensate {
+            // d ln compensation = (bare^-1 - dilated^-1) / 2
+            let bare_inverse = g.bare.inverse();
+            d_bare.xx += 0.5 * s * (bare_inverse.xx - g.conic.xx);
+            d_bare.xy += 0.5 * s * (bare_inverse.xy - g.conic.xy);
+            d_bare.yy += 0.5 * s * (bare_inverse.yy - g.conic.yy);
+        }
+
+        // bare = (A^T J^T)^T (A^T J^T)
+        let d_a = [
+            2.0 * (d_bare.xx * g.a[0] + d_bare.xy * g.a[1]), //
+            2.0 * (d_bare.xy * g.a[0] + d_bare.yy * g.a[1]),
+        ];
+        let f = self.camera.focal / g.p.z;
+        let d_rows = [g.root.apply_transposed(d_a[0]) * f.x, g.root.apply_transposed(d_a[1]) * f.y];
+        self.root_backward(gaussians, i, &g, [d_a[0] * f.x, d_a[1] * f.y], &mut out);
+
+        // a ~ 1/z; rows = (1, 0, -u), (0, 1, -v); mean = focal uv + principal
+        let d_z = -(d_a[0].dot(g.a[0]) + d_a[1].dot(g.a[1])) / g.p.z + gradient.depth;
+        let d_uv = self.camera.focal * d_mean - DVec2::new(d_rows[0].z, d_rows[1].z) * g.slope;
+        let d_p = DVec3::new(d_uv.x, d_uv.y, -d_uv.dot(g.uv)) / g.p.z + DVec3::new(0.0, 0.0, d_z);
+        out.position = self.camera.rotation * d_p;
+        out.screen = d_mean;
+        if self.with_color {
+            out.position += self.color_backward(gaussians, i, DVec3::from_array(gradient.color), d_sh);
+        }
+        out
+    }
+
+    /// `d_a` is the gradient with respect to the two vectors `A^T row`.
+    fn root_backward(
+        &self,
+        gaussians: &Gaussians,
+        i: usize,
+        g: &Geometry,
+        d_a: [DVec3; 2],
+        out: &mut AttributeGradient,
+    ) {
+        let rows = Self::rows(g.limited);
+        match g.root {
+            Root::Isotropic { .. } => out.scale.x = d_a[0].dot(rows[0]) + d_a[1].dot(rows[1]),
+            Root::Anisotropic { axes, scales } => {
+                // A^T row = diag(scales) axes^T row
+                let to_local = axes.transpose();
+                out.scale = d_a[0] * (to_local * rows[0]) + d_a[1] * (to_local * rows[1]);
+                // d axes = row (scales d_a)^T; axes = W R, so d R = W^T d axes.
+                let (u, v) = (self.camera.rotation * rows[0], self.camera.rotation * rows[1]);
+                let (a, b) = (d_a[0] * scales, d_a[1] * scales);
+                let Shape::Anisotropic { rotations, .. } = &gaussians.shape else { return };
+                out.rotation = quaternion_backward(rotations[i], [(u, a), (v, b)]);
+            }
+        }
+    }
+
+    /// Colour towards the camera, max(0, 0.5 + sum_k sh_k Y_k), with the direction, its length and the sum.
+    fn color(&self, gaussians: &Gaussians, i: usize) -> (DVec3, DVec3, f64, DVec3) {
+        let offset = Self::position(gaussians, i) - self.camera.centre;
+        let distance = offset.length();
+        let direction = offset / distance;
+        let basis = sh::basis(self.sh_degree, direction.to_array());
+        let used = (self.sh_degree + 1).pow(2);
+        let first = i * gaussians.sh_per_gaussian();
+        let sum = gaussians.sh[first..first + used]
+            .iter()
+            .zip(&basis)
+            .fold(DVec3::splat(0.5), |sum, (c, y)| sum + DVec3::from_array(c.map(f64::from)) * *y);
+        // `max` would turn a NaN into 0 in silence; the comparison lets it through to the caller's check.
+        let clamped = DVec3::from_array(sum.to_array().map(|c| if c < 0.0 { 0.0 } else { c }));
+        (clamped, direction, distance, sum)
+    }
+
+    /// Returns the gradient with respect to the position.
+    fn color_backward(&self, gaussians: &Gaussians, i: usize, d_color: DVec3, d_sh: &mut [[f32; 3]]) -> DVec3 {
+        let (_, direction, distance, sum) = self.color(gaussians, i);
+        let d_sum = DVec3::from_array(std::array::from_fn(|c| if sum[c] > 0.0 { d_color[c] } else { 0.0 }));
+        let basis = sh::basis(self.sh_degree, direction.to_array());
+        let used = (self.sh_degree + 1).pow(2);
+        let first = i * gaussians.sh_per_gaussian();
+        let mut weights = [0.0; sh::MAX_COEFFICIENTS];
+        for k in 0..used {
+            let coefficient = DVec3::from_array(gaussians.sh[first + k].map(f64::from));
+            d_sh[k] = (d_sum * basis[k]).as_vec3().to_array();
+            weights[k] = d_sum.dot(coefficient);
+        }
+        let d_direction = DVec3::from_array(sh::basis_gradient(self.sh_degree, direction.to_array(), &weights));
+        (d_direction - direction * direction.dot(d_direction)) / distance
+    }
+}
+
+/// Columns (or rows) whose pixel centres lie within `half` of `centre`; a hundredth more, against rounding in the raster.
+fn pixel_range(centre: f64, half: f64, count: usize) -> [u32; 2] {
+    let half = half + 0.01;
+    // Casts from f64 saturate, and send NaN to 0: an empty range.
+    let first = (centre - half - 0.5).ceil().max(0.0) as u32;
+    let last = ((centre + half - 0.5).floor() + 1.0).clamp(0.0, count as f64) as u32;
+    [first, last]
+}
+
+/// Gradient with respect to a quaternion (w, x, y, z) of any length, given `d loss / d R = sum u a^T`.
+fn quaternion_backward(q: [f32; 4], pairs: [(DVec3, DVec3); 2]) -> [f64; 4] {
+    let (unit, length) = unit_quaternion(q);
+    let (w, v) = (unit.w, DVec3::new(unit.x, unit.y, unit.z));
+    // u^T R(q) a = u.a (w^2 - v.v) + 2 (v.u)(v.a) + 2 w u.(v x a), as a function of q (|q| = 1 to first order).
+    let (mut d_w, mut d_v) = (0.0, DVec3::ZERO);
+    for (u, a) in pairs {
+        d_w += 2.0 * (w * u.dot(a) + u.dot(v.cross(a)));
+        d_v += 2.0 * (u * v.dot(a) + a * v.dot(u) - v * u.dot(a) + w * a.cross(u));
+    }
+    let along = d_w * w + d_v.dot(v);
+    [d_w - along * w, d_v.x - along * v.x, d_v.y - along * v.y, d_v.z - along * v.z].map(|d| d / length)
+}
