@@ -1,1 +1,16 @@
 //! The pipeline as a library: run folder, stages, configuration, report. The binary `gic` is a thin layer over it.
+
+pub mod atomic;
+mod error;
+pub mod events;
+mod interrupt;
+pub mod matter;
+pub mod simulate;
+pub mod twin;
+pub mod usage;
+
+pub use error::{Error, Result};
+pub use interrupt::Interrupt;
+
+/// Version of gic.
+pub const VERSION: &str = env!("CARGO_PKG_VERSION");

@@ -1,0 +1,45 @@
+//! Files appear complete or not at all: they are written beside their final place and then renamed.
+
+use std::fs::{self, File};
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+use crate::error::{Error, Result};
+
+/// Creates a folder and its parents.
+pub fn create_folder(path: &Path) -> Result<()> {
+    fs::create_dir_all(path).map_err(Error::write(path))
+}
+
+/// Writes a file through `fill`; readers see the old content or the whole new one, never a part.
+pub fn write_with(path: &Path, fill: impl FnOnce(&mut BufWriter<File>) -> std::io::Result<()>) -> Result<()> {
+    let mut name = std::ffi::OsString::from(".");
+    name.push(path.file_name().unwrap_or_default());
+    name.push(".part");
+    let part = path.with_file_name(name);
+    let written = (|| {
+        let mut writer = BufWriter::new(File::create(&part)?);
+        fill(&mut writer)?;
+        writer.flush()?;
+        drop(writer);
+        fs::rename(&part, path)
+    })();
+    written.map_err(|source| {
+        // The half-written file is of no use to anyone; the error worth telling is the first one.
+        let _ = fs::remove_file(&part);
+        Error::write(path)(source)
+    })
+}
+
+/// Writes `bytes` as a file, atomically.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    write_with(path, |w| w.write_all(bytes))
+}
+
+/// Writes `value` as indented JSON with a final newline, atomically.
+pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
+    write_with(path, |w| {
+        serde_json::to_writer_pretty(&mut *w, value)?;
+        w.write_all(b"\n")
+    })
+}

@@ -1,0 +1,91 @@
+//! The terminal's side: parse first, resolve once, run, report.
+
+mod args;
+mod progress;
+mod simulate;
+
+use std::io::Write;
+use std::process::ExitCode;
+
+use clap::{CommandFactory, Parser};
+use gic::events::Events;
+use gic::{Error, Interrupt};
+
+use args::{Cli, Command};
+
+/// What a command needs from the outside.
+pub(crate) struct Context {
+    pub(crate) events: Events,
+    pub(crate) interrupt: Interrupt,
+}
+
+impl Context {
+    /// Prints a result on stdout; `-q` does not silence results, only the way there.
+    pub(crate) fn print(&self, text: impl std::fmt::Display) {
+        // A closed pipe (`gic ... | head`) is no failure.
+        let _ = writeln!(std::io::stdout(), "{text}");
+    }
+}
+
+pub(crate) fn main() -> ExitCode {
+    let cli = Cli::parse();
+    match run(cli) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            report(&error);
+            let interrupted =
+                error.chain().any(|e| matches!(e.downcast_ref::<Error>(), Some(Error::Interrupted { .. })));
+            ExitCode::from(if interrupted { 130 } else { 1 })
+        }
+    }
+}
+
+fn run(cli: Cli) -> anyhow::Result<()> {
+    if let Some(threads) = cli.global.threads {
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
+    }
+    gic_simd::Level::from_env()?;
+    let interrupt = Interrupt::default();
+    on_ctrl_c(&interrupt)?;
+    let events = Events::default();
+    events.add(progress::Progress::new(cli.global.quiet, cli.global.verbose));
+    let context = Context { events, interrupt };
+    match cli.command {
+        Command::Simulate(args) => simulate::run(&args, &context),
+        Command::Completions { shell } => {
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut Cli::command(), "gic", &mut script);
+            context.print(String::from_utf8_lossy(&script).trim_end());
+            Ok(())
+        }
+    }
+}
+
+fn on_ctrl_c(interrupt: &Interrupt) -> anyhow::Result<()> {
+    let interrupt = interrupt.clone();
+    ctrlc::set_handler(move || {
+        if interrupt.requested() {
+            std::process::exit(130);
+        }
+        interrupt.request();
+        eprintln!("\nstopping at the next safe point; press Ctrl-C again to stop at once");
+    })?;
+    Ok(())
+}
+
+/// Prints an error, its causes and the way out on stderr.
+fn report(error: &anyhow::Error) {
+    let mut text = format!("error: {error}\n");
+    let mut last = error.to_string();
+    for cause in error.chain().skip(1).map(ToString::to_string) {
+        // Some libraries repeat their cause in their own message.
+        if !last.contains(&cause) {
+            text += &format!("  caused by: {cause}\n");
+        }
+        last = cause;
+    }
+    if let Some(hint) = error.chain().find_map(|e| e.downcast_ref::<Error>().and_then(Error::hint)) {
+        text += &format!("  hint: {hint}\n");
+    }
+    let _ = std::io::stderr().write_all(text.as_bytes());
+}

@@ -1,0 +1,25 @@
+//! A request to stop, seen by long computations at their next safe point.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// A flag that a signal handler raises and that stages poll between steps. Clones share the flag.
+#[derive(Clone, Debug, Default)]
+pub struct Interrupt(Arc<AtomicBool>);
+
+impl Interrupt {
+    /// Asks for a stop.
+    pub fn request(&self) {
+        self.0.store(true, Ordering::SeqCst);
+    }
+
+    /// Whether a stop was asked for.
+    pub fn requested(&self) -> bool {
+        self.0.load(Ordering::SeqCst)
+    }
+
+    /// The flag itself, for rooms that poll an atomic.
+    pub fn flag(&self) -> &Arc<AtomicBool> {
+        &self.0
+    }
+}

@@ -1,0 +1,196 @@
+//! `trajectory.json`: what was simulated, and a line of numbers per frame. No clock times: same input, same bytes.
+
+use std::path::Path;
+
+use gic_mpm::{Frame, Options, World};
+use gic_simd::Level;
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use sha2::{Digest, Sha256};
+
+use crate::atomic;
+use crate::error::{Error, Result};
+use crate::twin::Twin;
+
+const FILE: &str = "trajectory.json";
+
+/// The content of `trajectory.json`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Trajectory {
+    /// Always `gic.trajectory/1`.
+    pub schema: String,
+    /// Version of gic that simulated.
+    pub gic_version: String,
+    /// SIMD level that simulated; levels differ in the last bits.
+    pub simd: String,
+    /// The twin with every setting applied and every default filled in.
+    pub twin: Value,
+    /// SHA-256 of the initial positions, hexadecimal.
+    pub particles_sha256: String,
+    /// Number of particles.
+    pub particles: usize,
+    /// Names of the obstacles, in the order of the contact forces.
+    pub colliders: Vec<String>,
+    /// The frames.
+    pub frames: Vec<FrameSummary>,
+}
+
+/// One frame in numbers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FrameSummary {
+    /// Number, from 0.
+    pub frame: usize,
+    /// Time from frame 0 [s].
+    pub time_s: f64,
+    /// File of its particles.
+    pub file: String,
+    /// Substeps that it took.
+    pub substeps: usize,
+    /// Centre of mass [m].
+    pub centre_of_mass_m: [f64; 3],
+    /// Velocity of the centre of mass [m/s].
+    pub velocity_m_s: [f64; 3],
+    /// Smallest coordinates [m].
+    pub low_m: [f64; 3],
+    /// Largest coordinates [m].
+    pub high_m: [f64; 3],
+    /// Speed of the fastest particle [m/s].
+    pub largest_speed_m_s: f64,
+    /// Kinetic energy of the particles' velocities [J].
+    pub kinetic_energy_j: f64,
+    /// Largest von Mises stress [Pa].
+    pub largest_von_mises_pa: f64,
+    /// Smallest and largest relative volume J.
+    pub jacobian: [f64; 2],
+    /// Mean force on each obstacle since the frame before [N].
+    pub contact_forces_n: Vec<[f64; 3]>,
+    /// Mean torque on each obstacle about its origin since the frame before [N m].
+    pub contact_torques_n_m: Vec<[f64; 3]>,
+}
+
+impl Trajectory {
+    /// A trajectory without frames.
+    pub(super) fn new(twin: &Twin, world: &World, options: &Options) -> Self {
+        let mut hash = Sha256::new();
+        let positions = || world.bodies.iter().flat_map(|body| &body.positions);
+        for coordinate in positions().flat_map(|p| p.to_array()) {
+            hash.update(coordinate.to_le_bytes());
+        }
+        Self {
+            schema: "gic.trajectory/1".into(),
+            gic_version: crate::VERSION.into(),
+            simd: simd_level(options),
+            twin: physics(twin),
+            particles_sha256: format!("{:x}", hash.finalize()),
+            particles: positions().count(),
+            colliders: twin.colliders.iter().enumerate().map(|(i, o)| o.label(i)).collect(),
+            frames: Vec::new(),
+        }
+    }
+
+    /// Reads the one of a folder, if there is one.
+    pub fn read(folder: &Path) -> Result<Option<Self>> {
+        let path = folder.join(FILE);
+        let text = match std::fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
+            Err(e) => return Err(Error::read(&path)(e)),
+        };
+        serde_json::from_str(&text).map(Some).map_err(|source| Error::Syntax {
+            path,
+            format: "gic.trajectory/1",
+            source: source.into(),
+        })
+    }
+
+    pub(super) fn write(&self, folder: &Path) -> Result<()> {
+        atomic::write_json(&folder.join(FILE), self)
+    }
+
+    /// Hash of all that decides the frames.
+    pub(super) fn identity(&self) -> [u8; 32] {
+        let inputs = (&self.gic_version, &self.simd, self.twin.to_string(), &self.particles_sha256);
+        Sha256::digest(format!("{inputs:?}")).into()
+    }
+
+    /// What decides the frames and is not the same in `other`.
+    pub(super) fn difference(&self, other: &Self) -> Option<String> {
+        let was = |name: &str, a: &dyn std::fmt::Display, b: &dyn std::fmt::Display| {
+            Some(format!("{name} was {a} and is now {b}"))
+        };
+        if self.gic_version != other.gic_version {
+            return was("gic's version", &self.gic_version, &other.gic_version);
+        }
+        if self.simd != other.simd {
+            return was("the SIMD level", &self.simd, &other.simd);
+        }
+        if let Some((key, a, b)) = first_difference("", &self.twin, &other.twin) {
+            return was(&format!("`{key}`"), &a, &b);
+        }
+        (self.particles_sha256 != other.particles_sha256).then(|| "the particles of the continuum changed".into())
+    }
+}
+
+/// The twin as JSON without what has no influence on the frames.
+fn physics(twin: &Twin) -> Value {
+    let mut value = serde_json::to_value(twin).unwrap_or_default();
+    if let Some(map) = value.as_object_mut() {
+        for key in ["frames", "intervals_95", "identifiable", "loss", "seed", "gic_version", "seconds"] {
+            map.remove(key);
+        }
+    }
+    value
+}
+
+/// The first place where two JSON values differ, and what stands there.
+fn first_difference(place: &str, a: &Value, b: &Value) -> Option<(String, Value, Value)> {
+    let join = |key: &str| if place.is_empty() { key.to_owned() } else { format!("{place}.{key}") };
+    match (a, b) {
+        _ if a == b => None,
+        (Value::Object(x), Value::Object(y)) => {
+            let keys = x.keys().chain(y.keys().filter(|k| !x.contains_key(*k)));
+            let null = Value::Null;
+            keys.into_iter()
+                .find_map(|k| first_difference(&join(k), x.get(k).unwrap_or(&null), y.get(k).unwrap_or(&null)))
+        }
+        (Value::Array(x), Value::Array(y)) if x.len() == y.len() => {
+            x.iter().zip(y).enumerate().find_map(|(i, (x, y))| first_difference(&join(&i.to_string()), x, y))
+        }
+        _ => Some((place.to_owned(), a.clone(), b.clone())),
+    }
+}
+
+impl FrameSummary {
+    /// The numbers of a frame of particles of equal mass [kg].
+    pub(super) fn new(frame: &Frame, file: String, frame_rate_hz: f64, particle_mass_kg: f64) -> Self {
+        let n = frame.positions.len() as f64;
+        let mean = |v: &[DVec3]| (v.iter().sum::<DVec3>() / n).to_array();
+        let squares = || frame.velocities.iter().map(|v| v.length_squared());
+        let low = frame.positions.iter().fold(DVec3::INFINITY, |low, &p| low.min(p));
+        let high = frame.positions.iter().fold(DVec3::NEG_INFINITY, |high, &p| high.max(p));
+        let jacobian =
+            frame.jacobian.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[l, h], &j| [l.min(j), h.max(j)]);
+        Self {
+            frame: frame.index,
+            time_s: frame.index as f64 / frame_rate_hz,
+            file,
+            substeps: frame.substeps,
+            centre_of_mass_m: mean(&frame.positions),
+            velocity_m_s: mean(&frame.velocities),
+            low_m: low.to_array(),
+            high_m: high.to_array(),
+            largest_speed_m_s: squares().fold(0.0, f64::max).sqrt(),
+            kinetic_energy_j: 0.5 * particle_mass_kg * squares().sum::<f64>(),
+            largest_von_mises_pa: frame.von_mises_pa.iter().copied().fold(0.0, f32::max).into(),
+            jacobian: jacobian.map(f64::from),
+            contact_forces_n: frame.contacts.iter().map(|c| c.force_n.to_array()).collect(),
+            contact_torques_n_m: frame.contacts.iter().map(|c| c.torque_n_m.to_array()).collect(),
+        }
+    }
+}
+
+/// The level that the simulator computes with.
+fn simd_level(options: &Options) -> String {
+    options.level.unwrap_or_else(Level::active).to_string()
+}
