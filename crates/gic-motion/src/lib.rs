@@ -1,5 +1,24 @@
 //! Motion-factorised dynamic Gaussians (paper section 4.1): the network, its gradient, and training.
+//!
+//! [`train`] turns a [`gic_scene::Scene`] into [`DynamicGaussians`], which give [`gic_splat::Gaussians`] at any time.
 
+mod adam;
+mod checkpoint;
+mod error;
+mod evaluate;
+mod initial;
+mod loss;
+mod model;
 mod network;
+mod parameters;
+mod settings;
+mod targets;
+mod tensor_file;
+mod trainer;
 
+pub use error::MotionError;
+pub use evaluate::{ViewScore, evaluate};
+pub use model::{Domain, DynamicGaussians, Motion};
 pub use network::{Architecture, Deformation, MotionNetwork, NetworkGradient, Scalar};
+pub use settings::{DensitySettings, InitialPoints, LearningRates, LossWeights, TrainSettings};
+pub use trainer::{Phase, Progress, train};

@@ -1,0 +1,100 @@
+//! Adam (Kingma and Ba 2015) and the decay of learning rates.
+
+use rayon::prelude::*;
+
+const BETA1: f32 = 0.9;
+const BETA2: f32 = 0.999;
+/// As 3DGS has it: gradients of single Gaussians are tiny, and must not drown in epsilon.
+const EPSILON: f32 = 1e-15;
+/// Parameters per parallel task.
+const SPAN: usize = 1 << 15;
+
+/// First and second moments of the gradients of a flat list of parameters.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Moments {
+    pub(crate) first: Vec<f32>,
+    pub(crate) second: Vec<f32>,
+}
+
+impl Moments {
+    pub(crate) fn zeros(len: usize) -> Moments {
+        Moments { first: vec![0.0; len], second: vec![0.0; len] }
+    }
+
+    /// One step: `step` counts from 1 and corrects the bias of the moments.
+    pub(crate) fn update(&mut self, parameters: &mut [f32], gradient: &[f32], rate: f64, step: usize) {
+        assert!(parameters.len() == gradient.len() && self.first.len() == gradient.len(), "one gradient per parameter");
+        let correction1 = 1.0 - f64::from(BETA1).powf(step as f64);
+        let correction2 = 1.0 - f64::from(BETA2).powf(step as f64);
+        let rate = (rate / correction1) as f32;
+        let spread = (1.0 / correction2.sqrt()) as f32;
+        let first = self.first.par_chunks_mut(SPAN);
+        let second = self.second.par_chunks_mut(SPAN);
+        parameters.par_chunks_mut(SPAN).zip(gradient.par_chunks(SPAN)).zip(first).zip(second).for_each(
+            |(((parameters, gradient), first), second)| {
+                for (((p, g), m), v) in parameters.iter_mut().zip(gradient).zip(first).zip(second) {
+                    *m = BETA1 * *m + (1.0 - BETA1) * g;
+                    *v = BETA2 * *v + (1.0 - BETA2) * g * g;
+                    *p -= rate * *m / (spread * v.sqrt() + EPSILON);
+                }
+            },
+        );
+    }
+
+    /// Keeps the rows of `width` numbers listed in `rows`, in that order; `None` makes a row of zeros.
+    pub(crate) fn select(&mut self, rows: &[Option<usize>], width: usize) {
+        for moments in [&mut self.first, &mut self.second] {
+            *moments = rows
+                .iter()
+                .flat_map(|row| (0..width).map(move |i| (row, i)))
+                .map(|(row, i)| row.map_or(0.0, |row| moments[row * width + i]))
+                .collect();
+        }
+    }
+}
+
+/// Exponential decay from `ends.0` at `fraction` 0 to `ends.1` at 1.
+pub(crate) fn decayed(ends: (f64, f64), fraction: f64) -> f64 {
+    ends.0 * (ends.1 / ends.0).powf(fraction.clamp(0.0, 1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn finds_the_minimum_of_a_bowl() {
+        let target = [0.3f32, -1.2, 4.0];
+        let mut x = [0.0f32; 3];
+        let mut moments = Moments::zeros(3);
+        for step in 1..=2000 {
+            let gradient: Vec<f32> = x.iter().zip(target).map(|(x, t)| 2.0 * (x - t)).collect();
+            moments.update(&mut x, &gradient, decayed((0.1, 0.001), step as f64 / 2000.0), step);
+        }
+        for (x, t) in x.iter().zip(target) {
+            assert!((x - t).abs() < 1e-3, "{x} against {t}");
+        }
+    }
+
+    #[test]
+    fn first_step_has_the_length_of_the_rate() {
+        let mut x = [1.0f32, 1.0];
+        Moments::zeros(2).update(&mut x, &[5.0, -1e-6], 0.01, 1);
+        assert!((x[0] - 0.99).abs() < 1e-6 && (x[1] - 1.01).abs() < 1e-6, "{x:?}");
+    }
+
+    #[test]
+    fn selecting_rows_keeps_their_history() {
+        let mut moments = Moments { first: vec![1.0, 2.0, 3.0, 4.0], second: vec![5.0, 6.0, 7.0, 8.0] };
+        moments.select(&[Some(1), None, Some(0)], 2);
+        assert_eq!(moments.first, [3.0, 4.0, 0.0, 0.0, 1.0, 2.0]);
+        assert_eq!(moments.second, [7.0, 8.0, 0.0, 0.0, 5.0, 6.0]);
+    }
+
+    #[test]
+    fn decay_meets_both_ends() {
+        assert_eq!(decayed((0.1, 0.001), 0.0), 0.1);
+        assert!((decayed((0.1, 0.001), 0.5) - 0.01).abs() < 1e-12);
+        assert!((decayed((0.1, 0.001), 1.5) - 0.001).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,148 @@
+//! The state of a training run on disk, so that a run that was killed continues where it was.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::adam::Moments;
+use crate::parameters::{ParameterMoments, Parameters, ScreenGradients, details_per_gaussian};
+use crate::tensor_file::{self, TensorFile};
+use crate::trainer::{Best, State};
+use crate::{Domain, MotionError, MotionNetwork, TrainSettings};
+
+const FILE: &str = "checkpoint.safetensors";
+
+/// What is no tensor, and what tells whether the checkpoint belongs to this run.
+#[derive(Serialize, Deserialize)]
+struct Header {
+    seed: u64,
+    settings: TrainSettings,
+    step: usize,
+    domain: Domain,
+    spacing: f64,
+    network_steps: usize,
+    mean_loss: Option<f64>,
+    stale: usize,
+    gaussians: usize,
+    best: Option<(f64, usize)>,
+}
+
+/// Saves the state into `folder`, which is made if it is missing.
+pub(crate) fn save(folder: &Path, state: &State, settings: &TrainSettings, seed: u64) -> Result<(), MotionError> {
+    std::fs::create_dir_all(folder).map_err(MotionError::file(folder))?;
+    let header = Header {
+        seed,
+        settings: settings.clone(),
+        step: state.step,
+        domain: state.domain,
+        spacing: state.spacing,
+        network_steps: state.network_steps,
+        mean_loss: state.mean_loss.is_finite().then_some(state.mean_loss),
+        stale: state.stale,
+        gaussians: state.parameters.len(),
+        best: state.best.as_ref().map(|best| (best.psnr, best.parameters.len())),
+    };
+    let mut tensors: Vec<(String, usize, &[f32])> = Vec::new();
+    push_parameters(&mut tensors, "", &state.parameters);
+    tensors.push(("network".into(), 1, &state.network.parameters));
+    push_moments(&mut tensors, "network", &state.network_moments);
+    push_moments(&mut tensors, "positions", &state.moments.positions);
+    push_moments(&mut tensors, "log_scales", &state.moments.log_scales);
+    push_moments(&mut tensors, "opacity_logits", &state.moments.opacity_logits);
+    push_moments(&mut tensors, "features", &state.moments.features);
+    push_moments(&mut tensors, "details", &state.moments.details);
+    tensors.push(("screen.sum".into(), 1, &state.screen.sum));
+    tensors.push(("screen.views".into(), 1, &state.screen.views));
+    if let Some(best) = &state.best {
+        push_parameters(&mut tensors, "best.", &best.parameters);
+        tensors.push(("best.network".into(), 1, &best.network));
+    }
+    tensor_file::write(&folder.join(FILE), &tensors, &header)
+}
+
+/// The state saved in `folder`; `None` when there is none.
+///
+/// # Errors
+/// When the checkpoint cannot be read, or belongs to other settings or another seed.
+pub(crate) fn load(folder: &Path, settings: &TrainSettings, seed: u64) -> Result<Option<State>, MotionError> {
+    let path = folder.join(FILE);
+    if !path.exists() {
+        return Ok(None);
+    }
+    let file = TensorFile::open(&path)?;
+    let header: Header = file.text()?;
+    if header.settings != *settings || header.seed != seed {
+        let reason =
+            "was made with other settings or another seed; give the same ones, or remove the file to start anew";
+        return Err(MotionError::content(&path, reason));
+    }
+    let mut network = MotionNetwork::zeros(settings.network);
+    let weights = network.parameters.len();
+    network.parameters = file.numbers_exactly("network", weights)?;
+    let n = header.gaussians;
+    let details = n * details_per_gaussian(settings.sh_degree);
+    let best = match header.best {
+        Some((psnr, n)) => Some(Best {
+            psnr,
+            parameters: parameters(&file, "best.", n, settings.sh_degree)?,
+            network: file.numbers_exactly("best.network", weights)?,
+        }),
+        None => None,
+    };
+    Ok(Some(State {
+        step: header.step,
+        domain: header.domain,
+        spacing: header.spacing,
+        parameters: parameters(&file, "", n, settings.sh_degree)?,
+        moments: ParameterMoments {
+            positions: moments(&file, "positions", 3 * n)?,
+            log_scales: moments(&file, "log_scales", n)?,
+            opacity_logits: moments(&file, "opacity_logits", n)?,
+            features: moments(&file, "features", 3 * n)?,
+            details: moments(&file, "details", 3 * details)?,
+        },
+        network,
+        network_moments: moments(&file, "network", weights)?,
+        network_steps: header.network_steps,
+        screen: ScreenGradients {
+            sum: file.numbers_exactly("screen.sum", n)?,
+            views: file.numbers_exactly("screen.views", n)?,
+        },
+        mean_loss: header.mean_loss.unwrap_or(f64::NAN),
+        best,
+        stale: header.stale,
+    }))
+}
+
+fn push_parameters<'a>(tensors: &mut Vec<(String, usize, &'a [f32])>, prefix: &str, p: &'a Parameters) {
+    let mut push = |name: &str, columns, data| tensors.push((format!("{prefix}{name}"), columns, data));
+    push("positions", 3, p.positions.as_flattened());
+    push("log_scales", 1, p.log_scales.as_slice());
+    push("opacity_logits", 1, p.opacity_logits.as_slice());
+    push("features", 3, p.features.as_flattened());
+    push("details", 3, p.details.as_flattened());
+}
+
+fn parameters(file: &TensorFile, prefix: &str, n: usize, sh_degree: usize) -> Result<Parameters, MotionError> {
+    let name = |name: &str| format!("{prefix}{name}");
+    Ok(Parameters {
+        positions: file.triples(&name("positions"), n)?,
+        log_scales: file.numbers_exactly(&name("log_scales"), n)?,
+        opacity_logits: file.numbers_exactly(&name("opacity_logits"), n)?,
+        features: file.triples(&name("features"), n)?,
+        details: file.triples(&name("details"), n * details_per_gaussian(sh_degree))?,
+        sh_degree,
+    })
+}
+
+fn push_moments<'a>(tensors: &mut Vec<(String, usize, &'a [f32])>, name: &str, moments: &'a Moments) {
+    tensors.push((format!("{name}.first"), 1, &moments.first));
+    tensors.push((format!("{name}.second"), 1, &moments.second));
+}
+
+fn moments(file: &TensorFile, name: &str, len: usize) -> Result<Moments, MotionError> {
+    Ok(Moments {
+        first: file.numbers_exactly(&format!("{name}.first"), len)?,
+        second: file.numbers_exactly(&format!("{name}.second"), len)?,
+    })
+}

@@ -1,0 +1,61 @@
+//! What can go wrong in training, saving and loading.
+
+use std::path::{Path, PathBuf};
+
+use gic_metrics::MetricError;
+use gic_scene::SceneError;
+
+/// An error of this crate.
+#[derive(Debug, thiserror::Error)]
+pub enum MotionError {
+    /// The scene could not be read.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// Pictures could not be compared.
+    #[error(transparent)]
+    Metric(#[from] MetricError),
+    /// A setting has no meaning.
+    #[error("setting `{setting}`: {reason}")]
+    Setting {
+        /// Name of the setting.
+        setting: &'static str,
+        /// What is wrong, and the way out.
+        reason: String,
+    },
+    /// The scene has nothing to train on.
+    #[error("nothing to train on: {0}")]
+    NothingToTrain(String),
+    /// Training left the finite numbers.
+    #[error("training diverged at step {step}: the loss is not finite; lower the learning rates (`rates`)")]
+    Diverged {
+        /// The step.
+        step: usize,
+    },
+    /// A file could not be written or read.
+    #[error("{}: {source}", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A file is not what it should be.
+    #[error("{}: {reason}", path.display())]
+    Content {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it, and the way out.
+        reason: String,
+    },
+}
+
+impl MotionError {
+    pub(crate) fn file(path: &Path) -> impl FnOnce(std::io::Error) -> MotionError {
+        let path = path.to_owned();
+        move |source| MotionError::File { path, source }
+    }
+
+    pub(crate) fn content(path: &Path, reason: impl ToString) -> MotionError {
+        MotionError::Content { path: path.to_owned(), reason: reason.to_string() }
+    }
+}

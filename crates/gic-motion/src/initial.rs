@@ -1,0 +1,191 @@
+//! The first points, from masks and cameras alone: where the object is, and the surface of its visual hull.
+
+use gic_scene::Scene;
+use glam::{DMat3, DVec2, DVec3};
+use rand::{Rng, RngExt};
+use rayon::prelude::*;
+
+use crate::targets::Target;
+
+/// Voxels across the object's ball for the first, coarse carving.
+const COARSE: usize = 40;
+/// A voxel belongs to the hull of a moving object seen by one camera at a time when this share of all pictures shows it.
+const SHARE_OVER_TIME: f64 = 0.6;
+
+/// A ball around the object.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Ball {
+    pub(crate) centre: DVec3,
+    pub(crate) radius: f64,
+}
+
+/// Points with colours, all the same size.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Points {
+    pub(crate) positions: Vec<[f32; 3]>,
+    pub(crate) colors: Vec<[f32; 3]>,
+    /// Distance between neighbours [m].
+    pub(crate) spacing: f64,
+}
+
+/// The point nearest to the rays through the centres of the masks (least squares); `None` when the rays do not fix one.
+pub(crate) fn mask_centre<'a>(targets: impl Iterator<Item = &'a Target>) -> Option<DVec3> {
+    let (mut a, mut b, mut rays) = (DMat3::ZERO, DVec3::ZERO, 0);
+    for target in targets.filter(|t| t.area > 0.0) {
+        let through = target.camera.unproject(DVec2::from_array(target.centre), 1.0);
+        let d = (through - target.camera.centre).normalize();
+        let across = DMat3::IDENTITY - DMat3::from_cols(d * d.x, d * d.y, d * d.z);
+        a += across;
+        b += across * target.camera.centre;
+        rays += 1;
+    }
+    let centre = a.inverse() * b;
+    (rays >= 2 && centre.is_finite()).then_some(centre)
+}
+
+/// A ball that holds what the masks of `targets` show: centred where their rays meet, as wide as the widest mask.
+pub(crate) fn ball(targets: &[&Target]) -> Option<Ball> {
+    let centre = mask_centre(targets.iter().copied())?;
+    let mut radius = 0.0f64;
+    for target in targets.iter().filter(|t| t.area > 0.0) {
+        let (_, depth) = target.camera.project(centre)?;
+        let b = &target.bounds;
+        let reach = |near: usize, far: usize, c: f64| (c - near as f64).max(far as f64 - c);
+        let half = DVec2::new(reach(b.x0, b.x1, target.centre[0]), reach(b.y0, b.y1, target.centre[1]));
+        radius = radius.max((half / target.camera.focal).length() * depth);
+    }
+    (radius > 0.0).then_some(Ball { centre, radius })
+}
+
+/// The scene's sparse points near the object: those that most masks show.
+pub(crate) fn sparse(scene: &Scene, targets: &[&Target]) -> Points {
+    let points: Vec<_> = scene.points.iter().filter(|p| share(targets, p.position) > 0.9).collect();
+    let positions: Vec<[f32; 3]> = points.iter().map(|p| p.position.as_vec3().to_array()).collect();
+    let spacing = mean_spacing(&positions);
+    Points { colors: points.iter().map(|p| p.rgb).collect(), positions, spacing }
+}
+
+/// Share of the pictures looking at `x` whose mask shows it.
+fn share(targets: &[&Target], x: DVec3) -> f64 {
+    let (mut seen, mut inside) = (0.0, 0.0);
+    for target in targets {
+        let Some((pixel, _)) = target.camera.project(x) else { continue };
+        let within = pixel.x >= 0.0
+            && pixel.y >= 0.0
+            && pixel.x < target.camera.width as f64
+            && pixel.y < target.camera.height as f64;
+        if within {
+            seen += 1.0;
+            inside += f64::from(u8::from(target.coverage(pixel.x as usize, pixel.y as usize) >= 0.5));
+        }
+    }
+    if seen > 0.0 { inside / seen } else { 0.0 }
+}
+
+/// About `count` points on the surface of the visual hull of `targets`, coloured by the pictures.
+///
+/// With several cameras at one time the hull is what every mask shows; a moving object seen by one camera at a time keeps what
+/// most pictures show. Points are the surface voxels of a grid as fine as `count` asks for, moved at random within them.
+pub(crate) fn hull_surface(targets: &[&Target], same_time: bool, count: usize, rng: &mut impl Rng) -> Option<Points> {
+    let ball = ball(targets)?;
+    let needed = if same_time { 1.0 } else { SHARE_OVER_TIME };
+    let mut cells = COARSE;
+    let mut surface = surface_voxels(targets, needed, &ball, cells);
+    // The number of surface voxels grows with the square of the resolution; two corrections come close enough.
+    for _ in 0..2 {
+        if surface.is_empty() {
+            return None;
+        }
+        let factor = (count as f64 / surface.len() as f64).sqrt();
+        cells = ((cells as f64 * factor).round() as usize).clamp(8, 400);
+        surface = surface_voxels(targets, needed, &ball, cells);
+    }
+    let spacing = 2.0 * ball.radius / cells as f64;
+    let mut points = Points { spacing, ..Points::default() };
+    for voxel in surface {
+        let jitter = DVec3::from_array(core::array::from_fn(|_| rng.random_range(-0.5..0.5)));
+        let x = voxel + jitter * spacing;
+        points.positions.push(x.as_vec3().to_array());
+        points.colors.push(mean_color(targets, voxel));
+    }
+    Some(points)
+}
+
+/// `count` points drawn uniformly in the box around the ball, grey: the paper's start.
+pub(crate) fn random(ball: &Ball, count: usize, rng: &mut impl Rng) -> Points {
+    let positions = (0..count)
+        .map(|_| {
+            let offset: [f64; 3] = core::array::from_fn(|_| rng.random_range(-1.0..1.0));
+            (ball.centre + ball.radius * DVec3::from_array(offset)).as_vec3().to_array()
+        })
+        .collect();
+    let spacing = 2.0 * ball.radius / (count as f64).cbrt();
+    Points { positions, colors: vec![[0.5; 3]; count], spacing }
+}
+
+/// Centres of the hull's voxels with a face to the outside, in a grid of `cells`^3 over the ball's box, in grid order.
+fn surface_voxels(targets: &[&Target], needed: f64, ball: &Ball, cells: usize) -> Vec<DVec3> {
+    let size = 2.0 * ball.radius / cells as f64;
+    let origin = ball.centre - DVec3::splat(ball.radius);
+    let centre =
+        |x: usize, y: usize, z: usize| origin + size * (DVec3::new(x as f64, y as f64, z as f64) + DVec3::splat(0.5));
+    let inside: Vec<bool> = (0..cells * cells * cells)
+        .into_par_iter()
+        .map(|i| share(targets, centre(i % cells, i / cells % cells, i / cells / cells)) >= needed)
+        .collect();
+    let at = |x: usize, y: usize, z: usize| inside[(z * cells + y) * cells + x];
+    let mut surface = Vec::new();
+    for z in 0..cells {
+        for y in 0..cells {
+            for x in 0..cells {
+                let last = cells - 1;
+                let border = [x, y, z].iter().any(|&i| i == 0 || i == last);
+                let exposed = || {
+                    !(at(x - 1, y, z)
+                        && at(x + 1, y, z)
+                        && at(x, y - 1, z)
+                        && at(x, y + 1, z)
+                        && at(x, y, z - 1)
+                        && at(x, y, z + 1))
+                };
+                if at(x, y, z) && (border || exposed()) {
+                    surface.push(centre(x, y, z));
+                }
+            }
+        }
+    }
+    surface
+}
+
+/// Mean colour of the pictures at a point; grey where none shows it.
+fn mean_color(targets: &[&Target], x: DVec3) -> [f32; 3] {
+    let (mut sum, mut views) = ([0.0f32; 3], 0.0f32);
+    for target in targets {
+        let Some((pixel, _)) = target.camera.project(x) else { continue };
+        if let Some(color) = target.color(pixel.x, pixel.y) {
+            for c in 0..3 {
+                sum[c] += color[c];
+            }
+            views += 1.0;
+        }
+    }
+    if views > 0.0 { sum.map(|s| s / views) } else { [0.5; 3] }
+}
+
+/// Median distance to the nearest neighbour among a sample of the points.
+fn mean_spacing(positions: &[[f32; 3]]) -> f64 {
+    let stride = (positions.len() / 500).max(1);
+    let mut nearest: Vec<f64> = positions
+        .par_iter()
+        .enumerate()
+        .step_by(stride)
+        .map(|(i, a)| {
+            let squared = |b: &[f32; 3]| (0..3).map(|k| f64::from(a[k] - b[k]).powi(2)).sum::<f64>();
+            let others = positions.iter().enumerate().filter(|(j, _)| *j != i);
+            others.map(|(_, b)| squared(b)).fold(f64::INFINITY, f64::min).sqrt()
+        })
+        .filter(|d| d.is_finite())
+        .collect();
+    nearest.sort_by(f64::total_cmp);
+    nearest.get(nearest.len() / 2).copied().unwrap_or(0.0)
+}

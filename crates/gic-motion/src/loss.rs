@@ -1,0 +1,122 @@
+//! The loss of one picture (paper eq. 5) and its gradient with respect to the picture.
+
+use gic_metrics::{MetricError, ssim_with_gradient};
+use gic_splat::{ImageGradients, Rendered};
+
+use crate::LossWeights;
+
+/// Smallest area that picture terms are divided by, as a fraction of the window: an almost empty mask must not dominate.
+const MIN_AREA: f64 = 0.02;
+
+/// Loss of one picture.
+pub(crate) struct PictureLoss {
+    /// Weighted sum of the picture terms.
+    pub(crate) value: f64,
+    /// Sum of squared colour differences, and how many there are.
+    pub(crate) squared: (f64, usize),
+    /// d value / d picture.
+    pub(crate) gradient: ImageGradients,
+}
+
+/// Compares a rendered window with its target colour and mask; `area` is the object's area in the picture [pixels].
+pub(crate) fn picture_loss(
+    rendered: &Rendered,
+    (color, mask): (&[[f32; 3]], &[f32]),
+    (width, height): (usize, usize),
+    area: f64,
+    weights: &LossWeights,
+) -> Result<PictureLoss, MetricError> {
+    let pixels = width * height;
+    let area = area.max(MIN_AREA * pixels as f64).max(1.0);
+    let (mut absolute, mut squared, mut silhouette) = (0.0f64, 0.0f64, 0.0f64);
+    let step = (weights.color / (3.0 * area)) as f32;
+    let mut d_color: Vec<[f32; 3]> = Vec::with_capacity(pixels);
+    for (got, wanted) in rendered.color.iter().zip(color) {
+        let difference: [f32; 3] = core::array::from_fn(|c| got[c] - wanted[c]);
+        absolute += f64::from(difference.iter().map(|d| d.abs()).sum::<f32>());
+        squared += f64::from(difference.iter().map(|d| d * d).sum::<f32>());
+        d_color.push(difference.map(|d| step * sign(d)));
+    }
+    let mut value = weights.color * absolute / (3.0 * area);
+    if weights.ssim > 0.0 {
+        let (ssim, d_ssim) = ssim_with_gradient(&rendered.color, color, width, height, None)?;
+        // The metric is a mean over the window; ours is a sum over its pixels divided by the object's area.
+        let scale = weights.ssim * pixels as f64 / area;
+        value += scale * (1.0 - ssim);
+        for (d, s) in d_color.iter_mut().flatten().zip(d_ssim.iter().flatten()) {
+            *d -= scale as f32 * s;
+        }
+    }
+    let step = (weights.mask / area) as f32;
+    let mut d_alpha = Vec::with_capacity(pixels);
+    for (got, wanted) in rendered.alpha.iter().zip(mask) {
+        let difference = got - wanted;
+        silhouette += f64::from(difference.abs());
+        d_alpha.push(step * sign(difference));
+    }
+    value += weights.mask * silhouette / area;
+    let gradient = ImageGradients { color: d_color, alpha: d_alpha, depth: Vec::new() };
+    Ok(PictureLoss { value, squared: (squared, 3 * pixels), gradient })
+}
+
+/// Derivative of the absolute value; 0 at 0.
+fn sign(x: f32) -> f32 {
+    if x > 0.0 {
+        1.0
+    } else if x < 0.0 {
+        -1.0
+    } else {
+        0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn gradient_agrees_with_finite_differences() {
+        let (width, height) = (9, 7);
+        let n = width * height;
+        let wave = |i: usize, k: f32| 0.5 + 0.4 * (i as f32 * k).sin();
+        let color: Vec<[f32; 3]> = (0..n).map(|i| [wave(i, 0.31), wave(i, 0.17), wave(i, 0.23)]).collect();
+        let mask: Vec<f32> = (0..n).map(|i| wave(i, 0.41)).collect();
+        let mut rendered = Rendered {
+            color: (0..n).map(|i| [wave(i, 0.12), wave(i, 0.53), wave(i, 0.07)]).collect(),
+            alpha: (0..n).map(|i| wave(i, 0.29)).collect(),
+            depth: vec![0.0; n],
+        };
+        let weights = LossWeights { color: 0.8, ssim: 0.3, mask: 0.7, scale: 0.0 };
+        let loss = |r: &Rendered| picture_loss(r, (&color, &mask), (width, height), 20.0, &weights).unwrap();
+        let gradient = loss(&rendered).gradient;
+        // Steps that are wide for f32 but smaller than every difference, so that no absolute value is crossed.
+        let h = 1e-3f32;
+        for i in (0..n).step_by(5) {
+            for c in 0..3 {
+                let kept = rendered.color[i][c];
+                if (kept - color[i][c]).abs() < 2.0 * h {
+                    continue;
+                }
+                rendered.color[i][c] = kept + h;
+                let above = loss(&rendered).value;
+                rendered.color[i][c] = kept - h;
+                let below = loss(&rendered).value;
+                rendered.color[i][c] = kept;
+                let expected = (above - below) / (2.0 * f64::from(h));
+                let got = f64::from(gradient.color[i][c]);
+                assert!((got - expected).abs() < 2e-4 * (1.0 + expected.abs()), "{i} {c}: {got} against {expected}");
+            }
+            let kept = rendered.alpha[i];
+            if (kept - mask[i]).abs() < 2.0 * h {
+                continue;
+            }
+            rendered.alpha[i] = kept + h;
+            let above = loss(&rendered).value;
+            rendered.alpha[i] = kept - h;
+            let below = loss(&rendered).value;
+            rendered.alpha[i] = kept;
+            let expected = (above - below) / (2.0 * f64::from(h));
+            assert!((f64::from(gradient.alpha[i]) - expected).abs() < 1e-4, "alpha {i}");
+        }
+    }
+}

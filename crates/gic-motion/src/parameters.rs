@@ -1,0 +1,272 @@
+//! The canonical Gaussians in the coordinates that Adam works in, with their moments and density control.
+
+use gic_splat::{GaussianGradients, Gaussians, Shape};
+use rand::{Rng, RngExt};
+
+use crate::adam::Moments;
+use crate::{DensitySettings, LearningRates};
+
+/// Isotropic Gaussians: opacity as a logit, scale as a logarithm.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Parameters {
+    /// Centres [m].
+    pub(crate) positions: Vec<[f32; 3]>,
+    /// Logarithms of the standard deviations [ln m].
+    pub(crate) log_scales: Vec<f32>,
+    pub(crate) opacity_logits: Vec<f32>,
+    /// Degree-0 coefficients.
+    pub(crate) features: Vec<[f32; 3]>,
+    /// Coefficients of degree 1 and above, [n, (degree + 1)^2 - 1, 3].
+    pub(crate) details: Vec<[f32; 3]>,
+    /// The degree that `details` has room for.
+    pub(crate) sh_degree: usize,
+}
+
+/// Gradient with respect to [`Parameters`], same shapes.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Gradient {
+    pub(crate) positions: Vec<[f32; 3]>,
+    pub(crate) log_scales: Vec<f32>,
+    pub(crate) opacity_logits: Vec<f32>,
+    pub(crate) features: Vec<[f32; 3]>,
+    pub(crate) details: Vec<[f32; 3]>,
+}
+
+/// Coefficients beyond the first, per Gaussian.
+pub(crate) fn details_per_gaussian(sh_degree: usize) -> usize {
+    (sh_degree + 1) * (sh_degree + 1) - 1
+}
+
+pub(crate) fn logit(opacity: f64) -> f64 {
+    (opacity / (1.0 - opacity)).ln()
+}
+
+fn sigmoid(x: f32) -> f32 {
+    1.0 / (1.0 + (-x).exp())
+}
+
+impl Parameters {
+    pub(crate) fn len(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// The Gaussians to draw, displaced by `residuals` (metres, and added to the logarithm of the scale) if given.
+    pub(crate) fn gaussians(&self, residuals: Option<&[[f32; 4]]>) -> Gaussians {
+        let residual = |i: usize| residuals.map_or([0.0; 4], |r| r[i]);
+        let details = details_per_gaussian(self.sh_degree);
+        let mut sh = Vec::with_capacity(self.len() * (details + 1));
+        for i in 0..self.len() {
+            sh.push(self.features[i]);
+            sh.extend_from_slice(&self.details[i * details..(i + 1) * details]);
+        }
+        Gaussians {
+            positions: (0..self.len())
+                .map(|i| core::array::from_fn(|axis| self.positions[i][axis] + residual(i)[axis]))
+                .collect(),
+            opacities: self.opacity_logits.iter().map(|&x| sigmoid(x)).collect(),
+            shape: Shape::Isotropic {
+                scales: (0..self.len()).map(|i| (self.log_scales[i] + residual(i)[3]).exp()).collect(),
+            },
+            sh_degree: self.sh_degree,
+            sh,
+        }
+    }
+
+    /// Adds the gradient of drawn Gaussians to `gradient` and to the residuals' gradient, by the chain rule.
+    pub(crate) fn pull_back(
+        &self,
+        drawn: &Gaussians,
+        slope: &GaussianGradients,
+        gradient: &mut Gradient,
+        d_residuals: &mut [[f32; 4]],
+    ) {
+        let (Shape::Isotropic { scales }, Shape::Isotropic { scales: d_scales }) = (&drawn.shape, &slope.shape) else {
+            unreachable!("trained Gaussians are isotropic")
+        };
+        let details = details_per_gaussian(self.sh_degree);
+        for i in 0..self.len() {
+            let d_log_scale = d_scales[i] * scales[i];
+            gradient.log_scales[i] += d_log_scale;
+            d_residuals[i][3] += d_log_scale;
+            for axis in 0..3 {
+                gradient.positions[i][axis] += slope.positions[i][axis];
+                d_residuals[i][axis] += slope.positions[i][axis];
+            }
+            let opacity = drawn.opacities[i];
+            gradient.opacity_logits[i] += slope.opacities[i] * opacity * (1.0 - opacity);
+            let sh = &slope.sh[i * (details + 1)..(i + 1) * (details + 1)];
+            for c in 0..3 {
+                gradient.features[i][c] += sh[0][c];
+                for k in 0..details {
+                    gradient.details[i * details + k][c] += sh[k + 1][c];
+                }
+            }
+        }
+    }
+
+    fn select(&mut self, rows: &[usize]) {
+        let details = details_per_gaussian(self.sh_degree);
+        self.positions = rows.iter().map(|&i| self.positions[i]).collect();
+        self.log_scales = rows.iter().map(|&i| self.log_scales[i]).collect();
+        self.opacity_logits = rows.iter().map(|&i| self.opacity_logits[i]).collect();
+        self.features = rows.iter().map(|&i| self.features[i]).collect();
+        self.details = rows.iter().flat_map(|&i| &self.details[i * details..(i + 1) * details]).copied().collect();
+    }
+}
+
+impl Gradient {
+    pub(crate) fn zeros(p: &Parameters) -> Gradient {
+        Gradient {
+            positions: vec![[0.0; 3]; p.len()],
+            log_scales: vec![0.0; p.len()],
+            opacity_logits: vec![0.0; p.len()],
+            features: vec![[0.0; 3]; p.len()],
+            details: vec![[0.0; 3]; p.details.len()],
+        }
+    }
+}
+
+/// Adam's moments of every attribute.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct ParameterMoments {
+    pub(crate) positions: Moments,
+    pub(crate) log_scales: Moments,
+    pub(crate) opacity_logits: Moments,
+    pub(crate) features: Moments,
+    pub(crate) details: Moments,
+}
+
+impl ParameterMoments {
+    pub(crate) fn zeros(p: &Parameters) -> ParameterMoments {
+        ParameterMoments {
+            positions: Moments::zeros(3 * p.len()),
+            log_scales: Moments::zeros(p.len()),
+            opacity_logits: Moments::zeros(p.len()),
+            features: Moments::zeros(3 * p.len()),
+            details: Moments::zeros(3 * p.details.len()),
+        }
+    }
+
+    /// One step of Adam on every attribute; `fraction` of the training is over, `extent` is the object's size [m].
+    pub(crate) fn update(
+        &mut self,
+        p: &mut Parameters,
+        g: &Gradient,
+        rates: &LearningRates,
+        (step, fraction): (usize, f64),
+        extent: f64,
+    ) {
+        use crate::adam::decayed;
+        let rate = |ends| decayed(ends, fraction);
+        let feature = rate(rates.feature);
+        self.positions.update(
+            p.positions.as_flattened_mut(),
+            g.positions.as_flattened(),
+            rate(rates.position) * extent,
+            step,
+        );
+        self.log_scales.update(&mut p.log_scales, &g.log_scales, rate(rates.scale), step);
+        self.opacity_logits.update(&mut p.opacity_logits, &g.opacity_logits, rate(rates.opacity), step);
+        self.features.update(p.features.as_flattened_mut(), g.features.as_flattened(), feature, step);
+        self.details.update(p.details.as_flattened_mut(), g.details.as_flattened(), feature / 20.0, step);
+    }
+
+    fn select(&mut self, rows: &[Option<usize>], sh_degree: usize) {
+        self.positions.select(rows, 3);
+        self.log_scales.select(rows, 1);
+        self.opacity_logits.select(rows, 1);
+        self.features.select(rows, 3);
+        self.details.select(rows, 3 * details_per_gaussian(sh_degree));
+    }
+}
+
+/// Sums of the gradients of projected centres since the last density step.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct ScreenGradients {
+    pub(crate) sum: Vec<f32>,
+    pub(crate) views: Vec<f32>,
+}
+
+impl ScreenGradients {
+    pub(crate) fn zeros(n: usize) -> ScreenGradients {
+        ScreenGradients { sum: vec![0.0; n], views: vec![0.0; n] }
+    }
+
+    /// Adds one view, scaled to the units of the threshold.
+    pub(crate) fn add(&mut self, screen: &[f32], unit: f64) {
+        for ((sum, views), g) in self.sum.iter_mut().zip(&mut self.views).zip(screen) {
+            if *g > 0.0 {
+                *sum += unit as f32 * g;
+                *views += 1.0;
+            }
+        }
+    }
+
+    fn mean(&self, i: usize) -> f32 {
+        self.sum[i] / self.views[i].max(1.0)
+    }
+}
+
+/// How much a density step changed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct DensityChange {
+    pub(crate) cloned: usize,
+    pub(crate) split: usize,
+    pub(crate) pruned: usize,
+}
+
+/// Adds Gaussians where the projected centres are pulled hardest and removes transparent ones (3DGS, section 5.2).
+///
+/// Small Gaussians are cloned, large ones split into two, 1.6 times smaller, drawn from their own distribution. At most
+/// `room` Gaussians are added, the hardest pulled first.
+pub(crate) fn control_density(
+    p: &mut Parameters,
+    moments: &mut ParameterMoments,
+    screen: &ScreenGradients,
+    settings: &DensitySettings,
+    (extent, max_gaussians): (f64, usize),
+    rng: &mut impl Rng,
+) -> DensityChange {
+    let n = p.len();
+    let opaque = |i: usize| f64::from(sigmoid(p.opacity_logits[i])) >= settings.min_opacity;
+    let finite = |i: usize| p.positions[i].iter().all(|x| x.is_finite()) && p.log_scales[i].is_finite();
+    let mut kept: Vec<usize> = (0..n).filter(|&i| opaque(i) && finite(i)).collect();
+    let pruned = n - kept.len();
+    let mut pulled: Vec<usize> =
+        kept.iter().copied().filter(|&i| f64::from(screen.mean(i)) > settings.gradient_threshold).collect();
+    pulled.sort_by(|&a, &b| screen.mean(b).total_cmp(&screen.mean(a)).then(a.cmp(&b)));
+    pulled.truncate(max_gaussians.saturating_sub(kept.len()));
+    pulled.sort_unstable();
+    let large = |i: usize| f64::from(p.log_scales[i].exp()) > settings.split_above * extent;
+    let (split, cloned): (Vec<usize>, Vec<usize>) = pulled.into_iter().partition(|&i| large(i));
+    kept.retain(|i| split.binary_search(i).is_err());
+    let mut rows: Vec<usize> = kept.clone();
+    rows.extend(&cloned);
+    let first_half = rows.len();
+    rows.extend(split.iter().flat_map(|&i| [i, i]));
+    let history: Vec<Option<usize>> = (0..rows.len()).map(|row| kept.get(row).copied()).collect();
+    p.select(&rows);
+    moments.select(&history, p.sh_degree);
+    for i in first_half..p.len() {
+        let scale = p.log_scales[i].exp();
+        for axis in 0..3 {
+            p.positions[i][axis] += scale * normal(rng);
+        }
+        p.log_scales[i] -= 1.6f32.ln();
+    }
+    DensityChange { cloned: cloned.len(), split: split.len(), pruned }
+}
+
+/// Lowers every opacity to at most `opacity` and forgets its history, so that what is not needed can fade (3DGS).
+pub(crate) fn reset_opacity(p: &mut Parameters, moments: &mut ParameterMoments, opacity: f64) {
+    let ceiling = logit(opacity) as f32;
+    p.opacity_logits.iter_mut().for_each(|x| *x = x.min(ceiling));
+    moments.opacity_logits = Moments::zeros(p.len());
+}
+
+/// A standard normal number (Box and Muller).
+fn normal(rng: &mut impl Rng) -> f32 {
+    let u: f32 = rng.random_range(f32::MIN_POSITIVE..1.0);
+    let v: f32 = rng.random();
+    (-2.0 * u.ln()).sqrt() * (core::f32::consts::TAU * v).cos()
+}

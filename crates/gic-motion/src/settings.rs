@@ -1,0 +1,205 @@
+//! Every setting of a reconstruction, with its default.
+
+use serde::{Deserialize, Serialize};
+
+use crate::Architecture;
+
+/// How to train; lengths are relative to the object, so that one set of defaults serves every scene.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TrainSettings {
+    /// Cameras (indices into the scene's list) that are kept for measuring and never trained on.
+    pub held_out: Vec<usize>,
+    /// Steps in all, warm-up included.
+    pub steps: usize,
+    /// Steps on the first frame alone, before the network starts (all steps are such for a static scene).
+    pub warm_up_steps: usize,
+    /// Steps over which the training window grows from the first frame to the whole video after the warm-up.
+    pub growth_steps: usize,
+    /// Steps of regression that teach the network the path of the masks' centre before its first picture; 0 turns it off.
+    pub path_steps: usize,
+    /// Views rendered per step, all of the same time; the network is evaluated once for all of them.
+    pub views_per_step: usize,
+    /// How the first points are chosen.
+    pub initial: InitialPoints,
+    /// Distance between the first points, as seen in the pictures [pixels].
+    pub initial_spacing_px: f64,
+    /// Never more Gaussians than this.
+    pub max_gaussians: usize,
+    /// Degree of the spherical harmonics, 0 to 3.
+    pub sh_degree: usize,
+    /// Steps between raising the degree of the spherical harmonics by one.
+    pub sh_interval: usize,
+    /// Sizes of the motion network.
+    pub network: Architecture,
+    /// Weights of the losses.
+    pub loss: LossWeights,
+    /// Learning rates.
+    pub rates: LearningRates,
+    /// Adaptive density control.
+    pub density: DensitySettings,
+    /// Steps between evaluations on the held-out views.
+    pub evaluate_every: usize,
+    /// Evaluations without a better score (or checks without a lower mean training loss) before training stops; 0 never stops early.
+    pub patience: usize,
+    /// Seconds between checkpoints.
+    pub checkpoint_seconds: f64,
+}
+
+/// How the first points are chosen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum InitialPoints {
+    /// The scene's sparse points if it has any, else the surface of the visual hull.
+    Auto,
+    /// On the surface of the masks' visual hull.
+    Hull,
+    /// Uniformly in the object's box, the paper's way.
+    Random,
+}
+
+/// Weights of the loss terms (paper eq. 5, with the release's mask term).
+///
+/// Picture terms are sums over pixels divided by the object's area in the mask [pixels], so their size does not depend on how
+/// much of the picture the object fills.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LossWeights {
+    /// Weight of the absolute colour difference.
+    pub color: f64,
+    /// Weight of 1 - SSIM.
+    pub ssim: f64,
+    /// Weight of the absolute difference of alpha and mask.
+    pub mask: f64,
+    /// Weight of the mean scale s(t), measured in initial point spacings.
+    pub scale: f64,
+}
+
+impl Default for LossWeights {
+    fn default() -> Self {
+        LossWeights { color: 0.8, ssim: 0.2, mask: 1.0, scale: 0.01 }
+    }
+}
+
+/// Adam's learning rates. Each decays exponentially from `.0` in the first step to `.1` in the last.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LearningRates {
+    /// Positions, as a fraction of the object's size.
+    pub position: (f64, f64),
+    /// Spherical harmonics of degree 0; the higher degrees learn at a twentieth of it.
+    pub feature: (f64, f64),
+    /// Opacity logit.
+    pub opacity: (f64, f64),
+    /// Logarithm of the scale.
+    pub scale: (f64, f64),
+    /// The network's weights.
+    pub network: (f64, f64),
+}
+
+impl Default for LearningRates {
+    fn default() -> Self {
+        LearningRates {
+            position: (1.0e-3, 1.0e-5),
+            feature: (2.0e-2, 2.5e-3),
+            opacity: (5.0e-2, 1.0e-2),
+            scale: (1.0e-2, 1.0e-3),
+            network: (1.0e-3, 2.0e-5),
+        }
+    }
+}
+
+/// Adaptive density control: where more Gaussians are made, and which go.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DensitySettings {
+    /// First step at which Gaussians are added or removed.
+    pub from: usize,
+    /// Last step.
+    pub until: usize,
+    /// Steps between.
+    pub every: usize,
+    /// Mean gradient of the projected centre above which a Gaussian is cloned or split, in the units of 3DGS (loss averaged over
+    /// the picture, centre in half picture widths).
+    pub gradient_threshold: f64,
+    /// Gaussians wider than this fraction of the object are split, smaller ones cloned.
+    pub split_above: f64,
+    /// Gaussians less opaque than this are removed.
+    pub min_opacity: f64,
+    /// Steps between resets of the opacity; 0 never resets.
+    pub opacity_reset_every: usize,
+}
+
+impl Default for DensitySettings {
+    fn default() -> Self {
+        DensitySettings {
+            from: 100,
+            until: 1200,
+            every: 100,
+            gradient_threshold: 2.0e-4,
+            split_above: 0.02,
+            min_opacity: 0.02,
+            opacity_reset_every: 0,
+        }
+    }
+}
+
+impl Default for TrainSettings {
+    fn default() -> Self {
+        TrainSettings {
+            held_out: Vec::new(),
+            steps: 2000,
+            warm_up_steps: 300,
+            growth_steps: 300,
+            path_steps: 150,
+            views_per_step: 4,
+            initial: InitialPoints::Auto,
+            initial_spacing_px: 2.5,
+            max_gaussians: 12_000,
+            sh_degree: 0,
+            sh_interval: 1000,
+            network: Architecture::default(),
+            loss: LossWeights::default(),
+            rates: LearningRates::default(),
+            density: DensitySettings::default(),
+            evaluate_every: 250,
+            patience: 0,
+            checkpoint_seconds: 30.0,
+        }
+    }
+}
+
+impl TrainSettings {
+    /// The schedule that the paper prints: 40,000 steps of one picture, 3,000 of warm-up, points drawn in the object's box.
+    pub fn paper() -> Self {
+        TrainSettings {
+            steps: 40_000,
+            warm_up_steps: 3_000,
+            growth_steps: 0,
+            path_steps: 0,
+            views_per_step: 1,
+            initial: InitialPoints::Random,
+            max_gaussians: 200_000,
+            sh_degree: 3,
+            rates: LearningRates {
+                position: (1.6e-4, 1.6e-6),
+                feature: (2.5e-3, 2.5e-3),
+                opacity: (0.05, 0.05),
+                scale: (1.0e-3, 1.0e-3),
+                network: (8.0e-4, 1.6e-6),
+            },
+            density: DensitySettings {
+                from: 500,
+                until: 15_000,
+                every: 500,
+                gradient_threshold: 1.5e-4,
+                split_above: 0.01,
+                min_opacity: 0.005,
+                opacity_reset_every: 3_000,
+            },
+            loss: LossWeights { color: 1.0, ssim: 1.0, mask: 1.0, scale: 0.01 },
+            evaluate_every: 2_000,
+            ..TrainSettings::default()
+        }
+    }
+}

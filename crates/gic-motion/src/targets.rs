@@ -1,0 +1,152 @@
+//! The pictures to reproduce: the object over black inside its mask's box; all else is known to be empty.
+
+use gic_scene::{Camera, Mask, Picture, Scene, SceneError, Split, View};
+use rayon::prelude::*;
+
+/// One training or test picture.
+#[derive(Clone, Debug)]
+pub(crate) struct Target {
+    pub(crate) camera: Camera,
+    pub(crate) camera_index: usize,
+    pub(crate) frame: usize,
+    pub(crate) time: f64,
+    /// Area of the mask [pixels].
+    pub(crate) area: f64,
+    /// Mean of the mask's pixels, image coordinates [pixels].
+    pub(crate) centre: [f64; 2],
+    /// Where the mask is above zero.
+    pub(crate) bounds: Bounds,
+    /// Colour over black and coverage, 8 bits each like the pictures on disk, inside `bounds`.
+    pixels: Vec<[u8; 4]>,
+}
+
+/// Columns `x0..x1`, rows `y0..y1` of a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Bounds {
+    pub(crate) x0: usize,
+    pub(crate) y0: usize,
+    pub(crate) x1: usize,
+    pub(crate) y1: usize,
+}
+
+impl Bounds {
+    pub(crate) const EMPTY: Bounds = Bounds { x0: usize::MAX, y0: usize::MAX, x1: 0, y1: 0 };
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.x1 <= self.x0 || self.y1 <= self.y0
+    }
+
+    pub(crate) fn width(&self) -> usize {
+        self.x1.saturating_sub(self.x0)
+    }
+
+    pub(crate) fn height(&self) -> usize {
+        self.y1.saturating_sub(self.y0)
+    }
+
+    pub(crate) fn union(self, other: Bounds) -> Bounds {
+        Bounds {
+            x0: self.x0.min(other.x0),
+            y0: self.y0.min(other.y0),
+            x1: self.x1.max(other.x1),
+            y1: self.y1.max(other.y1),
+        }
+    }
+}
+
+impl Target {
+    fn new(scene: &Scene, view: &View, picture: &Picture, mask: &Mask) -> Target {
+        let mut bounds = Bounds::EMPTY;
+        let (mut area, mut sum) = (0.0f64, [0.0f64; 2]);
+        for y in 0..mask.height {
+            for x in 0..mask.width {
+                let a = f64::from(mask.at(x, y));
+                if a > 0.0 {
+                    bounds = bounds.union(Bounds { x0: x, y0: y, x1: x + 1, y1: y + 1 });
+                    area += a;
+                    sum[0] += a * (x as f64 + 0.5);
+                    sum[1] += a * (y as f64 + 0.5);
+                }
+            }
+        }
+        let byte = |v: f32| (v * 255.0).round().clamp(0.0, 255.0) as u8;
+        let mut pixels = Vec::with_capacity(bounds.width() * bounds.height());
+        if !bounds.is_empty() {
+            for y in bounds.y0..bounds.y1 {
+                for x in bounds.x0..bounds.x1 {
+                    let (a, [r, g, b]) = (mask.at(x, y), picture.at(x, y));
+                    pixels.push([byte(a * r), byte(a * g), byte(a * b), byte(a)]);
+                }
+            }
+        }
+        Target {
+            camera: scene.camera_of(view).clone(),
+            camera_index: view.camera,
+            frame: view.frame,
+            time: scene.times[view.frame],
+            area,
+            centre: sum.map(|s| s / area.max(f64::MIN_POSITIVE)),
+            bounds,
+            pixels,
+        }
+    }
+
+    /// Coverage of the pixel in column `x`, row `y`.
+    pub(crate) fn coverage(&self, x: usize, y: usize) -> f32 {
+        f32::from(self.pixel(x, y)[3]) / 255.0
+    }
+
+    /// Colour at image coordinates; `None` where the mask does not show the object.
+    pub(crate) fn color(&self, x: f64, y: f64) -> Option<[f32; 3]> {
+        if !(x >= 0.0 && y >= 0.0) {
+            return None;
+        }
+        let [r, g, b, a] = self.pixel(x as usize, y as usize);
+        (a >= 128).then(|| [r, g, b].map(|v| f32::from(v) / f32::from(a)))
+    }
+
+    /// Colour over black and coverage inside `window`, row-major.
+    pub(crate) fn crop(&self, window: Bounds) -> (Vec<[f32; 3]>, Vec<f32>) {
+        let unit = |v: u8| f32::from(v) / 255.0;
+        let pixels = (window.y0..window.y1).flat_map(|y| (window.x0..window.x1).map(move |x| self.pixel(x, y)));
+        pixels.map(|[r, g, b, a]| ([unit(r), unit(g), unit(b)], unit(a))).unzip()
+    }
+
+    fn pixel(&self, x: usize, y: usize) -> [u8; 4] {
+        let b = &self.bounds;
+        let inside = x >= b.x0 && x < b.x1 && y >= b.y0 && y < b.y1;
+        if inside { self.pixels[(y - b.y0) * b.width() + (x - b.x0)] } else { [0; 4] }
+    }
+}
+
+/// The camera whose picture is `window` of this camera's picture.
+pub(crate) fn windowed(camera: &Camera, window: Bounds) -> Camera {
+    let mut cropped = camera.clone();
+    cropped.width = window.width();
+    cropped.height = window.height();
+    cropped.principal.x -= window.x0 as f64;
+    cropped.principal.y -= window.y0 as f64;
+    cropped
+}
+
+/// Pictures to train on: everything meant for training except the held-out cameras.
+pub(crate) fn training(scene: &Scene, held_out: &[usize]) -> Result<Vec<Target>, SceneError> {
+    load(scene, scene.views.iter().filter(|v| v.split == Split::Train && !held_out.contains(&v.camera)))
+}
+
+/// Pictures to measure on: the held-out cameras, or what the format sets aside for tests.
+pub(crate) fn held_out(scene: &Scene, held_out: &[usize]) -> Result<Vec<Target>, SceneError> {
+    let wanted = |v: &&View| match held_out {
+        [] => v.split == Split::Test,
+        cameras => cameras.contains(&v.camera),
+    };
+    load(scene, scene.views.iter().filter(wanted))
+}
+
+fn load<'a>(scene: &Scene, views: impl Iterator<Item = &'a View>) -> Result<Vec<Target>, SceneError> {
+    let views: Vec<&View> = views.collect();
+    views
+        .par_iter()
+        .map(|view| scene.load(view).map(|(picture, mask)| Target::new(scene, view, &picture, &mask)))
+        .collect()
+}

@@ -1,0 +1,586 @@
+//! The training loop, static and dynamic.
+
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::Instant;
+
+use gic_scene::{Camera, Scene};
+use gic_splat::{GaussianGradients, Gaussians, RenderSettings, Shape, backward, render};
+use glam::DVec3;
+use rand::{Rng, RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+
+use crate::adam::{Moments, decayed};
+use crate::initial::{self, Ball, Points};
+use crate::loss::picture_loss;
+use crate::parameters::{
+    self, Gradient, ParameterMoments, Parameters, ScreenGradients, control_density, details_per_gaussian, logit,
+};
+use crate::targets::{self, Bounds, Target, windowed};
+use crate::{
+    Domain, DynamicGaussians, InitialPoints, Motion, MotionError, MotionNetwork, TrainSettings, ViewScore, checkpoint,
+    evaluate,
+};
+
+/// Opacity of the first Gaussians.
+const FIRST_OPACITY: f64 = 0.3;
+/// Standard deviation of the first Gaussians in units of their spacing.
+const FIRST_SCALE: f64 = 0.6;
+/// Value of the degree-0 harmonic: colour = 0.5 + this * coefficient.
+const SH0: f32 = 0.282_094_8;
+/// Points of each step of the path regression.
+const PATH_POINTS: usize = 256;
+/// Length of the network's unit, in radii of the object's ball at the first frame.
+const EXTENT_RADII: f64 = 2.0;
+/// A camera's frames need at least this many views at one time to carve a hull of that time.
+const MIN_SYNCHRONOUS: usize = 3;
+/// Weight of the newest step in the moving average of the loss.
+const AVERAGE: f64 = 0.02;
+/// Steps that this much lower a score do not count as progress [dB].
+const PROGRESS_DB: f64 = 0.02;
+
+/// What training is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// Static Gaussians on the first frame, or on all pictures of a static scene.
+    WarmUp,
+    /// Gaussians and motion together.
+    Motion,
+}
+
+/// One step of training, told to the callback.
+#[derive(Clone, Debug)]
+pub struct Progress {
+    /// What training is doing.
+    pub phase: Phase,
+    /// Steps done.
+    pub step: usize,
+    /// Steps in all.
+    pub steps: usize,
+    /// Moving average of the loss (paper eq. 5).
+    pub loss: f64,
+    /// PSNR [dB] over the windows rendered in this step.
+    pub psnr: f64,
+    /// Number of Gaussians.
+    pub gaussians: usize,
+    /// Mean scores of the held-out views, when they were just measured.
+    pub held_out: Option<ViewScore>,
+    /// Seconds since training (or its continuation) started.
+    pub seconds: f64,
+    /// Seconds left, at the present pace.
+    pub seconds_left: f64,
+}
+
+/// Everything that changes during training; what a checkpoint holds.
+#[derive(Clone, Debug)]
+pub(crate) struct State {
+    pub(crate) step: usize,
+    pub(crate) domain: Domain,
+    /// Spacing of the first points [m].
+    pub(crate) spacing: f64,
+    pub(crate) parameters: Parameters,
+    pub(crate) moments: ParameterMoments,
+    pub(crate) network: MotionNetwork<f32>,
+    pub(crate) network_moments: Moments,
+    pub(crate) network_steps: usize,
+    pub(crate) screen: ScreenGradients,
+    pub(crate) mean_loss: f64,
+    pub(crate) best: Option<Best>,
+    /// Evaluations since the best.
+    pub(crate) stale: usize,
+}
+
+/// The best state by the held-out views so far.
+#[derive(Clone, Debug)]
+pub(crate) struct Best {
+    pub(crate) psnr: f64,
+    pub(crate) parameters: Parameters,
+    pub(crate) network: Vec<f32>,
+}
+
+struct Trainer<'a> {
+    settings: &'a TrainSettings,
+    seed: u64,
+    targets: Vec<Target>,
+    held_out: Vec<Target>,
+    /// Indices into `targets` of each trained frame, in the order of time.
+    frames: Vec<Vec<usize>>,
+    is_static: bool,
+    /// The warm-up uses the first frame (several cameras see it), not all of them (one moving camera).
+    synchronous: bool,
+}
+
+/// Reconstructs a scene: trains Gaussians, and their motion if it has several times, to reproduce its pictures.
+///
+/// `callback` hears of every step and may end training; what was reached until then is returned. With a `checkpoint`
+/// folder the state is saved there from time to time, and training continues from a state found there.
+/// The same scene, settings and seed give the same result, bit by bit, whatever the number of threads.
+///
+/// # Errors
+/// Unreadable pictures, settings or checkpoints, a scene without object, or a loss that is not finite.
+pub fn train(
+    scene: &Scene,
+    settings: &TrainSettings,
+    seed: u64,
+    callback: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    checkpoint: Option<&Path>,
+) -> Result<DynamicGaussians, MotionError> {
+    check(scene, settings)?;
+    let trainer = Trainer::new(scene, settings, seed)?;
+    let resumed = match checkpoint {
+        Some(folder) => checkpoint::load(folder, settings, seed)?,
+        None => None,
+    };
+    let mut state = match resumed {
+        Some(state) => state,
+        None => trainer.start(scene)?,
+    };
+    trainer.run(&mut state, callback, checkpoint)?;
+    Ok(trainer.finish(state))
+}
+
+fn check(scene: &Scene, settings: &TrainSettings) -> Result<(), MotionError> {
+    let positive = |setting, value: f64| match value > 0.0 && value.is_finite() {
+        true => Ok(()),
+        false => Err(MotionError::Setting { setting, reason: format!("{value} must be above zero") }),
+    };
+    positive("initial_spacing_px", settings.initial_spacing_px)?;
+    positive("views_per_step", settings.views_per_step as f64)?;
+    positive("steps", settings.steps as f64)?;
+    positive("max_gaussians", settings.max_gaussians as f64)?;
+    let r = &settings.rates;
+    for (name, ends) in [
+        ("rates.position", r.position),
+        ("rates.feature", r.feature),
+        ("rates.opacity", r.opacity),
+        ("rates.scale", r.scale),
+        ("rates.network", r.network),
+    ] {
+        positive(name, ends.0)?;
+        positive(name, ends.1)?;
+    }
+    if settings.sh_degree > 3 {
+        let reason = format!("{} is above 3, the highest degree supported", settings.sh_degree);
+        return Err(MotionError::Setting { setting: "sh_degree", reason });
+    }
+    if let Some(camera) = settings.held_out.iter().find(|&&c| c >= scene.cameras.len()) {
+        let reason = format!("there is no camera {camera}; the scene's are 0 to {}", scene.cameras.len() - 1);
+        return Err(MotionError::Setting { setting: "held_out", reason });
+    }
+    Ok(())
+}
+
+impl<'a> Trainer<'a> {
+    fn new(scene: &Scene, settings: &'a TrainSettings, seed: u64) -> Result<Self, MotionError> {
+        let targets = targets::training(scene, &settings.held_out)?;
+        let held_out = match settings.evaluate_every {
+            0 => Vec::new(),
+            _ if settings.held_out.is_empty() => Vec::new(),
+            _ => targets::held_out(scene, &settings.held_out)?,
+        };
+        if targets.iter().all(|t| t.area == 0.0) {
+            let reason = match targets.is_empty() {
+                true => "every camera is held out",
+                false => "no mask shows the object; check the masks with `gic inspect`",
+            };
+            return Err(MotionError::NothingToTrain(reason.into()));
+        }
+        let mut by_frame: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+        for (i, target) in targets.iter().enumerate() {
+            by_frame.entry(target.frame).or_default().push(i);
+        }
+        let frames: Vec<Vec<usize>> = by_frame.into_values().collect();
+        let synchronous = frames[0].len() >= MIN_SYNCHRONOUS;
+        Ok(Trainer { settings, seed, targets, held_out, is_static: frames.len() == 1, frames, synchronous })
+    }
+
+    /// Random numbers of one step, so that a resumed run draws the same as an uninterrupted one.
+    fn rng(&self, step: usize) -> ChaCha8Rng {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        rng.set_stream(step as u64 + 1);
+        rng
+    }
+
+    /// The state before the first step.
+    fn start(&self, scene: &Scene) -> Result<State, MotionError> {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        let seen: Vec<&Target> = match self.synchronous {
+            true => self.frames[0].iter().map(|&i| &self.targets[i]).collect(),
+            false => self.targets.iter().collect(),
+        };
+        let Some(ball) = initial::ball(&seen) else {
+            let reason =
+                "the masks' rays do not meet: at least two views of the object are needed, in front of their cameras";
+            return Err(MotionError::NothingToTrain(reason.into()));
+        };
+        let points = self.first_points(scene, &seen, &ball, &mut rng)?;
+        let times = self.frames.iter().map(|f| self.targets[f[0]].time);
+        let (start, end) = times.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(t), b.max(t)));
+        let domain = Domain {
+            centre: ball.centre.to_array(),
+            extent: EXTENT_RADII * ball.radius,
+            start,
+            duration: if end > start { end - start } else { 1.0 },
+        };
+        let n = points.positions.len();
+        let parameters = Parameters {
+            log_scales: vec![(FIRST_SCALE * points.spacing).ln() as f32; n],
+            opacity_logits: vec![logit(FIRST_OPACITY) as f32; n],
+            features: points.colors.iter().map(|c| c.map(|v| (v - 0.5) / SH0)).collect(),
+            details: vec![[0.0; 3]; n * details_per_gaussian(self.settings.sh_degree)],
+            positions: points.positions,
+            sh_degree: self.settings.sh_degree,
+        };
+        let network = MotionNetwork::random(self.settings.network, &mut rng);
+        Ok(State {
+            step: 0,
+            domain,
+            spacing: points.spacing,
+            moments: ParameterMoments::zeros(&parameters),
+            screen: ScreenGradients::zeros(n),
+            parameters,
+            network_moments: Moments::zeros(network.parameters.len()),
+            network,
+            network_steps: 0,
+            mean_loss: f64::NAN,
+            best: None,
+            stale: 0,
+        })
+    }
+
+    fn first_points(
+        &self,
+        scene: &Scene,
+        seen: &[&Target],
+        ball: &Ball,
+        rng: &mut impl Rng,
+    ) -> Result<Points, MotionError> {
+        // A ball that looks like `area` pixels has four times that surface.
+        let area = seen.iter().map(|t| t.area).sum::<f64>() / seen.len() as f64;
+        let count = 4.0 * area / self.settings.initial_spacing_px.powi(2);
+        let count = (count as usize).clamp(100, self.settings.max_gaussians);
+        match self.settings.initial {
+            InitialPoints::Random => return Ok(initial::random(ball, count, rng)),
+            InitialPoints::Auto if !scene.points.is_empty() => {
+                let points = initial::sparse(scene, seen);
+                if points.positions.len() >= 100 {
+                    return Ok(points);
+                }
+            }
+            _ => {}
+        }
+        initial::hull_surface(seen, self.synchronous, count, rng).ok_or_else(|| {
+            let reason = "the masks have no common visual hull: a camera's pose or axes are wrong (see `gic inspect`)";
+            MotionError::NothingToTrain(reason.into())
+        })
+    }
+
+    fn run(
+        &self,
+        state: &mut State,
+        callback: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+        checkpoint: Option<&Path>,
+    ) -> Result<(), MotionError> {
+        let steps = self.settings.steps;
+        let (started, first) = (Instant::now(), state.step);
+        let mut saved = Instant::now();
+        while state.step < steps {
+            let psnr = self.step(state)?;
+            let held_out = self.judge(state)?;
+            let seconds = started.elapsed().as_secs_f64();
+            let progress = Progress {
+                phase: if self.moves(state.step - 1) { Phase::Motion } else { Phase::WarmUp },
+                step: state.step,
+                steps,
+                loss: state.mean_loss,
+                psnr,
+                gaussians: state.parameters.len(),
+                held_out,
+                seconds,
+                seconds_left: seconds / (state.step - first) as f64 * (steps - state.step) as f64,
+            };
+            let stop = callback(&progress).is_break() || self.is_stale(state);
+            if let Some(folder) = checkpoint
+                && (stop || state.step == steps || saved.elapsed().as_secs_f64() > self.settings.checkpoint_seconds)
+            {
+                checkpoint::save(folder, state, self.settings, self.seed)?;
+                saved = Instant::now();
+            }
+            if stop {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the network takes part in `step` (counted from 0).
+    fn moves(&self, step: usize) -> bool {
+        !self.is_static && step >= self.settings.warm_up_steps
+    }
+
+    /// Views of one step: of one frame, a few cameras.
+    fn draw_views(&self, step: usize, rng: &mut impl Rng) -> Vec<&Target> {
+        let all: Vec<usize>;
+        let pool = if self.moves(step) {
+            let grown = (step - self.settings.warm_up_steps + 1) as f64 / self.settings.growth_steps.max(1) as f64;
+            let frames = (grown * self.frames.len() as f64).ceil() as usize;
+            &self.frames[rng.random_range(0..frames.clamp(1, self.frames.len()))]
+        } else if self.synchronous {
+            &self.frames[0]
+        } else {
+            all = self.frames.concat();
+            &all
+        };
+        let mut pool = pool.clone();
+        let count = self.settings.views_per_step.min(pool.len());
+        for i in 0..count {
+            let j = rng.random_range(i..pool.len());
+            pool.swap(i, j);
+        }
+        pool[..count].iter().map(|&i| &self.targets[i]).collect()
+    }
+
+    /// One step of training; returns the PSNR of what it rendered.
+    fn step(&self, state: &mut State) -> Result<f64, MotionError> {
+        let mut rng = self.rng(state.step);
+        let moves = self.moves(state.step);
+        if moves && state.network_steps == 0 {
+            self.teach_path(state, &mut rng);
+        }
+        let views = self.draw_views(state.step, &mut rng);
+        let time = state.domain.normalised_time(views[0].time);
+        let deformation =
+            moves.then(|| state.network.forward(&state.domain.normalised(&state.parameters.positions), time));
+        let residuals = deformation.as_ref().map(|d| state.domain.residuals(&d.residuals));
+        let gaussians = state.parameters.gaussians(residuals.as_deref());
+        let degree = state.step / self.settings.sh_interval.max(1);
+
+        let rendered: Vec<ViewGradient> =
+            views.par_iter().map(|view| self.view_gradient(view, &gaussians, degree)).collect::<Result<_, _>>()?;
+        let mut gradient = Gradient::zeros(&state.parameters);
+        let mut d_residuals = vec![[0.0f32; 4]; gaussians.len()];
+        let (mut loss, mut squared) = (0.0, (0.0, 0));
+        for view in &rendered {
+            loss += view.loss;
+            squared = (squared.0 + view.squared.0, squared.1 + view.squared.1);
+            state.parameters.pull_back(&gaussians, &view.slope, &mut gradient, &mut d_residuals);
+            state.screen.add(&view.slope.screen, view.screen_unit);
+        }
+        loss += self.regularise_scales(state, &gaussians, rendered.len(), &mut gradient, &mut d_residuals);
+        loss /= rendered.len() as f64;
+        if !loss.is_finite() {
+            return Err(MotionError::Diverged { step: state.step });
+        }
+        state.mean_loss =
+            if state.mean_loss.is_finite() { state.mean_loss + AVERAGE * (loss - state.mean_loss) } else { loss };
+
+        let fraction = state.step as f64 / self.settings.steps as f64;
+        if let Some(deformation) = deformation {
+            self.update_network(state, &deformation, &mut d_residuals, &mut gradient, fraction);
+        }
+        let radius = state.domain.extent / EXTENT_RADII;
+        state.step += 1;
+        let (rates, when) = (&self.settings.rates, (state.step, fraction));
+        state.moments.update(&mut state.parameters, &gradient, rates, when, 2.0 * radius);
+        self.control_density(state, &mut rng);
+        Ok(-10.0 * (squared.0 / squared.1.max(1) as f64).log10())
+    }
+
+    fn update_network(
+        &self,
+        state: &mut State,
+        deformation: &crate::Deformation<f32>,
+        d_residuals: &mut [[f32; 4]],
+        gradient: &mut Gradient,
+        fraction: f64,
+    ) {
+        let extent = state.domain.extent as f32;
+        for d in d_residuals.iter_mut() {
+            d[..3].iter_mut().for_each(|x| *x *= extent);
+        }
+        let slope = state.network.backward(deformation, d_residuals);
+        for (g, d) in gradient.positions.iter_mut().flatten().zip(slope.positions.iter().flatten()) {
+            *g += d / extent;
+        }
+        state.network_steps += 1;
+        let rate = decayed(self.settings.rates.network, fraction);
+        state.network_moments.update(&mut state.network.parameters, &slope.parameters, rate, state.network_steps);
+    }
+
+    /// Loss and gradient of one view, rendered where its mask or the Gaussians are.
+    fn view_gradient(
+        &self,
+        target: &Target,
+        gaussians: &Gaussians,
+        degree: usize,
+    ) -> Result<ViewGradient, MotionError> {
+        let window = drawn_bounds(gaussians, &target.camera).union(target.bounds);
+        if window.is_empty() {
+            return Ok(ViewGradient {
+                loss: 0.0,
+                squared: (0.0, 0),
+                slope: GaussianGradients::zeros(gaussians),
+                screen_unit: 0.0,
+            });
+        }
+        let camera = windowed(&target.camera, window);
+        let settings = RenderSettings { max_sh_degree: degree, ..RenderSettings::default() };
+        let rendered = render(gaussians, &camera, &settings);
+        let (color, mask) = target.crop(window);
+        let size = (camera.width, camera.height);
+        let loss = picture_loss(&rendered, (&color, &mask), size, target.area, &self.settings.loss)?;
+        let slope = backward(gaussians, &camera, &settings, &rendered, &loss.gradient);
+        let (width, height) = (target.camera.width as f64, target.camera.height as f64);
+        // To the loss averaged over the picture, per half of its width: the units in which 3DGS states its threshold.
+        let screen_unit = target.area.max(1.0) / (width * height) * width / 2.0;
+        Ok(ViewGradient { loss: loss.value, squared: loss.squared, slope, screen_unit })
+    }
+
+    /// Adds the L1 norm of the scales (paper eq. 5's last term) for every rendered view.
+    fn regularise_scales(
+        &self,
+        state: &State,
+        gaussians: &Gaussians,
+        views: usize,
+        gradient: &mut Gradient,
+        d_residuals: &mut [[f32; 4]],
+    ) -> f64 {
+        let Shape::Isotropic { scales } = &gaussians.shape else { unreachable!("trained Gaussians are isotropic") };
+        let weight = self.settings.loss.scale * views as f64 / (gaussians.len().max(1) as f64 * state.spacing);
+        let mut sum = 0.0;
+        for (i, &scale) in scales.iter().enumerate() {
+            sum += f64::from(scale);
+            // Scales are positive, so their L1 norm is their sum; the factor is d scale / d log scale.
+            let d = weight as f32 * scale;
+            gradient.log_scales[i] += d;
+            d_residuals[i][3] += d;
+        }
+        weight * sum
+    }
+
+    fn control_density(&self, state: &mut State, rng: &mut impl Rng) {
+        let d = &self.settings.density;
+        if d.every == 0 || state.step < d.from || state.step > d.until || !state.step.is_multiple_of(d.every) {
+            return;
+        }
+        let extent = 2.0 * state.domain.extent / EXTENT_RADII;
+        let limits = (extent, self.settings.max_gaussians);
+        control_density(&mut state.parameters, &mut state.moments, &state.screen, d, limits, rng);
+        if d.opacity_reset_every > 0 && state.step.is_multiple_of(d.opacity_reset_every) {
+            parameters::reset_opacity(&mut state.parameters, &mut state.moments, 2.0 * d.min_opacity);
+        }
+        state.screen = ScreenGradients::zeros(state.parameters.len());
+    }
+
+    /// Teaches the network the path of the masks' common centre, so that the Gaussians overlap their pictures at every frame
+    /// when they are first rendered there. Needs several views of every frame.
+    fn teach_path(&self, state: &mut State, rng: &mut impl Rng) {
+        let centres: Vec<Option<DVec3>> = self
+            .frames
+            .iter()
+            .map(|frame| initial::mask_centre(frame.iter().map(|&i| &self.targets[i])).filter(|_| frame.len() >= 2))
+            .collect();
+        let Some(first) = centres[0] else { return };
+        let known: Vec<(f32, DVec3)> = centres
+            .iter()
+            .zip(&self.frames)
+            .filter_map(|(centre, frame)| {
+                let time = state.domain.normalised_time(self.targets[frame[0]].time);
+                centre.map(|c| (time, (c - first) / state.domain.extent))
+            })
+            .collect();
+        let positions = state.domain.normalised(&state.parameters.positions);
+        let rate = self.settings.rates.network.0;
+        for step in 0..self.settings.path_steps {
+            let (time, path) = known[rng.random_range(0..known.len())];
+            let sample: Vec<[f32; 3]> =
+                (0..PATH_POINTS).map(|_| positions[rng.random_range(0..positions.len())]).collect();
+            let out = state.network.forward(&sample, time);
+            let wanted = path.as_vec3().to_array();
+            let d: Vec<[f32; 4]> =
+                out.residuals.iter().map(|r| [r[0] - wanted[0], r[1] - wanted[1], r[2] - wanted[2], r[3]]).collect();
+            let slope = state.network.backward(&out, &d);
+            state.network_steps += 1;
+            // Down to a tenth at the end, so that the regression settles.
+            let rate = decayed((rate, 0.1 * rate), step as f64 / self.settings.path_steps as f64);
+            state.network_moments.update(&mut state.network.parameters, &slope.parameters, rate, state.network_steps);
+        }
+        state.network_moments = Moments::zeros(state.network.parameters.len());
+        state.network_steps = 0;
+    }
+
+    /// Measures the held-out views when it is time, and remembers the best state.
+    fn judge(&self, state: &mut State) -> Result<Option<ViewScore>, MotionError> {
+        let every = self.settings.evaluate_every;
+        let now = every > 0 && (state.step.is_multiple_of(every) || state.step == self.settings.steps);
+        if !now || self.held_out.is_empty() || (!self.is_static && !self.moves(state.step)) {
+            return Ok(None);
+        }
+        let model = self.model(&state.parameters, &state.network, state.domain);
+        let score = ViewScore::mean(&evaluate::score_targets(&self.held_out, |time| model.at(time))?);
+        if state.best.as_ref().is_none_or(|best| score.psnr > best.psnr + PROGRESS_DB) {
+            state.stale = 0;
+        } else {
+            state.stale += 1;
+        }
+        if state.best.as_ref().is_none_or(|best| score.psnr > best.psnr) {
+            let (parameters, network) = (state.parameters.clone(), state.network.parameters.clone());
+            state.best = Some(Best { psnr: score.psnr, parameters, network });
+        }
+        Ok(Some(score))
+    }
+
+    fn is_stale(&self, state: &State) -> bool {
+        self.settings.patience > 0 && state.stale >= self.settings.patience
+    }
+
+    fn finish(&self, mut state: State) -> DynamicGaussians {
+        if let Some(best) = state.best.take() {
+            state.parameters = best.parameters;
+            state.network.parameters = best.network;
+        }
+        self.model(&state.parameters, &state.network, state.domain)
+    }
+
+    fn model(&self, parameters: &Parameters, network: &MotionNetwork<f32>, domain: Domain) -> DynamicGaussians {
+        DynamicGaussians {
+            canonical: parameters.gaussians(None),
+            motion: (!self.is_static).then(|| Motion { network: network.clone(), domain }),
+        }
+    }
+}
+
+struct ViewGradient {
+    loss: f64,
+    squared: (f64, usize),
+    slope: GaussianGradients,
+    screen_unit: f64,
+}
+
+/// The pixels that Gaussians within three standard deviations can touch.
+fn drawn_bounds(gaussians: &Gaussians, camera: &Camera) -> Bounds {
+    let Shape::Isotropic { scales } = &gaussians.shape else { unreachable!("trained Gaussians are isotropic") };
+    let mut low = [f64::INFINITY; 2];
+    let mut high = [f64::NEG_INFINITY; 2];
+    for (position, &scale) in gaussians.positions.iter().zip(scales) {
+        let Some((pixel, depth)) = camera.project(DVec3::from_array(position.map(f64::from))) else { continue };
+        let reach = 3.0 * f64::from(scale) / depth * camera.focal.max_element() + 1.0;
+        if reach.is_finite() {
+            for (axis, x) in pixel.to_array().into_iter().enumerate() {
+                low[axis] = low[axis].min(x - reach);
+                high[axis] = high[axis].max(x + reach);
+            }
+        }
+    }
+    // Casting saturates, so infinities give an empty window.
+    let clamp = |x: f64, end: usize| (x.max(0.0) as usize).min(end);
+    let bounds = Bounds {
+        x0: clamp(low[0].floor(), camera.width),
+        y0: clamp(low[1].floor(), camera.height),
+        x1: clamp(high[0].ceil(), camera.width),
+        y1: clamp(high[1].ceil(), camera.height),
+    };
+    if bounds.is_empty() { Bounds::EMPTY } else { bounds }
+}
