@@ -5,6 +5,7 @@
 
 mod camera;
 mod error;
+mod hull;
 mod lens;
 mod matting;
 mod picture;
@@ -13,6 +14,7 @@ mod scene;
 
 pub use camera::Camera;
 pub use error::{Problem, SceneError, Severity};
+pub use hull::{Hull, HullSettings, HullView, SurfacePoint};
 pub use matting::difference_matte;
 pub use picture::{Mask, Picture, PixelBox};
 pub use scene::{ColouredPoint, Format, MaskSource, Masks, OpenOptions, Plane, Scene, Split, View, World};

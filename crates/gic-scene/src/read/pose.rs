@@ -29,9 +29,8 @@ pub(crate) fn from_c2w(rows: &[Vec<f64>], axes: Axes) -> Result<(DMat3, DVec3), 
 /// Refuses matrices that are no rotation: not finite, scaled, sheared or mirrored.
 pub(crate) fn check_rotation(rotation: DMat3) -> Result<(), String> {
     let deviation = rotation.transpose() * rotation - DMat3::IDENTITY;
-    let largest =
-        deviation.to_cols_array().iter().fold(0.0, |m: f64, v| if v.is_nan() { f64::NAN } else { m.max(v.abs()) });
-    if !(largest < 1e-2) {
+    // Phrased so that NaN fails.
+    if !deviation.to_cols_array().iter().all(|value| value.abs() < 1e-2) {
         return Err("the rotation is not orthonormal".into());
     }
     if rotation.determinant() < 0.0 {

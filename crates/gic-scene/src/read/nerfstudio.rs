@@ -1,0 +1,146 @@
+//! nerfstudio: `transforms.json`, with intrinsics and lens distortion for all pictures or for each.
+
+use std::path::{Path, PathBuf};
+
+use serde_json::Value;
+
+use super::pose::{self, Axes};
+use super::{Draft, DraftCamera, DraftView, Intrinsics, json};
+use crate::error::{Problem, SceneError};
+use crate::lens::Lens;
+use crate::scene::{Format, MaskSource, OpenOptions, Split, World};
+use glam::{DVec2, DVec3};
+
+pub(super) fn read(root: &Path, _: &OpenOptions) -> Result<Draft, SceneError> {
+    let list = root.join("transforms.json");
+    let all: Value = json::read(&list)?;
+    // nerfstudio's own tools turn the world so that z points up.
+    let world = World { up: Some(DVec3::Z), gravity: None, ground: None, metric: false };
+    let mut draft = Draft::new(Format::Nerfstudio, list.clone(), world);
+    let Some(frames) = all.get("frames").and_then(Value::as_array) else {
+        return Err(SceneError::Malformed { path: list, reason: "the list `frames` is missing".into() });
+    };
+    for (index, frame) in frames.iter().enumerate() {
+        let keys = Keys { frame, all: &all };
+        if let Err(problem) = draft_view(root, &list, index, &keys, &mut draft) {
+            draft.problems.push(problem);
+        }
+    }
+    Ok(draft)
+}
+
+/// Looks keys up in a frame first, then in the whole file: nerfstudio allows both places.
+struct Keys<'a> {
+    frame: &'a Value,
+    all: &'a Value,
+}
+
+impl Keys<'_> {
+    fn get(&self, key: &str) -> Option<&Value> {
+        self.frame.get(key).or_else(|| self.all.get(key))
+    }
+
+    fn number(&self, key: &str) -> Option<f64> {
+        self.get(key).and_then(Value::as_f64)
+    }
+
+    fn coefficient(&self, key: &str) -> f64 {
+        self.number(key).unwrap_or(0.0)
+    }
+}
+
+fn draft_view(root: &Path, list: &Path, index: usize, keys: &Keys, draft: &mut Draft) -> Result<(), Problem> {
+    let file = keys.frame.get("file_path").and_then(Value::as_str);
+    let name = file.map_or(format!("frame {index}"), |file| file.trim_start_matches("./").to_owned());
+    let bad =
+        |reason: &str| Problem::BadEntry { path: list.to_owned(), entry: name.clone(), reason: reason.to_owned() };
+    let no_pose = |reason: String| Problem::NoPose { path: list.to_owned(), camera: name.clone(), reason };
+    if file.is_none() {
+        return Err(bad("file_path is missing"));
+    }
+    let matrix = keys.frame.get("transform_matrix").ok_or_else(|| no_pose("transform_matrix is missing".into()))?;
+    let rows: Vec<Vec<f64>> = json::entry(matrix.clone(), list, || name.clone())?;
+    let (rotation, centre) = pose::from_c2w(&rows, Axes::OpenGl).map_err(no_pose)?;
+    let intrinsics = intrinsics_of(keys).map_err(no_pose)?;
+    let lens = lens_of(keys).map_err(|model| Problem::UnsupportedCamera {
+        path: list.to_owned(),
+        camera: name.clone(),
+        model,
+    })?;
+    let time = keys.frame.get("time").map_or(Some(0.0), Value::as_f64).filter(|time| time.is_finite());
+    let time = time.ok_or_else(|| bad("the time is not a finite number"))?;
+    let picture = root.join(&name);
+    let mask = match keys.frame.get("mask_path").and_then(Value::as_str) {
+        Some(path) => Some(MaskSource::File(root.join(path.trim_start_matches("./")))),
+        None => mask_beside(root, &name),
+    };
+    draft.views.push(DraftView { camera: draft.cameras.len(), time, split: split_of(&name), picture, mask });
+    draft.cameras.push(DraftCamera { name, intrinsics, rotation, centre, lens, background: None });
+    Ok(())
+}
+
+fn intrinsics_of(keys: &Keys) -> Result<Intrinsics, String> {
+    let size = match (keys.number("w"), keys.number("h")) {
+        (Some(w), Some(h)) if w >= 1.0 && h >= 1.0 => Some((w as usize, h as usize)),
+        (None, None) => None,
+        _ => return Err("w and h must both be given, as positive numbers".into()),
+    };
+    let Some(fx) = keys.number("fl_x") else {
+        let angle = keys.number("camera_angle_x").ok_or("neither fl_x nor camera_angle_x is given")?;
+        let possible = angle > 0.0 && angle < std::f64::consts::PI;
+        return possible.then_some(Intrinsics::HorizontalAngle(angle)).ok_or("camera_angle_x is not an angle".into());
+    };
+    let focal = DVec2::new(fx, keys.number("fl_y").unwrap_or(fx));
+    let middle = size.map(|(w, h)| DVec2::new(w as f64 / 2.0, h as f64 / 2.0));
+    let principal = match (keys.number("cx"), keys.number("cy"), middle) {
+        (Some(cx), Some(cy), _) => DVec2::new(cx, cy),
+        (_, _, Some(middle)) => middle,
+        _ => return Err("neither cx and cy nor w and h are given".into()),
+    };
+    if !(focal.x > 0.0 && focal.y > 0.0 && focal.is_finite() && principal.is_finite()) {
+        return Err("fl_x and fl_y must be positive, cx and cy finite".into());
+    }
+    Ok(Intrinsics::Pixels { focal, principal, size })
+}
+
+/// The lens, or the name of the model that is not supported.
+fn lens_of(keys: &Keys) -> Result<Option<Lens>, String> {
+    let k = |number: usize| keys.coefficient(&format!("k{number}"));
+    let model = keys.get("camera_model").and_then(Value::as_str).unwrap_or("OPENCV");
+    let lens = match model {
+        "PINHOLE" | "SIMPLE_PINHOLE" => return Ok(None),
+        "OPENCV" | "SIMPLE_RADIAL" | "RADIAL" | "FULL_OPENCV" => {
+            // nerfstudio's k4 is the r^8 coefficient of a polynomial, OpenCV's full model divides by it: only zero is clear.
+            if k(4) != 0.0 {
+                return Err(format!("{model} with k4 = {}", k(4)));
+            }
+            Lens::Perspective {
+                k: [k(1), k(2), k(3), 0.0, 0.0, 0.0],
+                p: [keys.coefficient("p1"), keys.coefficient("p2")],
+            }
+        }
+        "OPENCV_FISHEYE" => Lens::Fisheye { k: [k(1), k(2), k(3), k(4)] },
+        other => return Err(other.to_owned()),
+    };
+    Ok(lens.unless_trivial())
+}
+
+/// A mask in `masks/` under the name of the picture.
+fn mask_beside(root: &Path, picture: &str) -> Option<MaskSource> {
+    let name = Path::new(picture).file_name()?;
+    find_mask(&root.join("masks"), Path::new(name)).map(MaskSource::File)
+}
+
+/// The mask of picture `name` (relative to the picture folder) in `folder`: `name.png`, or `name` with .png added.
+pub(super) fn find_mask(folder: &Path, name: &Path) -> Option<PathBuf> {
+    let replaced = folder.join(name.with_extension("png"));
+    let mut added = folder.join(name).into_os_string();
+    added.push(".png");
+    [replaced, PathBuf::from(added), folder.join(name)].into_iter().find(|path| path.is_file())
+}
+
+/// nerfstudio marks pictures for evaluation by their names.
+fn split_of(name: &str) -> Split {
+    let stem = Path::new(name).file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
+    if stem.contains("eval") || stem.contains("test") { Split::Test } else { Split::Train }
+}
