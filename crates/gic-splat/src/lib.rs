@@ -5,6 +5,7 @@ mod projection;
 mod raster;
 mod render;
 pub mod sh;
+mod tangents;
 mod tiles;
 pub mod twin;
 
@@ -13,3 +14,4 @@ pub use render::{
     ALPHA_MAX, ALPHA_MIN, Channels, FRUSTUM_MARGIN, ImageGradients, RenderSettings, Rendered, TRANSMITTANCE_MIN,
     backward, render,
 };
+pub use tangents::{AlphaTangents, alpha_tangents};

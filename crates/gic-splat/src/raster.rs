@@ -10,16 +10,16 @@ use crate::render::{ALPHA_MAX, ALPHA_MIN, Channels, TRANSMITTANCE_MIN};
 use crate::tiles::{TILE, Tile};
 
 /// Lanes may start at any pixel of a row, so rows are longer than a tile by the widest lanes; nothing is drawn there.
-const STRIDE: usize = TILE + MAX_LANES;
+pub(crate) const STRIDE: usize = TILE + MAX_LANES;
 /// Pixels of a tile.
 pub(crate) const PIXELS: usize = TILE * TILE;
 /// After so many splats, rows whose pixels are all finished are taken out.
-const CHECK_EVERY: usize = 16;
+pub(crate) const CHECK_EVERY: usize = 16;
 /// Alpha this low is a logarithm no splat reaches: the way to leave a lane out.
-const NOWHERE: f64 = -1e30;
+pub(crate) const NOWHERE: f64 = -1e30;
 
 /// A number per pixel of a tile.
-type Plane = [f32; TILE * STRIDE];
+pub(crate) type Plane = [f32; TILE * STRIDE];
 
 /// A tile after blending; pixels row by row. What is outside the picture has transmittance 0.
 #[derive(Clone, Debug)]
@@ -72,7 +72,7 @@ fn widen(pixels: &[f32; PIXELS]) -> Plane {
     plane
 }
 
-fn narrow(plane: &Plane) -> [f32; PIXELS] {
+pub(crate) fn narrow(plane: &Plane) -> [f32; PIXELS] {
     let mut pixels = [0.0; PIXELS];
     for row in 0..TILE {
         pixels[row * TILE..(row + 1) * TILE].copy_from_slice(&plane[row * STRIDE..row * STRIDE + TILE]);
@@ -80,22 +80,31 @@ fn narrow(plane: &Plane) -> [f32; PIXELS] {
     pixels
 }
 
+/// Transmittance before anything is drawn: 1 inside the picture, 0 elsewhere.
+pub(crate) fn open_plane(inside: [usize; 2]) -> Plane {
+    let mut plane = [0.0; TILE * STRIDE];
+    for row in 0..inside[1] {
+        plane[row * STRIDE..row * STRIDE + inside[0]].fill(1.0);
+    }
+    plane
+}
+
 /// A splat seen from one tile.
-struct Local<L> {
-    rows: [usize; 2],
-    columns: [usize; 2],
+pub(crate) struct Local<L> {
+    pub(crate) rows: [usize; 2],
+    pub(crate) columns: [usize; 2],
     /// Pixel centre minus the splat's centre, of the tile's first row, and of the lanes that start in its first column.
-    dy: f32,
-    dx: L,
-    a: L,
-    b: f32,
-    c: f32,
-    log_opacity: f32,
+    pub(crate) dy: f32,
+    pub(crate) dx: L,
+    pub(crate) a: L,
+    pub(crate) b: f32,
+    pub(crate) c: f32,
+    pub(crate) log_opacity: f32,
 }
 
 impl<L: Lanes<Scalar = f32>> Local<L> {
     #[inline(always)]
-    fn new(s: &Splat, tile: &Tile) -> Local<L> {
+    pub(crate) fn new(s: &Splat, tile: &Tile) -> Local<L> {
         let inside = |range: [u32; 2], origin: u32| {
             [range[0].saturating_sub(origin) as usize, ((range[1] - origin) as usize).min(TILE)]
         };
@@ -129,10 +138,7 @@ impl<const COLOR: bool, const DEPTH: bool> Kernel for Draw<'_, COLOR, DEPTH> {
     #[inline(always)]
     fn run<L: Lanes<Scalar = f32>>(self) -> TilePixels {
         let TileInput { splats, entries, tile, inside } = self.0;
-        let mut transmittance: Plane = [0.0; TILE * STRIDE];
-        for row in 0..inside[1] {
-            transmittance[row * STRIDE..row * STRIDE + inside[0]].fill(1.0);
-        }
+        let mut transmittance = open_plane(inside);
         let mut last: Plane = [0.0; TILE * STRIDE];
         let mut color: [Plane; 3] = [[0.0; TILE * STRIDE]; 3];
         let mut depth: Plane = [0.0; TILE * STRIDE];
@@ -194,7 +200,7 @@ impl<const COLOR: bool, const DEPTH: bool> Kernel for Draw<'_, COLOR, DEPTH> {
 
 /// Closes the rows whose pixels are all finished; whether any is still open.
 #[inline(always)]
-fn close_rows<L: Lanes<Scalar = f32>>(transmittance: &Plane, open: &mut [bool; TILE]) -> bool {
+pub(crate) fn close_rows<L: Lanes<Scalar = f32>>(transmittance: &Plane, open: &mut [bool; TILE]) -> bool {
     let min = L::splat(TRANSMITTANCE_MIN);
     let mut any = false;
     for row in 0..TILE {

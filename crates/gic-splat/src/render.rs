@@ -117,7 +117,7 @@ pub struct ImageGradients {
 }
 
 /// Gaussians per task: below this, a thread is not worth waking.
-const PER_TASK: usize = 512;
+pub(crate) const PER_TASK: usize = 512;
 
 /// Draws the Gaussians as `camera` sees them (paper eq. 2).
 ///
