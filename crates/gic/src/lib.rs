@@ -3,6 +3,7 @@
 pub mod atomic;
 mod error;
 pub mod events;
+pub mod gradcheck;
 mod interrupt;
 pub mod matter;
 pub mod simulate;

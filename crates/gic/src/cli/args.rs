@@ -48,6 +48,7 @@ pub(crate) struct Global {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     Simulate(SimulateArgs),
+    Gradcheck(GradcheckArgs),
     /// Print the completion script of a shell
     ///
     /// For bash: gic completions bash > ~/.local/share/bash-completion/completions/gic
@@ -80,6 +81,40 @@ pub(crate) struct SimulateArgs {
     /// Start anew, even if the folder holds frames of another twin or other settings
     #[arg(long)]
     pub(crate) restart: bool,
+}
+
+/// Check the simulator's gradients: adjoint against finite differences in f64
+///
+/// Prints one line per parameter, density, velocity and a few positions, for a block that hits a sticky floor within 50
+/// substeps. Fails when one of them differs by more than 1e-3.
+#[derive(Debug, Args)]
+pub(crate) struct GradcheckArgs {
+    /// Only this material
+    #[arg(long, value_name = "MODEL")]
+    pub(crate) material: Option<Model>,
+}
+
+/// The material models, by the names of `twin.json`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum Model {
+    Elastic,
+    Plasticine,
+    Sand,
+    Newtonian,
+    NonNewtonian,
+}
+
+impl Model {
+    /// Its name in `twin.json`.
+    pub(crate) fn name(self) -> &'static str {
+        match self {
+            Self::Elastic => "elastic",
+            Self::Plasticine => "plasticine",
+            Self::Sand => "sand",
+            Self::Newtonian => "newtonian",
+            Self::NonNewtonian => "non-newtonian",
+        }
+    }
 }
 
 fn positive(text: &str) -> Result<usize, String> {

@@ -1,6 +1,7 @@
 //! The terminal's side: parse first, resolve once, run, report.
 
 mod args;
+mod gradcheck;
 mod progress;
 mod simulate;
 
@@ -52,6 +53,7 @@ fn run(cli: Cli) -> anyhow::Result<()> {
     let context = Context { events, interrupt };
     match cli.command {
         Command::Simulate(args) => simulate::run(&args, &context),
+        Command::Gradcheck(args) => gradcheck::run(&args, &context),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "gic", &mut script);
