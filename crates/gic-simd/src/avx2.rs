@@ -132,6 +132,10 @@ impl Vector for __m256 {
         unsafe { _mm256_set_m128(_mm_broadcast_ss(&*from.add(1)), _mm_broadcast_ss(&*from)) }
     }
     #[inline(always)]
+    unsafe fn strided_quads(from: *const f32, stride: usize) -> Self {
+        unsafe { _mm256_set_m128(_mm_loadu_ps(from.add(stride)), _mm_loadu_ps(from)) }
+    }
+    #[inline(always)]
     fn transpose([a, b, c, d]: [Self; 4]) -> [Self; 4] {
         unsafe {
             let (ab_low, ab_high) = (_mm256_unpacklo_ps(a, b), _mm256_unpackhi_ps(a, b));

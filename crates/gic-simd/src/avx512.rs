@@ -143,6 +143,15 @@ impl Vector for __m512 {
         }
     }
     #[inline(always)]
+    unsafe fn strided_quads(from: *const f32, stride: usize) -> Self {
+        unsafe {
+            let all = _mm512_castps128_ps512(_mm_loadu_ps(from));
+            let all = _mm512_insertf32x4::<1>(all, _mm_loadu_ps(from.add(stride)));
+            let all = _mm512_insertf32x4::<2>(all, _mm_loadu_ps(from.add(2 * stride)));
+            _mm512_insertf32x4::<3>(all, _mm_loadu_ps(from.add(3 * stride)))
+        }
+    }
+    #[inline(always)]
     fn transpose([a, b, c, d]: [Self; 4]) -> [Self; 4] {
         unsafe {
             let (ab_low, ab_high) = (_mm512_unpacklo_ps(a, b), _mm512_unpackhi_ps(a, b));

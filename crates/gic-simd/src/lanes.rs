@@ -43,6 +43,12 @@ pub trait Lanes: Real {
     /// `from` must be readable for 4 numbers, whatever `GROUPS` is.
     unsafe fn spread_at(from: *const Self::Scalar) -> Self;
 
+    /// Group g is the four numbers at `from + g * stride`.
+    ///
+    /// # Safety
+    /// `from + g * stride` must be readable for 4 numbers, for each group g.
+    unsafe fn strided_quads_at(from: *const Self::Scalar, stride: usize) -> Self;
+
     /// Transposes the 4x4 block of each group: element k of group g of result q is element q of group g of row k.
     ///
     /// With rows of particles (x, y, z, m), group g of result q holds (x, y, z, m) of particle `4 g + q`. Its own inverse.

@@ -130,6 +130,10 @@ impl Vector for float32x4_t {
         unsafe { vld1q_dup_f32(from) }
     }
     #[inline(always)]
+    unsafe fn strided_quads(from: *const f32, _stride: usize) -> Self {
+        unsafe { vld1q_f32(from) }
+    }
+    #[inline(always)]
     fn transpose([a, b, c, d]: [Self; 4]) -> [Self; 4] {
         unsafe {
             // (a0, c0, a1, c1), (a2, c2, a3, c3), likewise b and d; then interleave those.

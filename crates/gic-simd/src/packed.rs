@@ -41,6 +41,7 @@ pub(crate) trait Vector: Copy + Send + Sync + core::fmt::Debug + 'static {
 
     unsafe fn quad(from: *const Self::Scalar) -> Self;
     unsafe fn spread(from: *const Self::Scalar) -> Self;
+    unsafe fn strided_quads(from: *const Self::Scalar, stride: usize) -> Self;
     fn transpose(rows: [Self; 4]) -> [Self; 4];
     unsafe fn store_group_sums(rows: [Self; 4], to: *mut Self::Scalar);
     fn broadcast_fourth(self) -> Self;
@@ -214,6 +215,11 @@ impl<V: Vector> Lanes for Packed<V> {
     unsafe fn spread_at(from: *const V::Scalar) -> Self {
         // SAFETY: the caller keeps the same contract.
         Packed(unsafe { V::spread(from) })
+    }
+    #[inline(always)]
+    unsafe fn strided_quads_at(from: *const V::Scalar, stride: usize) -> Self {
+        // SAFETY: the caller keeps the same contract.
+        Packed(unsafe { V::strided_quads(from, stride) })
     }
     #[inline(always)]
     fn transpose(rows: [Self; 4]) -> [Self; 4] {

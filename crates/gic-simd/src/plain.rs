@@ -138,6 +138,11 @@ impl<T: Scalar> Vector for [T; 4] {
         [unsafe { *from }; 4]
     }
     #[inline(always)]
+    unsafe fn strided_quads(from: *const T, _stride: usize) -> Self {
+        // SAFETY: readable for four numbers, says the caller.
+        unsafe { Self::load(from) }
+    }
+    #[inline(always)]
     fn transpose(rows: [Self; 4]) -> [Self; 4] {
         [0, 1, 2, 3].map(|q| [rows[0][q], rows[1][q], rows[2][q], rows[3][q]])
     }
