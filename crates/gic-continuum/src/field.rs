@@ -25,9 +25,9 @@ impl DensityField {
     /// A field of zeros that covers the box `low`..`high` [m] with voxels of side `spacing` [m], the number of voxels along each
     /// axis being a multiple of `multiple`.
     pub fn covering(low: DVec3, high: DVec3, spacing: f64, multiple: usize) -> Result<DensityField, ContinuumError> {
-        let count = ((high - low) / spacing).max(DVec3::ONE);
-        let voxels = count.x * count.y * count.z;
-        if !(voxels <= MAX_VOXELS) {
+        let count = (high - low) / spacing;
+        let voxels = count.to_array().iter().map(|c| c.max(1.0)).product::<f64>();
+        if !(count.is_finite() && voxels <= MAX_VOXELS) {
             return Err(ContinuumError::TooManyVoxels { voxels, limit: MAX_VOXELS });
         }
         let size = count.to_array().map(|c| (c - 1e-9).ceil().max(1.0) as usize).map(|c| c.next_multiple_of(multiple));

@@ -4,12 +4,18 @@
 mod error;
 mod field;
 mod fill;
+mod informed;
+mod particles;
 mod settings;
+mod surface;
 mod unseen;
 mod view;
 
 pub use error::ContinuumError;
 pub use field::{DensityField, MAX_VOXELS};
 pub use fill::{Filling, fill};
+pub use informed::{Agreement, Appearance, agreement, calibrate, compare_with_masks, informed_gaussians};
+pub use particles::{Particles, Placement, sample_particles};
 pub use settings::{FillSettings, GroundPlane, Unseen};
+pub use surface::{SurfacePoint, TriangleMesh};
 pub use view::MaskedView;
