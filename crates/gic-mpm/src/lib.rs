@@ -2,10 +2,13 @@
 
 mod collider;
 mod contact;
+#[allow(dead_code)]
+mod eigen;
 mod error;
 mod gradient;
 mod grid;
 mod jacobian;
+#[allow(dead_code)]
 mod law;
 mod mat3;
 mod material;

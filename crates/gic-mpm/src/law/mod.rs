@@ -7,8 +7,19 @@
 //! The grid then receives the affine term `-dt * rest volume * 4/dx^2 * tau + m C`.
 
 mod elastic;
+mod hencky;
+mod newtonian;
+mod non_newtonian;
+mod plasticine;
+mod sand;
+#[cfg(test)]
+mod tests;
 
 pub(crate) use elastic::Elastic;
+pub(crate) use newtonian::Newtonian;
+pub(crate) use non_newtonian::NonNewtonian;
+pub(crate) use plasticine::Plasticine;
+pub(crate) use sand::Sand;
 
 use gic_simd::Real;
 
@@ -67,6 +78,19 @@ pub(crate) trait Law<R: Real>: Copy + Send + Sync {
     ///
     /// `tau_bar` need not be symmetric; only its symmetric part counts.
     fn update_adjoint(&self, dt: R, c: &Mat3<R>, f: &Mat3<R>, f_new_bar: &Mat3<R>, tau_bar: &Mat3<R>) -> LawAdjoint<R>;
+}
+
+/// The Kirchhoff stress [Pa] of a state as it is (F after a return map, velocity gradient C), for output.
+pub(crate) fn stress<R: Real>(law: &impl Law<R>, c: &Mat3<R>, f: &Mat3<R>) -> Mat3<R> {
+    // So short that neither the trial nor viscous flow changes anything.
+    let dt = R::splat(1e-12);
+    law.update(dt, c, f).tau
+}
+
+/// The von Mises equivalent of the Cauchy stress `tau / J` [Pa]: `sqrt(3/2) |dev tau| / J`.
+pub(crate) fn von_mises_stress(tau: &Mat3<f64>, j: f64) -> f64 {
+    let deviator = tau.add_diagonal(-tau.trace() / 3.0);
+    (1.5 * deviator.double_dot(&deviator)).sqrt() / j
 }
 
 /// `(I + dt C) F`.
