@@ -6,15 +6,18 @@
 mod camera;
 mod error;
 mod hull;
+mod inspect;
 mod lens;
 mod matting;
 mod picture;
 mod read;
 mod scene;
+mod sheet;
 
 pub use camera::Camera;
 pub use error::{Problem, SceneError, Severity};
 pub use hull::{Hull, HullSettings, HullView, SurfacePoint};
+pub use inspect::{CameraReport, GroundSource, HullReport, Inspection, inspect};
 pub use matting::difference_matte;
 pub use picture::{Mask, Picture, PixelBox};
 pub use scene::{ColouredPoint, Format, MaskSource, Masks, OpenOptions, Plane, Scene, Split, View, World};

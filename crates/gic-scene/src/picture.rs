@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use image::{DynamicImage, ImageDecoder, ImageReader};
+use image::codecs::png::PngEncoder;
+use image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageReader};
 
-use crate::error::Problem;
+use crate::error::{Problem, SceneError};
 
 /// A colour picture: straight (not premultiplied) RGB as stored on disk, sRGB-encoded, row-major from the top left.
 #[derive(Clone, Debug, PartialEq)]
@@ -70,6 +71,24 @@ impl Picture {
             }
         }
         Some(colour)
+    }
+
+    /// Writes the picture as an 8-bit PNG: to a temporary file first, so that `path` never holds half a picture.
+    ///
+    /// # Errors
+    /// [`SceneError::Io`] naming the file.
+    pub fn save_png(&self, path: &Path) -> Result<(), SceneError> {
+        let bytes: Vec<u8> = self.rgb.iter().map(|value| (value.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
+        let temporary = path.with_extension("png.part");
+        let write = || -> Result<(), std::io::Error> {
+            let mut file = std::io::BufWriter::new(std::fs::File::create(&temporary)?);
+            PngEncoder::new(&mut file)
+                .write_image(&bytes, self.width as u32, self.height as u32, ExtendedColorType::Rgb8)
+                .map_err(std::io::Error::other)?;
+            std::io::Write::flush(&mut file)?;
+            std::fs::rename(&temporary, path)
+        };
+        write().map_err(|source| SceneError::Io { path: path.to_owned(), source })
     }
 
     /// The picture over a uniform `background`: `coverage * rgb + (1 - coverage) * background`, shape [height * width, 3].

@@ -1,0 +1,481 @@
+//! What `gic inspect` reports: everything that was read, whether cameras and masks agree, and a contact sheet.
+
+use std::fmt;
+use std::path::PathBuf;
+
+use glam::{DMat3, DVec3};
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::camera::Camera;
+use crate::error::{Problem, SceneError};
+use crate::hull::{Hull, HullSettings, HullView};
+use crate::picture::{Mask, Picture};
+use crate::scene::{MaskSource, Scene, Split};
+use crate::sheet;
+
+/// Everything worth knowing about a scene before working with it. Lengths in metres where [`Inspection::metric`] says so.
+#[derive(Clone, Debug, Serialize)]
+pub struct Inspection {
+    /// The folder.
+    pub root: PathBuf,
+    /// The format, in words.
+    pub format: String,
+    /// Whether lengths are metres.
+    pub metric: bool,
+    /// Number of cameras.
+    pub camera_count: usize,
+    /// Number of pictures.
+    pub view_count: usize,
+    /// Number of distinct times.
+    pub frame_count: usize,
+    /// Time of the first and last frame [s].
+    pub time_range_s: [f64; 2],
+    /// Frames per second, where evenly spaced.
+    pub frame_rate_hz: Option<f64>,
+    /// Number of pictures for training, validation and testing.
+    pub split_counts: [usize; 3],
+    /// Where the masks come from, in words, with counts.
+    pub mask_sources: Vec<(String, usize)>,
+    /// Each camera; for moving cameras, each picture.
+    pub cameras: Vec<CameraReport>,
+    /// The visual hull; `None` when no point of space projects into all masks.
+    pub hull: Option<HullReport>,
+    /// The unit vector that points up, and whether it is a guess.
+    pub up: Option<([f64; 3], GroundSource)>,
+    /// The ground: a point [m], the unit normal, and where this comes from.
+    pub ground: Option<([f64; 3], [f64; 3], GroundSource)>,
+    /// Number of photographs of the object at rest, in a world frame of their own.
+    pub rest_views: usize,
+    /// Everything that looks wrong, worst first.
+    pub warnings: Vec<String>,
+    /// Small pictures of cameras (rows) at frames (columns) with the masks' outlines.
+    #[serde(skip)]
+    pub contact_sheet: Picture,
+}
+
+/// What was read of one camera.
+#[derive(Clone, Debug, Serialize)]
+pub struct CameraReport {
+    /// The camera's name.
+    pub name: String,
+    /// Picture size [pixels].
+    pub size: [usize; 2],
+    /// Number of pictures.
+    pub views: usize,
+    /// Mean fraction of the picture that the mask covers.
+    pub coverage: f64,
+    /// Overlap of the hull's silhouette with the mask; `None` where the hull was carved without this camera.
+    pub reprojection_iou: Option<f64>,
+}
+
+/// The visual hull at the first frame.
+#[derive(Clone, Debug, Serialize)]
+pub struct HullReport {
+    /// Lower corner of the bounding box [m].
+    pub low_m: [f64; 3],
+    /// Upper corner of the bounding box [m].
+    pub high_m: [f64; 3],
+    /// Sides of the bounding box [m].
+    pub size_m: [f64; 3],
+    /// Volume [m^3]; never less than the object's.
+    pub volume_m3: f64,
+    /// Mean overlap of the silhouettes with the masks.
+    pub mean_iou: f64,
+}
+
+/// Where knowledge about up and the ground comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GroundSource {
+    /// The format fixes it.
+    Format,
+    /// A guess: the cameras' mean up, the lowest point of the hull over the frames.
+    Guess,
+}
+
+/// Most views of a static scene or moving camera to carve with.
+const MOST_HULL_VIEWS: usize = 40;
+/// Below this overlap of silhouette and mask a camera is looked into.
+const GOOD_IOU: f64 = 0.9;
+const HULL: HullSettings = HullSettings { resolution: 96, tolerated_misses: 0 };
+const COARSE: HullSettings = HullSettings { resolution: 48, tolerated_misses: 0 };
+
+/// What is kept of a view after its pixels were looked at.
+struct Looked {
+    area: Result<f64, SceneError>,
+    mask: Option<Mask>,
+    tile: Option<Picture>,
+}
+
+/// Reads every picture and mask of a scene once, and reports.
+///
+/// # Errors
+/// [`SceneError::Invalid`] lists files that cannot be decoded and frames without any mask; empty masks of single views
+/// become warnings.
+pub fn inspect(scene: &Scene) -> Result<Inspection, SceneError> {
+    let layout = sheet::layout(scene);
+    let (hull_views, moving) = choose_hull_views(scene);
+    let ground_frames = if moving { Vec::new() } else { sheet::spread(scene.times.len(), 3) };
+    let on_sheet: Vec<usize> = layout.iter().flatten().flatten().copied().collect();
+    let looked: Vec<Looked> = (0..scene.views.len())
+        .into_par_iter()
+        .map(|index| {
+            let keep = hull_views.contains(&index) || ground_frames.contains(&scene.views[index].frame);
+            look(scene, index, on_sheet.contains(&index), keep)
+        })
+        .collect();
+    let (areas, (masks, tiles)): (Vec<_>, (Vec<_>, Vec<_>)) =
+        looked.into_iter().map(|view| (view.area, (view.mask, view.tile))).unzip();
+    let problems = scene.judge_areas(&areas);
+    if problems.iter().any(|problem| problem.severity() == crate::Severity::Error) {
+        return Err(SceneError::Invalid(problems));
+    }
+    let mut warnings: Vec<String> = Vec::new();
+
+    let views: Vec<HullView> = hull_views
+        .iter()
+        .filter_map(|&index| {
+            let mask = masks[index].as_ref().filter(|mask| mask.bounding_box().is_some())?;
+            Some(HullView { camera: scene.camera_of(&scene.views[index]), mask })
+        })
+        .collect();
+    // The object moves between the pictures of a moving camera: let a tenth of them disagree.
+    let settings = if moving { HullSettings { tolerated_misses: views.len() / 10, ..HULL } } else { HULL };
+    let hull = Hull::carve(&views, &settings);
+    let overlaps: Vec<f64> = match &hull {
+        Some(hull) => views.par_iter().map(|view| hull.reprojection_iou(view)).collect(),
+        None => vec![0.0; views.len()],
+    };
+    if !moving {
+        let names: Vec<&str> =
+            hull_views.iter().map(|&index| scene.camera_names[scene.views[index].camera].as_str()).collect();
+        warnings.extend(diagnose(&views, &names, &overlaps));
+    }
+    let up = scene.world.up.map(|up| (up, GroundSource::Format)).or_else(|| mean_up(scene));
+    let ground = find_ground(scene, &masks, &ground_frames, hull.as_ref(), up, &mut warnings);
+    warnings.extend(scene.warnings.iter().chain(&problems).map(Problem::to_string));
+
+    Ok(Inspection {
+        root: scene.root.clone(),
+        format: scene.format.to_string(),
+        metric: scene.world.metric,
+        camera_count: scene.cameras.len(),
+        view_count: scene.views.len(),
+        frame_count: scene.times.len(),
+        time_range_s: [scene.times[0], scene.times[scene.times.len() - 1]],
+        frame_rate_hz: scene.frame_rate,
+        split_counts: [Split::Train, Split::Validation, Split::Test]
+            .map(|split| scene.views.iter().filter(|view| view.split == split).count()),
+        mask_sources: count_sources(scene),
+        cameras: camera_reports(scene, &areas, &hull_views, &overlaps),
+        hull: hull.as_ref().map(|hull| hull_report(hull, &overlaps)),
+        up: up.map(|(up, source)| (up.to_array(), source)),
+        ground,
+        rest_views: scene.rest.as_ref().map_or(0, |rest| rest.views.len()),
+        warnings,
+        contact_sheet: sheet::assemble(&layout, &tiles),
+    })
+}
+
+fn look(scene: &Scene, index: usize, on_sheet: bool, keep: bool) -> Looked {
+    match scene.load(&scene.views[index]) {
+        Ok((picture, mask)) => Looked {
+            area: Ok(mask.area()),
+            tile: on_sheet.then(|| sheet::tile(&picture, &mask)),
+            mask: keep.then_some(mask),
+        },
+        Err(error) => Looked { area: Err(error), mask: None, tile: None },
+    }
+}
+
+/// Indices of the views to carve with, and whether they show a moving object at different times.
+fn choose_hull_views(scene: &Scene) -> (Vec<usize>, bool) {
+    if scene.has_fixed_cameras() {
+        return ((0..scene.views_at(0).len()).collect(), false);
+    }
+    (sheet::spread(scene.views.len(), MOST_HULL_VIEWS), !scene.is_static())
+}
+
+fn hull_report(hull: &Hull, overlaps: &[f64]) -> HullReport {
+    let (low, high) = hull.bounds();
+    HullReport {
+        low_m: low.to_array(),
+        high_m: high.to_array(),
+        size_m: (high - low).to_array(),
+        volume_m3: hull.volume(),
+        mean_iou: mean(overlaps),
+    }
+}
+
+fn camera_reports(
+    scene: &Scene,
+    areas: &[Result<f64, SceneError>],
+    hull_views: &[usize],
+    overlaps: &[f64],
+) -> Vec<CameraReport> {
+    let mut reports: Vec<CameraReport> = scene
+        .cameras
+        .iter()
+        .zip(&scene.camera_names)
+        .map(|(camera, name)| CameraReport {
+            name: name.clone(),
+            size: [camera.width, camera.height],
+            views: 0,
+            coverage: 0.0,
+            reprojection_iou: None,
+        })
+        .collect();
+    for (view, area) in scene.views.iter().zip(areas) {
+        let report = &mut reports[view.camera];
+        report.views += 1;
+        report.coverage += area.as_ref().map_or(0.0, |area| area / (report.size[0] * report.size[1]) as f64);
+    }
+    for report in &mut reports {
+        report.coverage /= report.views.max(1) as f64;
+    }
+    // Views with empty masks take no part in carving.
+    let carved = hull_views.iter().filter(|&&index| areas[index].as_ref().is_ok_and(|&area| area > 0.0));
+    for (&index, &overlap) in carved.zip(overlaps) {
+        reports[scene.views[index].camera].reprojection_iou = Some(overlap);
+    }
+    reports
+}
+
+fn count_sources(scene: &Scene) -> Vec<(String, usize)> {
+    let kind = |mask: &MaskSource| match mask {
+        MaskSource::Alpha => 0,
+        MaskSource::File(_) => 1,
+        MaskSource::OverWhite(_) => 2,
+        MaskSource::Difference => 3,
+        MaskSource::Network => 4,
+    };
+    let words = [
+        "alpha channel",
+        "mask file",
+        "picture over white",
+        "made from the empty background",
+        "made by the matting network",
+    ];
+    let counts = words
+        .iter()
+        .enumerate()
+        .map(|(i, word)| ((*word).to_owned(), scene.views.iter().filter(|view| kind(&view.mask) == i).count()));
+    counts.filter(|(_, count)| *count > 0).collect()
+}
+
+fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
+/// The mean of the cameras' up directions: people hold cameras upright.
+fn mean_up(scene: &Scene) -> Option<(DVec3, GroundSource)> {
+    let sum: DVec3 = scene.cameras.iter().map(|camera| -camera.rotation.y_axis).sum();
+    sum.try_normalize().map(|up| (up, GroundSource::Guess))
+}
+
+type Ground = ([f64; 3], [f64; 3], GroundSource);
+
+/// The format's ground, checked against the hull, or a guess: the lowest the object gets.
+fn find_ground(
+    scene: &Scene,
+    masks: &[Option<Mask>],
+    frames: &[usize],
+    first: Option<&Hull>,
+    up: Option<(DVec3, GroundSource)>,
+    warnings: &mut Vec<String>,
+) -> Option<Ground> {
+    let (up, _) = up?;
+    let first = first?;
+    if let Some(ground) = scene.world.ground {
+        let (low, high) = first.bounds();
+        let size = (high - low).max_element();
+        let depth = -first.surface().iter().map(|point| ground.height(point.position)).fold(f64::INFINITY, f64::min);
+        if depth > 0.1 * size {
+            warnings.push(format!(
+                "the object starts {depth:.3} m below the ground plane: check the ground, or the unit of length"
+            ));
+        }
+        return Some((ground.point.to_array(), ground.normal.to_array(), GroundSource::Format));
+    }
+    let mut lowest = f64::INFINITY;
+    for &frame in frames {
+        let start = scene.views.partition_point(|view| view.frame < frame);
+        let views: Vec<HullView> = scene
+            .views_at(frame)
+            .iter()
+            .enumerate()
+            .filter_map(|(offset, view)| {
+                let mask = masks[start + offset].as_ref().filter(|mask| mask.bounding_box().is_some())?;
+                Some(HullView { camera: scene.camera_of(view), mask })
+            })
+            .collect();
+        let hull = if frame == 0 { Some(first.clone()) } else { Hull::carve(&views, &COARSE) };
+        let heights = hull.iter().flat_map(Hull::points).map(|x| up.dot(x)).fold(f64::INFINITY, f64::min);
+        lowest = lowest.min(heights);
+    }
+    let (low, high) = first.bounds();
+    let middle = (low + high) / 2.0;
+    let point = middle + up * (lowest - up.dot(middle));
+    lowest.is_finite().then(|| (point.to_array(), up.to_array(), GroundSource::Guess))
+}
+
+/// Warnings about cameras that do not agree: all of them flipped in one way, one of them wrong, one mask too large.
+fn diagnose(views: &[HullView], names: &[&str], overlaps: &[f64]) -> Vec<String> {
+    let worst = overlaps.iter().copied().fold(1.0, f64::min);
+    if worst >= GOOD_IOU || views.len() < 2 {
+        return Vec::new();
+    }
+    let now = mean(overlaps);
+    // All cameras misread in one way?
+    let mistakes: [(&str, fn(&Camera) -> Camera); 3] = [
+        ("negate the 2nd and 3rd column of the camera-to-world matrices (OpenGL against OpenCV axes)", flip_yz),
+        ("the matrices are world-to-camera: invert them", invert),
+        ("the pictures are upside down, or the 2nd column of the matrices is negated", flip_y),
+    ];
+    let tried = mistakes.map(|(advice, repair)| {
+        let cameras: Vec<Camera> = views.iter().map(|view| repair(view.camera)).collect();
+        let repaired: Vec<HullView> =
+            cameras.iter().zip(views).map(|(camera, view)| HullView { camera, mask: view.mask }).collect();
+        (mean_overlap(&repaired), advice)
+    });
+    let best = tried.into_iter().fold((0.0, ""), |best, tried| if tried.0 > best.0 { tried } else { best });
+    if best.0 > GOOD_IOU - 0.05 && best.0 > now + 0.05 {
+        return vec![format!(
+            "the cameras' axes look flipped: silhouettes and masks overlap by {now:.2}, but by {:.2} after this change: {}",
+            best.0, best.1
+        )];
+    }
+    // One camera wrong? Without it, the others agree.
+    if views.len() >= 4 {
+        let without: Vec<f64> = (0..views.len())
+            .into_par_iter()
+            .map(|index| {
+                let others: Vec<HullView> =
+                    views.iter().enumerate().filter(|(i, _)| *i != index).map(|(_, view)| *view).collect();
+                mean_overlap(&others)
+            })
+            .collect();
+        let outlier = (0..views.len()).max_by(|&a, &b| without[a].total_cmp(&without[b])).unwrap_or(0);
+        if without[outlier] > now + 0.03 && without[outlier] > GOOD_IOU - 0.05 {
+            return vec![format!(
+                "camera {} disagrees with the others: without it, silhouettes and masks overlap by {:.2} instead of {now:.2}; \
+                 check its pose (a flipped axis?) and its masks",
+                names[outlier], without[outlier]
+            )];
+        }
+    }
+    let low = names.iter().zip(overlaps).filter(|(_, overlap)| **overlap < GOOD_IOU);
+    let listed: Vec<String> = low.map(|(name, overlap)| format!("{name} ({overlap:.2})")).collect();
+    vec![format!(
+        "the hull's silhouettes and the masks overlap poorly for {} of {} cameras: {}; check poses, intrinsics and masks",
+        listed.len(),
+        views.len(),
+        listed.join(", ")
+    )]
+}
+
+/// Mean overlap of silhouettes and masks of a coarse hull; 0 when nothing remains.
+fn mean_overlap(views: &[HullView]) -> f64 {
+    let Some(hull) = Hull::carve(views, &COARSE) else { return 0.0 };
+    mean(&views.par_iter().map(|view| hull.reprojection_iou(view)).collect::<Vec<f64>>())
+}
+
+fn flip_yz(camera: &Camera) -> Camera {
+    Camera { rotation: camera.rotation * DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0)), ..camera.clone() }
+}
+
+fn flip_y(camera: &Camera) -> Camera {
+    Camera { rotation: camera.rotation * DMat3::from_diagonal(DVec3::new(1.0, -1.0, 1.0)), ..camera.clone() }
+}
+
+/// The camera if its OpenGL camera-to-world matrix was in truth world-to-camera.
+fn invert(camera: &Camera) -> Camera {
+    let axes = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
+    let to_camera = (camera.rotation * axes).transpose();
+    Camera { rotation: to_camera * axes, centre: -(to_camera * camera.centre), ..camera.clone() }
+}
+
+impl fmt::Display for Inspection {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let unit = if self.metric { "m" } else { "units" };
+        writeln!(f, "{}", self.root.display())?;
+        writeln!(f, "  format      {}", self.format)?;
+        let rate = self.frame_rate_hz.map_or(String::new(), |rate| format!(", {rate:.2} frames/s"));
+        writeln!(
+            f,
+            "  content     {} cameras, {} frames ({:.3} to {:.3} s{rate}), {} pictures",
+            self.camera_count, self.frame_count, self.time_range_s[0], self.time_range_s[1], self.view_count
+        )?;
+        let [train, validation, test] = self.split_counts;
+        if validation + test > 0 {
+            writeln!(f, "  splits      {train} train, {validation} validation, {test} test")?;
+        }
+        if self.rest_views > 0 {
+            writeln!(f, "  at rest     {} photographs, in a world frame of their own", self.rest_views)?;
+        }
+        let sources: Vec<String> = self.mask_sources.iter().map(|(word, count)| format!("{word} ({count})")).collect();
+        writeln!(f, "  masks       {}", sources.join(", "))?;
+        if let Some((up, source)) = self.up {
+            writeln!(f, "  up          {}{}", vector(up), guess(source))?;
+        }
+        if let Some((point, normal, source)) = self.ground {
+            writeln!(f, "  ground      through {} {unit}, normal {}{}", vector(point), vector(normal), guess(source))?;
+        }
+        match &self.hull {
+            Some(hull) => {
+                writeln!(f, "  hull        {} to {} {unit}", vector(hull.low_m), vector(hull.high_m))?;
+                writeln!(
+                    f,
+                    "              size {} {unit}, volume {:.3e} {unit}^3, overlap with the masks {:.3}",
+                    vector(hull.size_m),
+                    hull.volume_m3,
+                    hull.mean_iou
+                )?;
+            }
+            None => writeln!(f, "  hull        none: no point of space projects into all masks")?,
+        }
+        self.write_cameras(f)?;
+        for warning in &self.warnings {
+            writeln!(f, "  warning: {warning}")?;
+        }
+        Ok(())
+    }
+}
+
+impl Inspection {
+    /// One line a camera; one line in all for moving cameras.
+    fn write_cameras(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        const MOST_LINES: usize = 24;
+        if self.cameras.len() > MOST_LINES {
+            let coverage = mean(&self.cameras.iter().map(|camera| camera.coverage).collect::<Vec<_>>());
+            let sizes = self.cameras.iter().map(|camera| camera.size);
+            let (least, most) = (sizes.clone().min().unwrap_or_default(), sizes.max().unwrap_or_default());
+            let size = if least == most { pixels(least) } else { format!("{} to {}", pixels(least), pixels(most)) };
+            return writeln!(f, "  cameras     {size}, masks cover {:.1} % on average", 100.0 * coverage);
+        }
+        writeln!(f, "  camera      pixels     pictures  covered  overlap with the hull")?;
+        for camera in &self.cameras {
+            let overlap = camera.reprojection_iou.map_or("-".to_owned(), |overlap| format!("{overlap:.3}"));
+            let (name, size) = (&camera.name, pixels(camera.size));
+            writeln!(f, "  {name:<10}  {size:<9}  {:>8}  {:>5.1} %  {overlap}", camera.views, 100.0 * camera.coverage)?;
+        }
+        Ok(())
+    }
+}
+
+fn pixels(size: [usize; 2]) -> String {
+    format!("{}x{}", size[0], size[1])
+}
+
+fn vector(v: [f64; 3]) -> String {
+    // Adding zero turns -0 into 0.
+    format!("({:.3}, {:.3}, {:.3})", v[0] + 0.0, v[1] + 0.0, v[2] + 0.0)
+}
+
+fn guess(source: GroundSource) -> &'static str {
+    match source {
+        GroundSource::Format => "",
+        GroundSource::Guess => " (a guess)",
+    }
+}

@@ -1,0 +1,108 @@
+//! Matting against the empty background: overlap with the true masks of the measured scenes (next to the repository,
+//! `../shared`; skipped visibly without them), and what it must not be fooled by.
+
+use std::path::Path;
+
+use gic_scene::{Mask, Masks, OpenOptions, Picture, Scene, difference_matte};
+
+/// Intersection over union where coverage reaches one half.
+fn iou(a: &Mask, b: &Mask) -> f64 {
+    let pairs = a.coverage.iter().zip(&b.coverage).map(|(&a, &b)| (a >= 0.5, b >= 0.5));
+    let (both, either) = pairs.fold((0_u32, 0_u32), |(i, u), (a, b)| (i + u32::from(a && b), u + u32::from(a || b)));
+    f64::from(both) / f64::from(either.max(1))
+}
+
+/// Overlap of the made masks with the true ones: the mean over all views, and the worst view.
+fn measure(scene: &Path, every: usize) -> (f64, f64) {
+    let truth = Scene::open(scene).unwrap_or_else(|error| panic!("{error}"));
+    let options = OpenOptions { masks: Masks::Difference, ..OpenOptions::default() };
+    let made = Scene::open_with(scene, &options).unwrap_or_else(|error| panic!("{error}"));
+    let pick = |scene: &Scene| scene.views.iter().step_by(every).cloned().collect::<Vec<_>>();
+    let (truth, made) = (truth.load_masks(&pick(&truth)).expect("true"), made.load_masks(&pick(&made)).expect("made"));
+    let overlaps: Vec<f64> = truth.iter().zip(&made).map(|(truth, made)| iou(truth, made)).collect();
+    (overlaps.iter().sum::<f64>() / overlaps.len() as f64, overlaps.iter().copied().fold(1.0, f64::min))
+}
+
+fn scenes() -> Vec<std::path::PathBuf> {
+    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/scenes"));
+    let Ok(entries) = std::fs::read_dir(folder) else {
+        println!("SKIPPED: {} is not there", folder.display());
+        return Vec::new();
+    };
+    let mut scenes: Vec<_> = entries.flatten().map(|entry| entry.path()).collect();
+    scenes.sort();
+    scenes
+}
+
+#[test]
+fn masks_overlap_the_true_ones() {
+    for scene in scenes() {
+        let (mean, worst) = measure(&scene, 17);
+        println!("{}: mean {mean:.4}, worst {worst:.4}", scene.display());
+        assert!(mean >= 0.97, "{}: {mean}", scene.display());
+    }
+}
+
+/// All 154 views of all scenes: `cargo test -p gic-scene --test matting -- --ignored --nocapture`.
+#[test]
+#[ignore = "the long version of masks_overlap_the_true_ones"]
+fn masks_of_all_views_overlap_the_true_ones() {
+    for scene in scenes() {
+        let (mean, worst) = measure(&scene, 1);
+        println!("{}: mean {mean:.4}, worst {worst:.4}", scene.file_name().expect("a name").display());
+        assert!(mean >= 0.97, "{}: {mean}", scene.display());
+    }
+}
+
+/// A grey floor with a slight gradient, and what `paint(x, y, floor)` makes of it.
+fn picture(paint: impl Fn(usize, usize, [f32; 3]) -> [f32; 3]) -> Picture {
+    let (width, height) = (64, 48);
+    let rgb = (0..width * height)
+        .flat_map(|i| {
+            let (x, y) = (i % width, i / width);
+            paint(x, y, [0.55 + 0.002 * x as f32, 0.6, 0.5 + 0.002 * y as f32])
+        })
+        .collect();
+    Picture { width, height, rgb }
+}
+
+/// Fraction of a disc's pixels at (x, y) within `radius` of (cx, cy), softened over one pixel.
+fn disc(x: usize, y: usize, cx: f32, cy: f32, radius: f32) -> f32 {
+    (radius + 0.5 - (x as f32 + 0.5 - cx).hypot(y as f32 + 0.5 - cy)).clamp(0.0, 1.0)
+}
+
+#[test]
+fn a_soft_shadow_and_a_speck_are_not_the_object() {
+    let empty = picture(|_, _, floor| floor);
+    let object = |x, y| disc(x, y, 24.0, 20.0, 9.0);
+    let full = picture(|x, y, floor| {
+        let shadow = 1.0 - 0.5 * (1.0 - ((x as f32 - 40.0) / 14.0).hypot((y as f32 - 30.0) / 8.0)).max(0.0);
+        let a = object(x, y);
+        let speck = x == 60 && y == 3;
+        let colour = [0.8, 0.2, 0.1];
+        std::array::from_fn(|c| if speck { 0.0 } else { a * colour[c] + (1.0 - a) * shadow * floor[c] })
+    });
+    let mask = difference_matte(&full, &empty);
+    let worst = (0..48 * 64).map(|i| (mask.coverage[i] - object(i % 64, i / 64)).abs()).fold(0.0, f32::max);
+    // A tenth of a pixel: the shade just outside the outline stands in for the shade under it.
+    assert!(worst < 0.1, "coverage is wrong by {worst}");
+}
+
+#[test]
+fn a_grey_patch_inside_is_filled_and_an_opening_stays_open() {
+    let empty = picture(|_, _, floor| floor);
+    let full = picture(|x, y, floor| {
+        let opening = disc(x, y, 24.0, 24.0, 4.0) > 0.5;
+        let patch = (34..36).contains(&x) && (24..26).contains(&y);
+        if disc(x, y, 24.0, 24.0, 16.0) > 0.5 && !opening && !patch { [0.1, 0.3, 0.7] } else { floor }
+    });
+    let mask = difference_matte(&full, &empty);
+    assert!(mask.at(34, 24) > 0.5 && mask.at(35, 25) > 0.5, "the patch belongs to the object");
+    assert!(mask.at(24, 24) < 0.1, "the opening shows the floor");
+}
+
+#[test]
+fn an_unchanged_picture_has_no_object() {
+    let empty = picture(|_, _, floor| floor);
+    assert_eq!(difference_matte(&empty, &empty).area(), 0.0);
+}
