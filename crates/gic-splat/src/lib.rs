@@ -1,6 +1,7 @@
 //! Differentiable Gaussian splatting on CPUs: colour, alpha and depth in one pass, forward and backward (paper eq. 2).
 
 mod gaussians;
+mod ply;
 mod projection;
 mod raster;
 mod render;
@@ -10,6 +11,7 @@ mod tiles;
 pub mod twin;
 
 pub use gaussians::{GaussianGradients, Gaussians, GaussiansError, Shape};
+pub use ply::{Imported, PlyError, read_ply, write_ply};
 pub use render::{
     ALPHA_MAX, ALPHA_MIN, Channels, FRUSTUM_MARGIN, ImageGradients, RenderSettings, Rendered, TRANSMITTANCE_MIN,
     backward, render,

@@ -63,6 +63,9 @@ struct Sym2 {
 /// A Gaussian with a wider projected standard deviation than this [pixels] is not drawn: f32 pixels could not follow it.
 const EXTENT_MAX: f64 = 1e6;
 
+/// Colours and depths [m] beyond this are taken for damage: sums of them and their gradients would leave f32.
+const VALUE_MAX: f64 = 1e9;
+
 impl Sym2 {
     fn determinant(self) -> f64 {
         self.xx * self.yy - self.xy * self.xy
@@ -156,7 +159,7 @@ pub(crate) enum Outcome {
     Drawn(Splat),
     /// It is out of sight.
     Hidden,
-    /// An attribute is not finite, or a scale or opacity negative.
+    /// An attribute is not finite, or a scale or opacity negative, or colour or depth beyond all reason.
     Rejected,
 }
 
@@ -246,16 +249,18 @@ impl<'a> View<'a> {
         if columns[0] >= columns[1] || rows[0] >= rows[1] {
             return Outcome::Hidden;
         }
-        let color = if self.with_color { self.color(gaussians, i).0 } else { DVec3::ZERO };
+        // The sum, not the colour: a clamp would hide an infinite coefficient.
+        let sum = if self.with_color { self.color_sum(gaussians, i).0 } else { DVec3::ZERO };
         let depth = g.p.z as f32;
-        if !(color.is_finite() && depth.is_finite()) {
+        let reasonable = sum.abs().max_element() < VALUE_MAX && sum.is_finite() && f64::from(depth) < VALUE_MAX;
+        if !reasonable {
             return Outcome::Rejected;
         }
         Outcome::Drawn(Splat {
             mean: mean.as_vec2().to_array(),
             quadratic: [-0.5 * g.conic.xx, -g.conic.xy, -0.5 * g.conic.yy].map(|v| v as f32),
             log_opacity: opacity.ln() as f32,
-            color: color.as_vec3().to_array(),
+            color: sum.max(DVec3::ZERO).as_vec3().to_array(),
             depth,
             columns,
             rows,
@@ -389,8 +394,8 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Colour towards the camera, max(0, 0.5 + sum_k sh_k Y_k), with the direction, its length and the sum.
-    fn color(&self, gaussians: &Gaussians, i: usize) -> (DVec3, DVec3, f64, DVec3) {
+    /// 0.5 + sum_k sh_k Y_k, whose part above 0 is the colour towards the camera; with the direction and its length.
+    fn color_sum(&self, gaussians: &Gaussians, i: usize) -> (DVec3, DVec3, f64) {
         let offset = Self::position(gaussians, i) - self.camera.centre;
         let distance = offset.length();
         let direction = offset / distance;
@@ -401,14 +406,12 @@ impl<'a> View<'a> {
             .iter()
             .zip(&basis)
             .fold(DVec3::splat(0.5), |sum, (c, y)| sum + DVec3::from_array(c.map(f64::from)) * *y);
-        // `max` would turn a NaN into 0 in silence; the comparison lets it through to the caller's check.
-        let clamped = DVec3::from_array(sum.to_array().map(|c| if c < 0.0 { 0.0 } else { c }));
-        (clamped, direction, distance, sum)
+        (sum, direction, distance)
     }
 
     /// Returns the gradient with respect to the position.
     fn color_backward(&self, gaussians: &Gaussians, i: usize, d_color: DVec3, d_sh: &mut [[f32; 3]]) -> DVec3 {
-        let (_, direction, distance, sum) = self.color(gaussians, i);
+        let (sum, direction, distance) = self.color_sum(gaussians, i);
         let d_sum = DVec3::from_array(std::array::from_fn(|c| if sum[c] > 0.0 { d_color[c] } else { 0.0 }));
         let basis = sh::basis(self.sh_degree, direction.to_array());
         let used = (self.sh_degree + 1).pow(2);

@@ -88,7 +88,7 @@ pub struct Rendered {
     pub alpha: Vec<f32>,
     /// Accumulated depth D(u) = sum T alpha d (not divided by alpha) [m], shape [height * width]; empty if not asked for.
     pub depth: Vec<f32>,
-    /// Gaussians that were left out because an attribute was not finite (or a scale or opacity negative). Such a Gaussian
+    /// Gaussians that were left out because an attribute was not finite, a scale or opacity negative, or colour or depth [m] beyond 1e9. Such a Gaussian
     /// gets a zero gradient; [`Gaussians::validate`] names it.
     pub rejected: usize,
     /// What [`backward`] reads again.
@@ -295,10 +295,18 @@ fn attributes_backward(
     for (k, splat) in splats.iter().enumerate() {
         splat_of[splat.index as usize] = k as u32;
     }
+    // Front to back, the splats' entries lie one after the other in every tile; in any other order, each is a cache miss.
+    let sums: Vec<SplatGradient> = (0..splats.len())
+        .into_par_iter()
+        .with_min_len(PER_TASK)
+        .map(|k| {
+            let [first, last] = [k, k + 1].map(|k| tiles.slot_starts[k] as usize);
+            sum_entries(entries, &tiles.slots[first..last])
+        })
+        .collect();
     let one = |k: u32, sh: &mut [[f32; 3]]| -> AttributeGradient {
         let Some(splat) = splats.get(k as usize) else { return AttributeGradient::default() };
-        let slots = &tiles.slots[tiles.slot_starts[k as usize] as usize..tiles.slot_starts[k as usize + 1] as usize];
-        view.project_backward(gaussians, splat, &sum_entries(entries, slots), sh)
+        view.project_backward(gaussians, splat, &sums[k as usize], sh)
     };
     let attributes: Vec<AttributeGradient> = if out.sh.is_empty() {
         splat_of.par_iter().with_min_len(PER_TASK).map(|&k| one(k, &mut [])).collect()
