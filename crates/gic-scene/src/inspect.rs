@@ -320,6 +320,9 @@ fn find_ground(
     lowest.is_finite().then(|| (point.to_array(), up.to_array(), GroundSource::Guess))
 }
 
+/// What undoes a common mistake in reading a camera.
+type Repair = fn(&Camera) -> Camera;
+
 /// Warnings about cameras that do not agree: all of them flipped in one way, one of them wrong, one mask too large.
 fn diagnose(views: &[HullView], names: &[&str], overlaps: &[f64]) -> Vec<String> {
     let worst = overlaps.iter().copied().fold(1.0, f64::min);
@@ -328,7 +331,7 @@ fn diagnose(views: &[HullView], names: &[&str], overlaps: &[f64]) -> Vec<String>
     }
     let now = mean(overlaps);
     // All cameras misread in one way?
-    let mistakes: [(&str, fn(&Camera) -> Camera); 3] = [
+    let mistakes: [(&str, Repair); 3] = [
         ("negate the 2nd and 3rd column of the camera-to-world matrices (OpenGL against OpenCV axes)", flip_yz),
         ("the matrices are world-to-camera: invert them", invert),
         ("the pictures are upside down, or the 2nd column of the matrices is negated", flip_y),

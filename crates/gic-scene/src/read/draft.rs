@@ -82,6 +82,8 @@ const SAME_TIME: f64 = 1e-6;
 /// Checks files and sizes, sorts, and builds the scene; lists every problem at once.
 pub(crate) fn finish(mut draft: Draft, root: &Path, options: &OpenOptions) -> Result<Scene, SceneError> {
     let mut problems = std::mem::take(&mut draft.problems);
+    // Entries that the reader refused are problems already; that they are missing afterwards is none of its own.
+    let complete = problems.is_empty();
     let headers: Vec<Option<Header>> = {
         let found: Vec<Result<Header, Problem>> =
             draft.views.par_iter().map(|view| header(&view.picture, &draft.list)).collect();
@@ -103,7 +105,7 @@ pub(crate) fn finish(mut draft: Draft, root: &Path, options: &OpenOptions) -> Re
         }
         return Err(SceneError::Invalid(problems));
     }
-    check_coverage(&draft, &frames, times.len(), &mut problems);
+    check_coverage(&draft, &frames, times.len(), complete, &mut problems);
 
     let mut views: Vec<View> = draft
         .views
@@ -300,10 +302,10 @@ fn number_frames(views: &[DraftView]) -> (Vec<f64>, Vec<usize>) {
 }
 
 /// One camera position only, pictures listed twice, cameras that lack frames.
-fn check_coverage(draft: &Draft, frames: &[usize], frame_count: usize, problems: &mut Vec<Problem>) {
+fn check_coverage(draft: &Draft, frames: &[usize], frame_count: usize, complete: bool, problems: &mut Vec<Problem>) {
     let first = &draft.cameras[0];
     let moved = |camera: &DraftCamera| (camera.centre - first.centre).length() > 1e-9;
-    if !draft.cameras.iter().any(moved) {
+    if complete && !draft.cameras.iter().any(moved) {
         problems.push(Problem::OneCamera { path: draft.list.clone() });
     }
     let mut seen: BTreeMap<(usize, usize), &Path> = BTreeMap::new();
@@ -313,7 +315,7 @@ fn check_coverage(draft: &Draft, frames: &[usize], frame_count: usize, problems:
         }
     }
     let synchronised = draft.cameras.len() < draft.views.len();
-    if synchronised {
+    if complete && synchronised {
         for frame in 0..frame_count {
             for (camera, draft_camera) in draft.cameras.iter().enumerate() {
                 if !seen.contains_key(&(camera, frame)) {
