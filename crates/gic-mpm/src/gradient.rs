@@ -5,6 +5,7 @@
 //! stride grows as the memory budget fills. The reverse pass recomputes the states at the segments' starts from a checkpoint, then
 //! each segment in full.
 
+use gic_simd::Scalar;
 use glam::DVec3;
 
 use crate::World;
@@ -54,7 +55,17 @@ pub fn gradient(
     world: &World,
     options: &Options,
     frames: usize,
-    loss: impl FnMut(&Frame) -> Option<Vec<DVec3>>,
+    mut loss: impl FnMut(&Frame) -> Option<Vec<DVec3>>,
+) -> Result<Gradient, SimulationError> {
+    gradient_of(world, options, frames, &mut loss)
+}
+
+/// Not generic over the loss, so that the engines are compiled here and not again in every crate that has one.
+fn gradient_of(
+    world: &World,
+    options: &Options,
+    frames: usize,
+    loss: &mut dyn FnMut(&Frame) -> Option<Vec<DVec3>>,
 ) -> Result<Gradient, SimulationError> {
     let scene = Scene::new(world, options.rules)?;
     with_engine!(options, engine => {
@@ -70,7 +81,7 @@ struct Checkpoints<R> {
     states: Vec<State<R>>,
 }
 
-impl<R: crate::grid::Plain> Checkpoints<R> {
+impl<R: Scalar> Checkpoints<R> {
     /// Offers the state at the start of a segment; segments come in order, or start over at an earlier one.
     fn offer(&mut self, segment: usize, state: &State<R>) {
         if !segment.is_multiple_of(self.stride) {
@@ -129,8 +140,9 @@ impl<'a, E: Engine> Reverse<'a, E> {
                 reverse.rollout.frame(0, &state, None)
             } else {
                 let (done, checkpoints) = (reverse.segments.len(), &mut reverse.checkpoints);
-                let advanced =
-                    reverse.rollout.advance_frame(&mut state, index, |i, state| checkpoints.offer(done + i, state))?;
+                let advanced = reverse
+                    .rollout
+                    .advance_frame(&mut state, index, &mut |i, state| checkpoints.offer(done + i, state))?;
                 reverse.segments.extend(&advanced.segments);
                 let held = reverse.checkpoints.states.len() + reverse.checkpoints.stride;
                 if held > most {
@@ -209,7 +221,7 @@ fn checked(bars: Option<Vec<DVec3>>, frame: usize, particles: usize) -> Result<O
 }
 
 /// From the adjoint of the initial state to the derivatives with respect to what a body starts with.
-fn body_gradient<R: crate::grid::Plain>(body: &SceneBody, bars: &BodyBars, adjoint: &State<R>) -> BodyGradient {
+fn body_gradient<R: Scalar>(body: &SceneBody, bars: &BodyBars, adjoint: &State<R>) -> BodyGradient {
     let spin = body.angular_velocity;
     let (mut velocity, mut angular_velocity) = (DVec3::ZERO, DVec3::ZERO);
     let mut positions = Vec::with_capacity(body.positions.len());

@@ -3,15 +3,10 @@
 //! A node holds four numbers: momentum (later velocity) and mass. The z index runs fastest. In a substep, where the mass m of a
 //! node exceeds the gate, v = p / m + dt g, then each obstacle that contains the node acts in turn; elsewhere v = 0.
 
-use gic_simd::Real;
+use gic_simd::Scalar;
 use glam::{DVec3, IVec3};
 
 use crate::collider::{PosedCollider, Touch};
-
-/// A plain number, one at a time.
-pub(crate) trait Plain: Real<Mask = bool> {}
-impl Plain for f32 {}
-impl Plain for f64 {}
 
 /// Momentum [kg m/s] or velocity [m/s], and mass [kg].
 pub(crate) type Node<R> = [R; 4];
@@ -86,7 +81,7 @@ impl GridUpdate<'_> {
     }
 
     /// Turns the momenta of plane `x` into velocities, and adds what the obstacles took to `impulses`, one per obstacle.
-    pub(crate) fn forward_plane<R: Plain>(&self, x: usize, nodes: &mut [Node<R>], impulses: &mut [Impulse]) {
+    pub(crate) fn forward_plane<R: Scalar>(&self, x: usize, nodes: &mut [Node<R>], impulses: &mut [Impulse]) {
         let gate = R::splat(self.mass_gate());
         let kick = (self.gravity * self.dt).to_array().map(R::splat);
         for (row, y) in nodes.chunks_exact_mut(self.extent.size[2]).zip(0..) {
@@ -114,7 +109,7 @@ impl GridUpdate<'_> {
 
     /// The adjoint of [`Self::forward_plane`]: `nodes` holds momenta and masses; `adjoints` holds the adjoint of the velocities (its
     /// fourth number is ignored) and receives that of momenta and masses.
-    pub(crate) fn adjoint_plane<R: Plain>(&self, x: usize, nodes: &[Node<R>], adjoints: &mut [Node<R>]) {
+    pub(crate) fn adjoint_plane<R: Scalar>(&self, x: usize, nodes: &[Node<R>], adjoints: &mut [Node<R>]) {
         let gate = R::splat(self.mass_gate());
         let kick = (self.gravity * self.dt).to_array().map(R::splat);
         let rows = nodes.chunks_exact(self.extent.size[2]).zip(adjoints.chunks_exact_mut(self.extent.size[2]));
@@ -173,6 +168,6 @@ fn collide_adjoint(colliders: &[PosedCollider<'_>], point: DVec3, velocity: DVec
     }
 }
 
-fn vector<R: Plain>(node: &Node<R>) -> DVec3 {
+fn vector<R: Scalar>(node: &Node<R>) -> DVec3 {
     DVec3::new(node[0].lane(0), node[1].lane(0), node[2].lane(0))
 }

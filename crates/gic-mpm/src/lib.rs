@@ -5,6 +5,7 @@ mod contact;
 #[allow(dead_code)]
 mod eigen;
 mod error;
+mod fast;
 mod gradient;
 mod grid;
 mod jacobian;

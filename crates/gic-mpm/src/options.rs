@@ -19,10 +19,12 @@ pub enum Precision {
 /// How to compute a simulation. What it computes is in [`crate::World`].
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// SIMD level of the f32 engine; `None` takes the best of the machine (or of `GIC_SIMD`). `Level::Scalar` is the readable twin.
-    pub level: Option<Level>,
     /// Numbers to compute with.
     pub precision: Precision,
+    /// SIMD level of the f32 engine; `None` takes [`Level::active`]: the best of the machine, or what `GIC_SIMD` says.
+    pub level: Option<Level>,
+    /// Computes f32 with the readable one-particle-at-a-time engine, to compare with.
+    pub twin: bool,
     /// Whose numerics the laws follow.
     pub rules: Rules,
     /// Most memory [bytes] that the states kept for a gradient may take.
@@ -34,8 +36,9 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            level: None,
             precision: Precision::default(),
+            level: None,
+            twin: false,
             rules: Rules::default(),
             gradient_memory_bytes: 1 << 30,
             parallel: true,

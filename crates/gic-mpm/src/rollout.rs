@@ -1,9 +1,10 @@
 //! Frames from substeps: how many substeps a frame takes, what is done when they turn out too few, and what a frame reports.
 
+use gic_simd::Scalar;
 use glam::DVec3;
 
 use crate::error::SimulationError;
-use crate::grid::{Impulse, Plain};
+use crate::grid::Impulse;
 use crate::law::Law;
 use crate::mat3::Mat3;
 use crate::scene::{Engine, Scene, SceneBody, Segment, Violation, ViolationKind, with_law};
@@ -82,7 +83,7 @@ impl<'a, E: Engine> Rollout<'a, E> {
         &self,
         state: &mut State<E::Number>,
         frame: usize,
-        mut before_segment: impl FnMut(usize, &State<E::Number>),
+        before_segment: &mut dyn FnMut(usize, &State<E::Number>),
     ) -> Result<Advanced, SimulationError> {
         let planned = self.substeps(state)?;
         let mut substeps = planned;
@@ -244,6 +245,6 @@ fn more_substeps(
     }
 }
 
-fn in_f64<R: Plain>(m: &Mat3<R>) -> Mat3<f64> {
+fn in_f64<R: Scalar>(m: &Mat3<R>) -> Mat3<f64> {
     Mat3(m.0.map(|x| x.lane(0)))
 }

@@ -12,14 +12,17 @@
 //!
 //! Backward, the bar of a number is the derivative of the loss with respect to it.
 
-use gic_simd::Real;
+use gic_simd::{Real, Scalar};
 
-use crate::grid::{GridBox, Impulse, Node, Plain};
+use crate::grid::{GridBox, Impulse, Node};
 use crate::law::Law;
 use crate::mat3::Mat3;
 use crate::scene::{BodyBars, Engine, Scene, SceneBody, Segment, Violation, with_law};
 use crate::state::State;
 use crate::stencil;
+
+/// Room for the rounding of f32, which may put a particle into the neighbour of the cell that f64 puts it in.
+const ROUNDING_CELLS: f64 = 0.01;
 
 /// The engine; `R` is f64 or f32.
 pub(crate) struct ScalarEngine<R>(core::marker::PhantomData<R>);
@@ -30,7 +33,7 @@ impl<R> ScalarEngine<R> {
     }
 }
 
-impl<R: Plain> Engine for ScalarEngine<R> {
+impl<R: Scalar> Engine for ScalarEngine<R> {
     type Number = R;
     type Tape = (Vec<State<R>>, Segment);
 
@@ -88,7 +91,7 @@ struct Neighbour<R> {
     d: [R; 3],
 }
 
-impl<R: Plain> Stencil<R> {
+impl<R: Scalar> Stencil<R> {
     fn neighbours(&self, extent: &GridBox) -> impl Iterator<Item = Neighbour<R>> {
         let (w, s) = (&self.weights, &self.slopes);
         (0..27).map(move |n| {
@@ -118,11 +121,11 @@ struct Substep<'a, R> {
     apic: R,
 }
 
-impl<'a, R: Plain> Substep<'a, R> {
+impl<'a, R: Scalar> Substep<'a, R> {
     fn new(scene: &'a Scene, segment: Segment, index: usize, state: &State<R>) -> Result<Self, Violation> {
         Ok(Self {
             scene,
-            extent: scene.extent(state, 0)?,
+            extent: scene.extent(state, 0.0, ROUNDING_CELLS)?,
             time: segment.time(index),
             dt: segment.dt,
             inverse_dx: R::splat(1.0 / scene.spacing),

@@ -2,16 +2,17 @@
 
 use core::ops::Range;
 
-use glam::{DVec3, IVec3};
+use gic_simd::Scalar;
+use glam::DVec3;
 
 use crate::error::SimulationError;
-use crate::grid::{GridBox, GridUpdate, Impulse, Plain};
+use crate::grid::{GridBox, GridUpdate, Impulse};
 use crate::law::{Coefficients, MAX_COEFFICIENTS, Rules};
 use crate::state::State;
 use crate::{Body, Collider, Material, World};
 
-/// Most nodes of the grid; beyond, the particles are too far apart for a dense grid.
-const MAX_NODES: usize = 1 << 26;
+/// Most nodes of the grid, so that f32 holds their indices exactly; beyond, the particles are too far apart for a dense grid.
+const MAX_NODES: usize = 1 << 24;
 /// Farthest from the origin, in cells: beyond, f32 no longer resolves a position within its cell well.
 const MAX_CELLS_FROM_ORIGIN: f64 = (1 << 16) as f64;
 
@@ -46,12 +47,6 @@ impl Scene {
     /// Checks a world and makes it ready.
     pub(crate) fn new(world: &World, rules: Rules) -> Result<Self, SimulationError> {
         world.validate()?;
-        for (body, b) in world.bodies.iter().enumerate() {
-            if !matches!(b.material, Material::Elastic { .. }) {
-                let (field, value) = (format!("bodies[{body}].material"), b.material.model().into());
-                return Err(SimulationError::Invalid { field, value, expected: "must be elastic so far" });
-            }
-        }
         let mut bodies = Vec::with_capacity(world.bodies.len());
         let mut start = 0;
         for body in &world.bodies {
@@ -84,27 +79,34 @@ impl Scene {
         }
     }
 
-    /// The smallest grid that holds all particles, grown by `margin` cells on each side.
-    pub(crate) fn extent<R: Plain>(&self, state: &State<R>, margin: i32) -> Result<GridBox, Violation> {
+    /// The lowest and highest coordinates, in cells, that a particle reaches within `horizon` seconds at its present velocity, and
+    /// `pad` cells more.
+    pub(crate) fn reach<R: Scalar>(&self, state: &State<R>, particle: usize, horizon: f64, pad: f64) -> (DVec3, DVec3) {
         let inverse = 1.0 / self.spacing;
+        let here = state.position_of(particle) * inverse;
+        let there = here + state.velocity_of(particle) * (horizon * inverse);
+        (here.min(there) - pad, here.max(there) + pad)
+    }
+
+    /// The smallest grid that holds all particles as far as they [`Self::reach`].
+    pub(crate) fn extent<R: Scalar>(&self, state: &State<R>, horizon: f64, pad: f64) -> Result<GridBox, Violation> {
         let (mut lowest, mut highest) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         for p in 0..state.len() {
-            let x = state.position_of(p) * inverse;
-            let near = x.abs().max_element() < MAX_CELLS_FROM_ORIGIN;
+            let (low, high) = self.reach(state, p, horizon, pad);
+            let near =
+                low.abs().max_element() < MAX_CELLS_FROM_ORIGIN && high.abs().max_element() < MAX_CELLS_FROM_ORIGIN;
             if !near {
                 return Err(Violation::left_domain(state, p, "too far from the origin, or not a number"));
             }
-            lowest = lowest.min(x);
-            highest = highest.max(x);
+            lowest = lowest.min(low);
+            highest = highest.max(high);
         }
-        let base = |x: DVec3| (x - 0.5).floor().as_ivec3();
-        // One more cell each way: f32 may round a base to the neighbour of what f64 gives here.
-        let margin = IVec3::splat(margin + 1);
-        let extent = GridBox::around(base(lowest) - margin, base(highest) + margin);
-        if extent.nodes() > MAX_NODES {
+        let size = highest - lowest + 5.0;
+        if size.element_product() > MAX_NODES as f64 {
             return Err(Violation::left_domain(state, farthest(state), "too far from the other particles"));
         }
-        Ok(extent)
+        let base = |x: DVec3| (x - 0.5).floor().as_ivec3();
+        Ok(GridBox::around(base(lowest), base(highest)))
     }
 }
 
@@ -125,7 +127,7 @@ impl SceneBody {
 }
 
 /// The particle farthest from the mean position.
-fn farthest<R: Plain>(state: &State<R>) -> usize {
+fn farthest<R: Scalar>(state: &State<R>) -> usize {
     let mean = (0..state.len()).map(|p| state.position_of(p)).sum::<DVec3>() / state.len() as f64;
     let distance = |p: &usize| state.position_of(*p).distance_squared(mean);
     (0..state.len()).max_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
@@ -167,15 +169,15 @@ pub(crate) enum ViolationKind {
 }
 
 impl Violation {
-    pub(crate) fn too_fast<R: Plain>(state: &State<R>, particle: usize) -> Self {
+    pub(crate) fn too_fast<R: Scalar>(state: &State<R>, particle: usize) -> Self {
         Self::new(ViolationKind::TooFast, state, particle)
     }
 
-    fn left_domain<R: Plain>(state: &State<R>, particle: usize, reason: &'static str) -> Self {
+    fn left_domain<R: Scalar>(state: &State<R>, particle: usize, reason: &'static str) -> Self {
         Self::new(ViolationKind::LeftDomain(reason), state, particle)
     }
 
-    fn new<R: Plain>(kind: ViolationKind, state: &State<R>, particle: usize) -> Self {
+    fn new<R: Scalar>(kind: ViolationKind, state: &State<R>, particle: usize) -> Self {
         Self { kind, particle, position: state.position_of(particle), velocity: state.velocity_of(particle) }
     }
 }
@@ -203,7 +205,7 @@ impl core::ops::AddAssign for BodyBars {
 /// Something that computes substeps and their adjoint.
 pub(crate) trait Engine: Sync {
     /// The number that states are kept in.
-    type Number: Plain;
+    type Number: Scalar;
     /// What the reverse pass needs to know about a segment.
     type Tape;
 
@@ -234,7 +236,22 @@ macro_rules! with_law {
                 type $law<R> = crate::law::Elastic<R>;
                 $body
             }
-            _ => unreachable!("refused by Scene::new"),
+            crate::Material::Plasticine { .. } => {
+                type $law<R> = crate::law::Plasticine<R>;
+                $body
+            }
+            crate::Material::Sand { .. } => {
+                type $law<R> = crate::law::Sand<R>;
+                $body
+            }
+            crate::Material::Newtonian { .. } => {
+                type $law<R> = crate::law::Newtonian<R>;
+                $body
+            }
+            crate::Material::NonNewtonian { .. } => {
+                type $law<R> = crate::law::NonNewtonian<R>;
+                $body
+            }
         }
     };
 }

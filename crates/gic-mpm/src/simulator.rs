@@ -19,8 +19,13 @@ macro_rules! with_engine {
                 let $engine = crate::scalar::ScalarEngine::<f64>::new();
                 $body
             }
-            crate::options::Precision::F32 => {
+            crate::options::Precision::F32 if $options.twin => {
                 let $engine = crate::scalar::ScalarEngine::<f32>::new();
+                $body
+            }
+            crate::options::Precision::F32 => {
+                let level = $options.level.unwrap_or_else(gic_simd::Level::active);
+                let $engine = crate::fast::FastEngine::<f32>::new(level, $options.parallel);
                 $body
             }
         }
@@ -203,7 +208,7 @@ impl<E: Engine + Send> Drive for Running<E> {
 
     fn advance_frame(&mut self) -> Result<Frame, SimulationError> {
         let mut state = self.state.clone();
-        let advanced = self.rollout().advance_frame(&mut state, self.index + 1, |_, _| {})?;
+        let advanced = self.rollout().advance_frame(&mut state, self.index + 1, &mut |_, _| {})?;
         self.state = state;
         self.index += 1;
         self.last = Some(advanced);

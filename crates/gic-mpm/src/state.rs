@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 
-use crate::grid::Plain;
 use crate::mat3::Mat3;
 use crate::scene::Scene;
+use gic_simd::Scalar;
 
 /// Particles in input order. As an adjoint: the derivative of the loss with respect to each number.
 #[derive(Clone, Debug)]
@@ -22,7 +22,7 @@ pub(crate) struct State<R> {
 /// Numbers per particle: x, v, C, F.
 pub(crate) const NUMBERS: usize = 24;
 
-impl<R: Plain> State<R> {
+impl<R: Scalar> State<R> {
     /// All zeros, as an adjoint starts.
     pub(crate) fn zeros(particles: usize) -> Self {
         Self {
@@ -93,10 +93,10 @@ fn skew(w: DVec3) -> [f64; 9] {
     [0.0, -w.z, w.y, w.z, 0.0, -w.x, -w.y, w.x, 0.0]
 }
 
-pub(crate) fn vector<R: Plain>(v: DVec3) -> [R; 3] {
+pub(crate) fn vector<R: Scalar>(v: DVec3) -> [R; 3] {
     v.to_array().map(R::splat)
 }
 
-pub(crate) fn double<R: Plain>(v: [R; 3]) -> DVec3 {
+pub(crate) fn double<R: Scalar>(v: [R; 3]) -> DVec3 {
     DVec3::from_array(v.map(|x| x.lane(0)))
 }

@@ -1,0 +1,355 @@
+//! Segments: sort, cut into chunks, run the passes and the grid updates, forward and backward.
+
+use gic_simd::{Kernel, Level, Scalar, dispatch, oracle};
+use rayon::prelude::*;
+
+use super::block::{BLOCK, Block};
+use super::rows::Window;
+use super::transfer::{Chunk, Flags, Forward, G2pAdjoint, P2gAdjoint, Step};
+use crate::grid::{GridBox, GridUpdate, Impulse, Node};
+use crate::scene::{BodyBars, Engine, Scene, Segment, Violation};
+use crate::state::State;
+
+/// Particles per chunk, about: few enough for several chunks per core, many enough for a slab to pay.
+const CHUNK_PARTICLES: usize = 16_384;
+/// Most chunks per body: more slabs would cost more than more threads gain.
+const MAX_CHUNKS: usize = 16;
+/// Particles may move this many cells farther in a segment than their velocity at its start tells; doubled until it holds.
+const PAD_CELLS: f64 = 0.5;
+/// Nodes from which a grid update is worth several threads.
+const PARALLEL_NODES: usize = 1 << 15;
+
+/// A number with machine lanes: f32, or f64 without SIMD, for tests.
+pub(crate) trait Machine: Scalar {
+    /// Runs a kernel on a level's lanes.
+    fn launch<K: Kernel<Self>>(level: Level, kernel: K) -> K::Output;
+}
+
+impl Machine for f32 {
+    fn launch<K: Kernel>(level: Level, kernel: K) -> K::Output {
+        dispatch(level, kernel)
+    }
+}
+
+impl Machine for f64 {
+    fn launch<K: Kernel<f64>>(_level: Level, kernel: K) -> K::Output {
+        oracle(kernel)
+    }
+}
+
+/// The engine.
+pub(crate) struct FastEngine<T> {
+    level: Level,
+    /// Whether a segment may use several threads; the result is the same.
+    parallel: bool,
+    number: core::marker::PhantomData<T>,
+}
+
+/// A segment for the reverse pass.
+pub(crate) struct Tape<T> {
+    segment: Segment,
+    extent: GridBox,
+    chunks: Vec<Chunk<T>>,
+    /// Momenta and masses of the grid, for each substep.
+    momenta: Vec<Vec<Node<T>>>,
+}
+
+/// Chunks on a grid, at the start of a segment.
+struct Layout<T> {
+    extent: GridBox,
+    chunks: Vec<Chunk<T>>,
+}
+
+/// How a segment ended.
+enum Outcome {
+    Done,
+    /// A particle came too close to the edge of the grid.
+    Escaped,
+}
+
+impl<T: Machine> FastEngine<T> {
+    pub(crate) fn new(level: Level, parallel: bool) -> Self {
+        Self { level, parallel, number: core::marker::PhantomData }
+    }
+
+    /// Runs a segment from `state`, whatever room it needs.
+    fn run(
+        &self,
+        scene: &Scene,
+        state: &State<T>,
+        segment: Segment,
+        record: bool,
+    ) -> Result<(Tape<T>, Vec<Impulse>), Violation> {
+        let mut pad = PAD_CELLS;
+        loop {
+            let layout = Layout::new(scene, state, segment, pad, record)?;
+            let mut impulses = vec![Impulse::default(); scene.colliders.len()];
+            let mut tape = Tape { segment, extent: layout.extent, chunks: layout.chunks, momenta: Vec::new() };
+            match self.attempt(scene, &mut tape, state, &mut impulses, record)? {
+                Outcome::Done => return Ok((tape, impulses)),
+                Outcome::Escaped => pad *= 2.0,
+            }
+        }
+    }
+
+    fn attempt(
+        &self,
+        scene: &Scene,
+        tape: &mut Tape<T>,
+        start: &State<T>,
+        impulses: &mut [Impulse],
+        record: bool,
+    ) -> Result<Outcome, Violation> {
+        let segment = tape.segment;
+        let mut grid = vec![[T::zero(); 4]; tape.extent.nodes()];
+        for i in 0..=segment.substeps {
+            let velocities = (i > 0).then_some(&grid[..]);
+            let scatter = i < segment.substeps;
+            self.for_chunks(&mut tape.chunks, |_, chunk| {
+                let step = step(scene, chunk.body, segment.dt);
+                T::launch(self.level, Forward { step, chunk, velocities, scatter });
+            });
+            let flags = tape.chunks.iter().map(|chunk| chunk.flags);
+            let Flags { too_fast, escaped } = flags.fold(Flags::default(), Flags::or);
+            if too_fast {
+                return Err(culprit(&tape.chunks, start, scene.spacing / segment.dt));
+            }
+            if escaped {
+                return Ok(Outcome::Escaped);
+            }
+            if scatter {
+                self.sum_slabs(&tape.chunks, tape.extent, &mut grid);
+                if record {
+                    tape.momenta.push(grid.clone());
+                }
+                let update = scene.grid_update(tape.extent, segment.time(i), segment.dt);
+                self.update_grid(&update, &mut grid, impulses);
+            }
+        }
+        Ok(Outcome::Done)
+    }
+
+    fn for_chunks(&self, chunks: &mut [Chunk<T>], f: impl Fn(usize, &mut Chunk<T>) + Send + Sync) {
+        if self.parallel && chunks.len() > 1 {
+            chunks.par_iter_mut().enumerate().with_max_len(1).for_each(|(i, chunk)| f(i, chunk));
+        } else {
+            chunks.iter_mut().enumerate().for_each(|(i, chunk)| f(i, chunk));
+        }
+    }
+
+    /// Runs `f` on each plane of constant x of a grid; results in order.
+    fn for_planes<U: Send>(
+        &self,
+        extent: GridBox,
+        grid: &mut [Node<T>],
+        f: impl Fn(usize, &mut [Node<T>]) -> U + Send + Sync,
+    ) -> Vec<U> {
+        if self.parallel && grid.len() >= PARALLEL_NODES {
+            grid.par_chunks_exact_mut(extent.plane()).enumerate().map(|(x, plane)| f(x, plane)).collect()
+        } else {
+            grid.chunks_exact_mut(extent.plane()).enumerate().map(|(x, plane)| f(x, plane)).collect()
+        }
+    }
+
+    /// The grid as the sum of the chunks' slabs, in the order of the chunks.
+    fn sum_slabs(&self, chunks: &[Chunk<T>], extent: GridBox, grid: &mut [Node<T>]) {
+        let size = extent.plane();
+        self.for_planes(extent, grid, |x, plane| {
+            plane.fill([T::zero(); 4]);
+            for chunk in chunks {
+                let Some(within) = (x * size).checked_sub(chunk.first_node) else { continue };
+                let Some(slab) = chunk.slab.get(within..within + size) else { continue };
+                for (node, given) in plane.as_flattened_mut().iter_mut().zip(slab.as_flattened()) {
+                    *node += *given;
+                }
+            }
+        });
+    }
+
+    /// From momenta to velocities.
+    fn update_grid(&self, update: &GridUpdate<'_>, grid: &mut [Node<T>], impulses: &mut [Impulse]) {
+        let by_plane = self.for_planes(update.extent, grid, |x, plane| {
+            let mut impulses = vec![Impulse::default(); update.colliders.len()];
+            update.forward_plane(x, plane, &mut impulses);
+            impulses
+        });
+        for plane in by_plane {
+            for (total, impulse) in impulses.iter_mut().zip(plane) {
+                *total += impulse;
+            }
+        }
+    }
+}
+
+impl<T: Machine> Engine for FastEngine<T> {
+    type Number = T;
+    type Tape = Tape<T>;
+
+    fn advance(
+        &self,
+        scene: &Scene,
+        state: &mut State<T>,
+        segment: Segment,
+        impulses: &mut [Impulse],
+    ) -> Result<(), Violation> {
+        let (tape, taken) = self.run(scene, state, segment, false)?;
+        for chunk in &tape.chunks {
+            Block::scatter(&chunk.blocks, &chunk.order, state);
+        }
+        for (total, impulse) in impulses.iter_mut().zip(taken) {
+            *total += impulse;
+        }
+        Ok(())
+    }
+
+    fn record(&self, scene: &Scene, state: &State<T>, segment: Segment) -> Result<Tape<T>, Violation> {
+        Ok(self.run(scene, state, segment, true)?.0)
+    }
+
+    fn reverse(&self, scene: &Scene, mut tape: Tape<T>, adjoint: &mut State<T>, bars: &mut [BodyBars]) {
+        let Segment { dt, substeps, .. } = tape.segment;
+        let states: Vec<Vec<Block<T>>> =
+            tape.chunks.iter_mut().map(|chunk| chunk.tape.take().unwrap_or_default()).collect();
+        for chunk in &mut tape.chunks {
+            chunk.blocks = Block::gather(adjoint, &chunk.order);
+        }
+        let mut grid_bar = vec![[T::zero(); 4]; tape.extent.nodes()];
+        for i in (0..substeps).rev() {
+            // The states of a chunk before and after the substep.
+            let before = |c: usize, blocks: usize| &states[c][i * blocks..(i + 1) * blocks];
+            let after = |c: usize, blocks: usize| &states[c][(i + 1) * blocks..(i + 2) * blocks];
+            let update = scene.grid_update(tape.extent, tape.segment.time(i), dt);
+            let momenta = &tape.momenta[i];
+            let mut velocities = momenta.clone();
+            self.update_grid(&update, &mut velocities, &mut vec![Impulse::default(); scene.colliders.len()]);
+            self.for_chunks(&mut tape.chunks, |c, chunk| {
+                let n = chunk.blocks.len();
+                let step = step(scene, chunk.body, dt);
+                let (before, after) = (before(c, n), after(c, n));
+                T::launch(self.level, G2pAdjoint { step, chunk, before, after, velocities: &velocities });
+            });
+            self.sum_slabs(&tape.chunks, tape.extent, &mut grid_bar);
+            let size = tape.extent.plane();
+            self.for_planes(tape.extent, &mut grid_bar, |x, plane| {
+                update.adjoint_plane(x, &momenta[x * size..(x + 1) * size], plane);
+            });
+            self.for_chunks(&mut tape.chunks, |c, chunk| {
+                let n = chunk.blocks.len();
+                let step = step(scene, chunk.body, dt);
+                let pass = P2gAdjoint { step, before: before(c, n), grid_bar: &grid_bar, chunk: &mut *chunk };
+                let bars = T::launch(self.level, pass);
+                chunk.bars += bars;
+            });
+        }
+        for chunk in &tape.chunks {
+            Block::scatter(&chunk.blocks, &chunk.order, adjoint);
+            bars[chunk.body] += chunk.bars;
+        }
+    }
+
+    fn tape_bytes(&self, particles: usize, substeps: usize) -> usize {
+        // The grid: about as many nodes as particles at eight particles per cell in a box that they fill to an eighth.
+        let node = size_of::<Node<T>>();
+        (State::<T>::bytes(particles) + particles * node) * (substeps + 1)
+    }
+}
+
+fn step<'a>(scene: &'a Scene, body: usize, dt: f64) -> Step<'a> {
+    Step { body: &scene.bodies[body], rules: scene.rules, spacing: scene.spacing, dt }
+}
+
+impl Flags {
+    fn or(self, other: Self) -> Self {
+        Self { too_fast: self.too_fast | other.too_fast, escaped: self.escaped | other.escaped }
+    }
+}
+
+impl<T: Machine> Layout<T> {
+    /// Sorts the particles of each body by cell and cuts them into chunks, on a grid with room for a segment.
+    fn new(scene: &Scene, state: &State<T>, segment: Segment, pad: f64, record: bool) -> Result<Self, Violation> {
+        let horizon = segment.dt * segment.substeps as f64;
+        let extent = scene.extent(state, horizon, pad)?;
+        let inverse = 1.0 / scene.spacing;
+        let base = |p: usize, axis: usize| (state.position[p][axis].to_f64() * inverse - 0.5).floor() as i32;
+        let cell = |p: usize| {
+            let at = [0, 1, 2].map(|axis| (base(p, axis) - extent.first[axis]) as usize);
+            extent.index(at[0], at[1], at[2])
+        };
+        let mut chunks = Vec::new();
+        for (body, scene_body) in scene.bodies.iter().enumerate() {
+            let order = sorted(scene_body.range.clone(), cell, extent.nodes());
+            let count = order.len().div_ceil(CHUNK_PARTICLES).min(MAX_CHUNKS);
+            // Whole blocks, so that only the last chunk has a partial one.
+            let blocks = order.len().div_ceil(BLOCK).div_ceil(count);
+            for order in order.chunks(blocks * BLOCK) {
+                let (window, first_node) = window(scene, state, order, extent, horizon, pad);
+                let blocks = Block::gather(state, order);
+                chunks.push(Chunk {
+                    body,
+                    order: order.to_vec(),
+                    tape: record.then(|| Vec::with_capacity(blocks.len() * (segment.substeps + 1))),
+                    blocks,
+                    window,
+                    first_node,
+                    slab: vec![[T::zero(); 4]; window.nodes()],
+                    flags: Flags::default(),
+                    bars: BodyBars::default(),
+                });
+            }
+        }
+        Ok(Self { extent, chunks })
+    }
+}
+
+/// Particles in the order of their cells; those of a cell in the order of their numbers.
+fn sorted(particles: core::ops::Range<usize>, cell: impl Fn(usize) -> usize, cells: usize) -> Vec<u32> {
+    let keys: Vec<usize> = particles.clone().map(cell).collect();
+    let mut next = vec![0u32; cells + 1];
+    for &key in &keys {
+        next[key + 1] += 1;
+    }
+    for key in 0..cells {
+        next[key + 1] += next[key];
+    }
+    let mut order = vec![0; keys.len()];
+    for (particle, key) in particles.zip(keys) {
+        order[next[key] as usize] = particle as u32;
+        next[key] += 1;
+    }
+    order
+}
+
+/// The part of the grid that some particles may touch in a segment, and its first node: all planes along x that they may reach.
+fn window<T: Machine>(
+    scene: &Scene,
+    state: &State<T>,
+    particles: &[u32],
+    extent: GridBox,
+    horizon: f64,
+    pad: f64,
+) -> (Window, usize) {
+    let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
+    for &p in particles {
+        let (low, high) = scene.reach(state, p as usize, horizon, pad);
+        lowest = lowest.min(low.x);
+        highest = highest.max(high.x);
+    }
+    let first = (lowest - 0.5).floor() as i32;
+    let last = (highest - 0.5).floor() as i32;
+    let skipped = (first - extent.first.x) as usize;
+    let size = [(last - first) as usize + 3, extent.size[1], extent.size[2]];
+    (Window { first: [first, extent.first.y, extent.first.z], size }, skipped * extent.plane())
+}
+
+/// The particle that broke the speed limit [m/s]; in case of doubt the fastest.
+fn culprit<T: Machine>(chunks: &[Chunk<T>], start: &State<T>, limit: f64) -> Violation {
+    let mut state = start.clone();
+    for chunk in chunks {
+        Block::scatter(&chunk.blocks, &chunk.order, &mut state);
+    }
+    let slow_enough = |p: &usize| state.velocity_of(*p).length() <= limit;
+    let speed = |p: &usize| state.velocity_of(*p).length();
+    let first = (0..state.len()).find(|p| !slow_enough(p));
+    let fastest = || (0..state.len()).max_by(|a, b| speed(a).total_cmp(&speed(b)));
+    Violation::too_fast(&state, first.or_else(fastest).unwrap_or(0))
+}
