@@ -152,6 +152,17 @@ pub fn inspect(scene: &Scene) -> Result<Inspection, SceneError> {
             hull_views.iter().map(|&index| scene.camera_names[scene.views[index].camera].as_str()).collect();
         warnings.extend(diagnose(&views, &names, &overlaps));
     }
+    let cameras = camera_reports(scene, &areas, &hull_views, &overlaps);
+    let full: Vec<&str> =
+        cameras.iter().filter(|camera| camera.coverage > 0.98).map(|camera| camera.name.as_str()).collect();
+    if !full.is_empty() {
+        warnings.push(format!(
+            "the masks of {} of {} cameras cover whole pictures ({}): an alpha channel that is opaque everywhere is no mask",
+            full.len(),
+            cameras.len(),
+            full[..full.len().min(5)].join(", ")
+        ));
+    }
     let up = scene.world.up.map(|up| (up, GroundSource::Format)).or_else(|| mean_up(scene));
     let ground = find_ground(scene, &masks, &ground_frames, hull.as_ref(), up, &mut warnings);
     warnings.extend(scene.warnings.iter().chain(&problems).map(Problem::to_string));
@@ -168,7 +179,7 @@ pub fn inspect(scene: &Scene) -> Result<Inspection, SceneError> {
         split_counts: [Split::Train, Split::Validation, Split::Test]
             .map(|split| scene.views.iter().filter(|view| view.split == split).count()),
         mask_sources: count_sources(scene),
-        cameras: camera_reports(scene, &areas, &hull_views, &overlaps),
+        cameras,
         hull: hull.as_ref().map(|hull| hull_report(hull, &overlaps)),
         up: up.map(|(up, source)| (up.to_array(), source)),
         ground,

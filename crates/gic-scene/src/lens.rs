@@ -85,3 +85,70 @@ impl Lens {
         (Picture { width, height, rgb }, Mask { width, height, coverage })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use glam::{DMat3, DVec3};
+
+    use super::*;
+
+    #[test]
+    fn lenses_bend_as_their_formulas_say() {
+        let close = |a: DVec2, b: DVec2| assert!((a - b).length() < 1e-12, "{a} for {b}");
+        // OpenCV's documentation, worked out for (0.3, -0.4): r^2 = 0.25.
+        let lens = Lens::Perspective { k: [0.2, -0.4, 0.8, 0.0, 0.0, 0.0], p: [0.01, -0.02] };
+        let radial = 1.0 + 0.05 - 0.025 + 0.0125;
+        close(
+            lens.distort(DVec2::new(0.3, -0.4)),
+            DVec2::new(
+                0.3 * radial + 2.0 * 0.01 * 0.3 * -0.4 - 0.02 * (0.25 + 2.0 * 0.09),
+                -0.4 * radial + 0.01 * (0.25 + 2.0 * 0.16) + 2.0 * -0.02 * 0.3 * -0.4,
+            ),
+        );
+        let rational = Lens::Perspective { k: [0.0, 0.0, 0.0, 1.0, 0.0, 4.0], p: [0.0; 2] };
+        close(rational.distort(DVec2::new(0.5, 0.0)), DVec2::new(0.5 / (1.0 + 0.25 + 0.0625), 0.0));
+        // A ray at 45 degrees: theta = pi/4 in an equidistant fisheye.
+        let fisheye = Lens::Fisheye { k: [0.0; 4] };
+        close(fisheye.distort(DVec2::new(0.0, 1.0)), DVec2::new(0.0, std::f64::consts::FRAC_PI_4));
+        close(fisheye.distort(DVec2::ZERO), DVec2::ZERO);
+        let bent = Lens::Fisheye { k: [0.1, 0.0, 0.0, 0.0] };
+        let theta = std::f64::consts::FRAC_PI_4;
+        close(bent.distort(DVec2::new(-1.0, 0.0)), DVec2::new(-theta * (1.0 + 0.1 * theta * theta), 0.0));
+        // r_d = atan(2 r tan(omega/2)) / omega.
+        let fov = Lens::FieldOfView { omega: 0.9 };
+        close(fov.distort(DVec2::new(0.0, 0.6)), DVec2::new(0.0, (1.2 * 0.45_f64.tan()).atan() / 0.9));
+        let (near, centre) = (fov.distort(DVec2::new(1e-8, 0.0)).x, fov.distort(DVec2::new(1e-10, 0.0)).x);
+        assert!((near / 1e-8 - centre / 1e-10).abs() < 1e-6, "continuous at the centre");
+    }
+
+    #[test]
+    fn a_lens_without_coefficients_is_none() {
+        assert_eq!(Lens::Perspective { k: [0.0; 6], p: [0.0; 2] }.unless_trivial(), None);
+        assert!(Lens::Perspective { k: [0.0; 6], p: [0.0, 1e-3] }.unless_trivial().is_some());
+        assert!(Lens::Fisheye { k: [0.0; 4] }.unless_trivial().is_some(), "equidistant is no pinhole");
+    }
+
+    #[test]
+    fn undistorting_looks_up_the_distorted_place_and_is_empty_beyond() {
+        let camera = Camera {
+            width: 20,
+            height: 10,
+            focal: DVec2::splat(10.0),
+            principal: DVec2::new(10.0, 5.0),
+            rotation: DMat3::IDENTITY,
+            centre: DVec3::ZERO,
+        };
+        let rgb =
+            (0..200).flat_map(|i| [((i % 20) as f32 + 0.5) / 20.0, ((i / 20) as f32 + 0.5) / 20.0, 0.0]).collect();
+        let picture = Picture { width: 20, height: 10, rgb };
+        let mask = Mask { width: 20, height: 10, coverage: vec![1.0; 200] };
+        let lens = Lens::Perspective { k: [0.3, 0.0, 0.0, 0.0, 0.0, 0.0], p: [0.0; 2] };
+        let (straight, covered) = lens.undistort(&camera, &picture, &mask);
+        // Column 14, row 5: (0.45, 0.05), r^2 = 0.205, scaled by 1.0615.
+        let expected = [(10.0 + 4.5 * 1.0615) / 20.0, (5.0 + 0.5 * 1.0615) / 20.0, 0.0];
+        straight.at(14, 5).iter().zip(expected).for_each(|(a, b)| assert!((a - b as f32).abs() < 1e-5, "{a} for {b}"));
+        // The corner moves out of the picture.
+        assert_eq!((covered.at(0, 0), straight.at(0, 0)), (0.0, [0.0; 3]));
+        assert_eq!(covered.at(14, 5), 1.0);
+    }
+}

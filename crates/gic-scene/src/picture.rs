@@ -70,7 +70,8 @@ impl Picture {
                 colour[channel] += weight * self.rgb[3 * index + channel];
             }
         }
-        Some(colour)
+        // Rounding must not lead out of [0, 1].
+        Some(colour.map(|value| value.min(1.0)))
     }
 
     /// Writes the picture as an 8-bit PNG: to a temporary file first, so that `path` never holds half a picture.
@@ -108,7 +109,7 @@ impl Mask {
     /// Bilinear coverage at image coordinates (pixel centres at +0.5); 0 outside the mask.
     pub fn sample(&self, x: f64, y: f64) -> f32 {
         match bilinear_taps(self.width, self.height, x, y) {
-            Some(taps) => taps.into_iter().map(|(index, weight)| weight * self.coverage[index]).sum(),
+            Some(taps) => taps.into_iter().map(|(index, weight)| weight * self.coverage[index]).sum::<f32>().min(1.0),
             None => 0.0,
         }
     }
@@ -218,4 +219,43 @@ pub(crate) fn decode_mask(path: &Path) -> Result<Mask, Problem> {
         _ => picture.rgb.chunks_exact(3).map(|p| (p[0] + p[1] + p[2]) / 3.0).collect(),
     };
     Ok(Mask { width: picture.width, height: picture.height, coverage })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn mask(width: usize, rows: &[&str]) -> Mask {
+        let coverage = rows.iter().flat_map(|row| row.bytes().map(|b| f32::from(b - b'0') / 9.0)).collect();
+        Mask { width, height: rows.len(), coverage }
+    }
+
+    #[test]
+    fn the_bounding_box_holds_what_is_at_least_half_covered() {
+        let found = mask(5, &["00000", "03900", "00050", "00000"]);
+        assert_eq!(found.bounding_box(), Some(PixelBox { x0: 2, y0: 1, x1: 4, y1: 3 }));
+        assert!(!found.touches_border());
+        assert!(mask(3, &["000", "009"]).touches_border() && mask(3, &["090", "000", "000"]).touches_border());
+        assert_eq!(mask(3, &["040", "000"]).bounding_box(), None);
+        let grown = found.bounding_box().map(|b| b.grown(2, 5, 4));
+        assert_eq!(grown, Some(PixelBox { x0: 0, y0: 0, x1: 5, y1: 4 }));
+    }
+
+    #[test]
+    fn samples_are_exact_at_pixel_centres_and_linear_between() {
+        let mask = mask(3, &["090", "999"]);
+        assert_eq!((mask.sample(1.5, 0.5), mask.sample(1.0, 0.5), mask.sample(0.5, 1.0)), (1.0, 0.5, 0.5));
+        assert_eq!((mask.sample(0.0, 0.0), mask.sample(3.0, 2.0)), (0.0, 1.0), "clamped at the border");
+        assert_eq!((mask.sample(-0.1, 1.0), mask.sample(1.0, 2.1), mask.sample(f64::NAN, 1.0)), (0.0, 0.0, 0.0));
+        let picture = Picture { width: 2, height: 1, rgb: vec![0.0, 0.2, 1.0, 1.0, 0.4, 0.0] };
+        assert_eq!(picture.sample(1.0, 0.5), Some([0.5, 0.3, 0.5]));
+        assert_eq!((picture.sample(2.5, 0.5), picture.at(1, 0)), (None, [1.0, 0.4, 0.0]));
+    }
+
+    #[test]
+    fn compositing_mixes_by_coverage() {
+        let picture = Picture { width: 2, height: 1, rgb: vec![1.0, 0.5, 0.0, 1.0, 0.5, 0.0] };
+        let mask = Mask { width: 2, height: 1, coverage: vec![1.0, 0.25] };
+        assert_eq!(picture.composited(&mask, [0.0, 0.0, 1.0]), [1.0, 0.5, 0.0, 0.25, 0.125, 0.75]);
+    }
 }

@@ -380,6 +380,19 @@ fn inspection_recognises_flipped_axes_and_an_outlier() {
 }
 
 #[test]
+fn inspection_recognises_masks_that_are_none() {
+    let scene = common::copy("spring_gaus");
+    for frame in 0..2 {
+        let path = scene.path().join(format!("camera_1/{frame:03}.png"));
+        let mut picture = decoded(path.clone()).to_rgba8();
+        picture.pixels_mut().for_each(|pixel| pixel.0[3] = 255);
+        picture.save(path).expect("saved");
+    }
+    let warnings = inspect(&Scene::open(scene.path()).expect("opens")).expect("a report").warnings;
+    assert!(warnings.iter().any(|w| w.contains("cover whole pictures (camera_1)")), "{warnings:?}");
+}
+
+#[test]
 fn the_report_names_what_was_read() {
     let scene = Scene::open(common::data("real_capture")).expect("opens");
     let report = inspect(&scene).expect("a report");
