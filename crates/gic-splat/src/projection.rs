@@ -36,16 +36,17 @@ pub(crate) struct SplatGradient {
     pub(crate) depth: f64,
 }
 
-/// Gradient with respect to the attributes of one Gaussian, without its spherical harmonics.
+/// Gradient with respect to the attributes of one Gaussian, without its spherical harmonics and what they add to the position.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct AttributeGradient {
-    pub(crate) position: DVec3,
-    pub(crate) opacity: f64,
-    /// One value for isotropic shapes.
-    pub(crate) scale: DVec3,
+    pub(crate) position: [f32; 3],
+    pub(crate) opacity: f32,
+    /// Only the first for isotropic shapes.
+    pub(crate) scale: [f32; 3],
     /// (w, x, y, z).
-    pub(crate) rotation: [f64; 4],
-    pub(crate) screen: DVec2,
+    pub(crate) rotation: [f32; 4],
+    /// Norm of the gradient with respect to the projected centre.
+    pub(crate) screen: f32,
 }
 
 /// How ln alpha of a Gaussian changes along a tangent:
@@ -276,22 +277,19 @@ impl<'a> View<'a> {
             && Root::new(gaussians, i, self.to_camera).is_valid()
     }
 
-    /// Gradient with respect to the attributes of Gaussian `i`, which was drawn as `splat`; adds that with respect to its
-    /// spherical harmonics to `d_sh` [(degree + 1)^2] if colour was drawn.
+    /// Gradient with respect to the attributes of the Gaussian that was drawn as `splat`.
     pub(crate) fn project_backward(
         &self,
         gaussians: &Gaussians,
         splat: &Splat,
         gradient: &SplatGradient,
-        d_sh: &mut [[f32; 3]],
     ) -> AttributeGradient {
         let i = splat.index as usize;
         let Some(g) = self.geometry(gaussians, i) else { return AttributeGradient::default() };
         let [s, sx, sy, sxx, sxy, syy] = gradient.moments;
 
         // ln alpha = ln(opacity compensation) - d^T conic d / 2
-        let mut out =
-            AttributeGradient { opacity: s / f64::from(gaussians.opacities[i]), ..AttributeGradient::default() };
+        let d_opacity = s / f64::from(gaussians.opacities[i]);
         let d_mean = DVec2::new(g.conic.xx * sx + g.conic.xy * sy, g.conic.xy * sx + g.conic.yy * sy);
         let d_conic = Sym2 { xx: -0.5 * sxx, xy: -0.5 * sxy, yy: -0.5 * syy };
         let mut d_bare = g.conic.sandwich(d_conic);
@@ -311,42 +309,37 @@ impl<'a> View<'a> {
         ];
         let f = self.camera.focal / g.p.z;
         let d_rows = [g.root.apply_transposed(d_a[0]) * f.x, g.root.apply_transposed(d_a[1]) * f.y];
-        self.root_backward(gaussians, i, &g, [d_a[0] * f.x, d_a[1] * f.y], &mut out);
+        let (scale, rotation) = self.root_backward(gaussians, i, &g, [d_a[0] * f.x, d_a[1] * f.y]);
 
         // a ~ 1/z; rows = (1, 0, -u), (0, 1, -v); mean = focal uv + principal
         let d_z = -(d_a[0].dot(g.a[0]) + d_a[1].dot(g.a[1])) / g.p.z + gradient.depth;
         let d_uv = self.camera.focal * d_mean - DVec2::new(d_rows[0].z, d_rows[1].z) * g.slope;
         let d_p = DVec3::new(d_uv.x, d_uv.y, -d_uv.dot(g.uv)) / g.p.z + DVec3::new(0.0, 0.0, d_z);
-        out.position = self.camera.rotation * d_p;
-        out.screen = d_mean;
-        if self.with_color {
-            out.position += self.color_backward(gaussians, i, DVec3::from_array(gradient.color), d_sh);
+        AttributeGradient {
+            position: (self.camera.rotation * d_p).as_vec3().to_array(),
+            opacity: d_opacity as f32,
+            scale: scale.as_vec3().to_array(),
+            rotation: rotation.map(|v| v as f32),
+            screen: d_mean.length() as f32,
         }
-        out
     }
 
     /// `d_a` is the gradient with respect to the two vectors `A^T row`.
-    fn root_backward(
-        &self,
-        gaussians: &Gaussians,
-        i: usize,
-        g: &Geometry,
-        d_a: [DVec3; 2],
-        out: &mut AttributeGradient,
-    ) {
+    /// Returns the gradient with respect to scales and rotation.
+    fn root_backward(&self, gaussians: &Gaussians, i: usize, g: &Geometry, d_a: [DVec3; 2]) -> (DVec3, [f64; 4]) {
         let rows = Self::rows(g.limited);
-        match g.root {
-            Root::Isotropic { .. } => out.scale.x = d_a[0].dot(rows[0]) + d_a[1].dot(rows[1]),
-            Root::Anisotropic { axes, scales } => {
+        match (g.root, &gaussians.shape) {
+            (Root::Anisotropic { axes, scales }, Shape::Anisotropic { rotations, .. }) => {
                 // A^T row = diag(scales) axes^T row
                 let to_local = axes.transpose();
-                out.scale = d_a[0] * (to_local * rows[0]) + d_a[1] * (to_local * rows[1]);
+                let d_scale = d_a[0] * (to_local * rows[0]) + d_a[1] * (to_local * rows[1]);
                 // d axes = row (scales d_a)^T; axes = W R, so d R = W^T d axes.
                 let (u, v) = (self.camera.rotation * rows[0], self.camera.rotation * rows[1]);
-                let (a, b) = (d_a[0] * scales, d_a[1] * scales);
-                let Shape::Anisotropic { rotations, .. } = &gaussians.shape else { return };
-                out.rotation = quaternion_backward(rotations[i], [(u, a), (v, b)]);
+                let pairs = [(u, d_a[0] * scales), (v, d_a[1] * scales)];
+                (d_scale, quaternion_backward(rotations[i], pairs))
             }
+            // A^T row = scale row
+            _ => (DVec3::new(d_a[0].dot(rows[0]) + d_a[1].dot(rows[1]), 0.0, 0.0), [0.0; 4]),
         }
     }
 
@@ -409,8 +402,17 @@ impl<'a> View<'a> {
         (sum, direction, distance)
     }
 
-    /// Returns the gradient with respect to the position.
-    fn color_backward(&self, gaussians: &Gaussians, i: usize, d_color: DVec3, d_sh: &mut [[f32; 3]]) -> DVec3 {
+    /// The colour's part of the backward pass, for a Gaussian that was drawn: writes the gradient with respect to its spherical
+    /// harmonics to `d_sh` [(degree + 1)^2] and adds that with respect to its position.
+    pub(crate) fn color_backward(
+        &self,
+        gaussians: &Gaussians,
+        i: usize,
+        d_color: [f32; 3],
+        d_sh: &mut [[f32; 3]],
+        d_position: &mut [f32; 3],
+    ) {
+        let d_color = DVec3::from_array(d_color.map(f64::from));
         let (sum, direction, distance) = self.color_sum(gaussians, i);
         let d_sum = DVec3::from_array(std::array::from_fn(|c| if sum[c] > 0.0 { d_color[c] } else { 0.0 }));
         let basis = sh::basis(self.sh_degree, direction.to_array());
@@ -423,7 +425,10 @@ impl<'a> View<'a> {
             weights[k] = d_sum.dot(coefficient);
         }
         let d_direction = DVec3::from_array(sh::basis_gradient(self.sh_degree, direction.to_array(), &weights));
-        (d_direction - direction * direction.dot(d_direction)) / distance
+        let across = (d_direction - direction * direction.dot(d_direction)) / distance;
+        for axis in 0..3 {
+            d_position[axis] += across[axis] as f32;
+        }
     }
 }
 

@@ -19,7 +19,10 @@ pub(crate) const CHECK_EVERY: usize = 16;
 pub(crate) const NOWHERE: f64 = -1e30;
 
 /// A number per pixel of a tile.
-pub(crate) type Plane = [f32; TILE * STRIDE];
+pub(crate) type Plane = [[f32; STRIDE]; TILE];
+
+/// All zero.
+pub(crate) const NO_PLANE: Plane = [[0.0; STRIDE]; TILE];
 
 /// A tile after blending; pixels row by row. What is outside the picture has transmittance 0.
 #[derive(Clone, Debug)]
@@ -65,9 +68,9 @@ pub(crate) struct TileInput<'a> {
 }
 
 fn widen(pixels: &[f32; PIXELS]) -> Plane {
-    let mut plane = [0.0; TILE * STRIDE];
+    let mut plane = NO_PLANE;
     for row in 0..TILE {
-        plane[row * STRIDE..row * STRIDE + TILE].copy_from_slice(&pixels[row * TILE..(row + 1) * TILE]);
+        plane[row][..TILE].copy_from_slice(&pixels[row * TILE..(row + 1) * TILE]);
     }
     plane
 }
@@ -75,16 +78,16 @@ fn widen(pixels: &[f32; PIXELS]) -> Plane {
 pub(crate) fn narrow(plane: &Plane) -> [f32; PIXELS] {
     let mut pixels = [0.0; PIXELS];
     for row in 0..TILE {
-        pixels[row * TILE..(row + 1) * TILE].copy_from_slice(&plane[row * STRIDE..row * STRIDE + TILE]);
+        pixels[row * TILE..(row + 1) * TILE].copy_from_slice(&plane[row][..TILE]);
     }
     pixels
 }
 
 /// Transmittance before anything is drawn: 1 inside the picture, 0 elsewhere.
 pub(crate) fn open_plane(inside: [usize; 2]) -> Plane {
-    let mut plane = [0.0; TILE * STRIDE];
+    let mut plane = NO_PLANE;
     for row in 0..inside[1] {
-        plane[row * STRIDE..row * STRIDE + inside[0]].fill(1.0);
+        plane[row][..inside[0]].fill(1.0);
     }
     plane
 }
@@ -139,9 +142,9 @@ impl<const COLOR: bool, const DEPTH: bool> Kernel for Draw<'_, COLOR, DEPTH> {
     fn run<L: Lanes<Scalar = f32>>(self) -> TilePixels {
         let TileInput { splats, entries, tile, inside } = self.0;
         let mut transmittance = open_plane(inside);
-        let mut last: Plane = [0.0; TILE * STRIDE];
-        let mut color: [Plane; 3] = [[0.0; TILE * STRIDE]; 3];
-        let mut depth: Plane = [0.0; TILE * STRIDE];
+        let mut last: Plane = NO_PLANE;
+        let mut color: [Plane; 3] = [NO_PLANE; 3];
+        let mut depth: Plane = NO_PLANE;
         let mut open = [true; TILE];
         let (log_min, max) = (L::splat(ALPHA_MIN.ln()), L::splat(ALPHA_MAX));
         let (transmittance_min, nowhere) = (L::splat(TRANSMITTANCE_MIN), L::splat(NOWHERE));
@@ -164,9 +167,9 @@ impl<const COLOR: bool, const DEPTH: bool> Kernel for Draw<'_, COLOR, DEPTH> {
                 let slope: L = L::of(local.b * dy);
                 let mut column = local.columns[0];
                 while column < local.columns[1] {
-                    let at = row * STRIDE + column;
+                    let at = column;
                     let dx = local.dx + L::of(column as f32);
-                    let t = L::load(&transmittance[at..]);
+                    let t = L::load(&transmittance[row][at..]);
                     let log_alpha = dx.mul_add(local.a, slope).mul_add(dx, base);
                     let log_alpha = L::select(transmittance_min.le(t), log_alpha, nowhere);
                     let drawn = log_min.le(log_alpha);
@@ -176,15 +179,15 @@ impl<const COLOR: bool, const DEPTH: bool> Kernel for Draw<'_, COLOR, DEPTH> {
                     }
                     let alpha = L::select(drawn, log_alpha.exp().min(max), L::zero());
                     let weight = t * alpha;
-                    (t - weight).store(&mut transmittance[at..]);
-                    L::select(drawn, count, L::load(&last[at..])).store(&mut last[at..]);
+                    (t - weight).store(&mut transmittance[row][at..]);
+                    L::select(drawn, count, L::load(&last[row][at..])).store(&mut last[row][at..]);
                     if COLOR {
                         for c in 0..3 {
-                            weight.mul_add(s_color[c], L::load(&color[c][at..])).store(&mut color[c][at..]);
+                            weight.mul_add(s_color[c], L::load(&color[c][row][at..])).store(&mut color[c][row][at..]);
                         }
                     }
                     if DEPTH {
-                        weight.mul_add(s_depth, L::load(&depth[at..])).store(&mut depth[at..]);
+                        weight.mul_add(s_depth, L::load(&depth[row][at..])).store(&mut depth[row][at..]);
                     }
                 }
             }
@@ -208,7 +211,7 @@ pub(crate) fn close_rows<L: Lanes<Scalar = f32>>(transmittance: &Plane, open: &m
             let mut most = L::zero();
             let mut column = 0;
             while column < TILE {
-                most = most.max(L::load(&transmittance[row * STRIDE + column..]));
+                most = most.max(L::load(&transmittance[row][column..]));
                 column += L::LANES;
             }
             open[row] = L::any(min.le(most));
@@ -263,17 +266,16 @@ impl<const COLOR: bool, const DEPTH: bool> Kernel for DrawBackward<'_, COLOR, DE
         let last = widen(&self.pixels.last);
         let mut transmittance = widen(&self.pixels.transmittance);
         let mut behind = widen(&self.loss.background);
-        let d_color: [Plane; 3] =
-            if COLOR { [0, 1, 2].map(|c| widen(&self.loss.color[c])) } else { [[0.0; TILE * STRIDE]; 3] };
-        let d_depth: Plane = if DEPTH { widen(&self.loss.depth) } else { [0.0; TILE * STRIDE] };
+        let d_color: [Plane; 3] = if COLOR { [0, 1, 2].map(|c| widen(&self.loss.color[c])) } else { [NO_PLANE; 3] };
+        let d_depth: Plane = if DEPTH { widen(&self.loss.depth) } else { NO_PLANE };
         let mut d_alpha = widen(&self.loss.alpha);
         if !replay {
-            d_alpha.iter_mut().zip(&transmittance).for_each(|(d, t)| *d *= t);
+            d_alpha.as_flattened_mut().iter_mut().zip(transmittance.as_flattened()).for_each(|(d, t)| *d *= t);
         }
         // The last entry that counts in each row.
         let mut row_last = [0usize; TILE];
         for row in 0..TILE {
-            let most = last[row * STRIDE..row * STRIDE + TILE].iter().fold(0.0f32, |m, &v| m.max(v));
+            let most = last[row][..TILE].iter().fold(0.0f32, |m, &v| m.max(v));
             row_last[row] = most as usize;
         }
         let end = row_last.iter().copied().max().unwrap_or(0);
@@ -300,10 +302,10 @@ impl<const COLOR: bool, const DEPTH: bool> Kernel for DrawBackward<'_, COLOR, DE
                 let mut sums = [L::zero(); 3];
                 let mut column = local.columns[0];
                 while column < local.columns[1] {
-                    let at = row * STRIDE + column;
+                    let at = column;
                     let dx = local.dx + L::of(column as f32);
                     let log_alpha = dx.mul_add(local.a, slope).mul_add(dx, base);
-                    let log_alpha = L::select(count.le(L::load(&last[at..])), log_alpha, nowhere);
+                    let log_alpha = L::select(count.le(L::load(&last[row][at..])), log_alpha, nowhere);
                     let drawn = log_min.le(log_alpha);
                     column += L::LANES;
                     if !L::any(drawn) {
@@ -312,28 +314,28 @@ impl<const COLOR: bool, const DEPTH: bool> Kernel for DrawBackward<'_, COLOR, DE
                     let alpha = L::select(drawn, log_alpha.exp().min(max), L::zero());
                     let clear = one / (one - alpha);
                     let d = if replay {
-                        let t = L::load(&transmittance[at..]) * clear;
-                        t.store(&mut transmittance[at..]);
-                        let mut value = L::load(&d_alpha[at..]);
+                        let t = L::load(&transmittance[row][at..]) * clear;
+                        t.store(&mut transmittance[row][at..]);
+                        let mut value = L::load(&d_alpha[row][at..]);
                         let weight = t * alpha;
                         if COLOR {
                             for c in 0..3 {
-                                let g = L::load(&d_color[c][at..]);
+                                let g = L::load(&d_color[c][row][at..]);
                                 value = g.mul_add(s_color[c], value);
                                 sum_color[c] = g.mul_add(weight, sum_color[c]);
                             }
                         }
                         if DEPTH {
-                            let g = L::load(&d_depth[at..]);
+                            let g = L::load(&d_depth[row][at..]);
                             value = g.mul_add(s_depth, value);
                             sum_depth = g.mul_add(weight, sum_depth);
                         }
-                        let b = L::load(&behind[at..]);
+                        let b = L::load(&behind[row][at..]);
                         let gain = value - b;
-                        gain.mul_add(alpha, b).store(&mut behind[at..]);
+                        gain.mul_add(alpha, b).store(&mut behind[row][at..]);
                         gain * weight
                     } else {
-                        L::load(&d_alpha[at..]) * clear * alpha
+                        L::load(&d_alpha[row][at..]) * clear * alpha
                     };
                     // At the cap, alpha no longer follows the splat.
                     let d = L::select(alpha.lt(max), d, L::zero());

@@ -291,40 +291,40 @@ fn attributes_backward(
     let view = View::new(gaussians, camera, settings);
     let Saved { splats, tiles, .. } = saved;
     let mut out = GaussianGradients::zeros(gaussians);
-    let mut splat_of = vec![u32::MAX; gaussians.len()];
-    for (k, splat) in splats.iter().enumerate() {
-        splat_of[splat.index as usize] = k as u32;
-    }
     // Front to back, the splats' entries lie one after the other in every tile; in any other order, each is a cache miss.
-    let sums: Vec<SplatGradient> = (0..splats.len())
-        .into_par_iter()
+    let attributes: Vec<(AttributeGradient, [f32; 3])> = splats
+        .par_iter()
+        .enumerate()
         .with_min_len(PER_TASK)
-        .map(|k| {
+        .map(|(k, splat)| {
             let [first, last] = [k, k + 1].map(|k| tiles.slot_starts[k] as usize);
-            sum_entries(entries, &tiles.slots[first..last])
+            let sums = sum_entries(entries, &tiles.slots[first..last]);
+            (view.project_backward(gaussians, splat, &sums), sums.color.map(|c| c as f32))
         })
         .collect();
-    let one = |k: u32, sh: &mut [[f32; 3]]| -> AttributeGradient {
-        let Some(splat) = splats.get(k as usize) else { return AttributeGradient::default() };
-        view.project_backward(gaussians, splat, &sums[k as usize], sh)
-    };
-    let attributes: Vec<AttributeGradient> = if out.sh.is_empty() {
-        splat_of.par_iter().with_min_len(PER_TASK).map(|&k| one(k, &mut [])).collect()
-    } else {
-        let sh = out.sh.par_chunks_mut(gaussians.sh_per_gaussian());
-        splat_of.par_iter().with_min_len(PER_TASK).zip(sh).map(|(&k, sh)| one(k, sh)).collect()
-    };
-    for (i, a) in attributes.iter().enumerate() {
-        out.positions[i] = a.position.as_vec3().to_array();
-        out.opacities[i] = a.opacity as f32;
-        out.screen[i] = a.screen.length() as f32;
+    // What is not drawn has no colour gradient, and its direction to the camera may not even exist.
+    let mut d_color: Vec<Option<[f32; 3]>> = vec![None; gaussians.len()];
+    for (splat, (gradient, color)) in splats.iter().zip(&attributes) {
+        let i = splat.index as usize;
+        out.positions[i] = gradient.position;
+        out.opacities[i] = gradient.opacity;
+        out.screen[i] = gradient.screen;
+        d_color[i] = Some(*color);
         match &mut out.shape {
-            Shape::Isotropic { scales } => scales[i] = a.scale.x as f32,
+            Shape::Isotropic { scales } => scales[i] = gradient.scale[0],
             Shape::Anisotropic { scales, rotations } => {
-                scales[i] = a.scale.as_vec3().to_array();
-                rotations[i] = a.rotation.map(|v| v as f32);
+                scales[i] = gradient.scale;
+                rotations[i] = gradient.rotation;
             }
         }
+    }
+    if settings.channels == Channels::ColorAlphaDepth {
+        let sh = out.sh.par_chunks_mut(gaussians.sh_per_gaussian()).with_min_len(PER_TASK);
+        sh.zip(&mut out.positions).zip(&d_color).enumerate().for_each(|(i, ((sh, position), color))| {
+            if let Some(color) = color {
+                view.color_backward(gaussians, i, *color, sh, position);
+            }
+        });
     }
     out
 }

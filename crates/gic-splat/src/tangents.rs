@@ -8,7 +8,7 @@ use gic_simd::{Kernel, Lanes, dispatch};
 use rayon::prelude::*;
 
 use crate::projection::{LogAlphaTangent, View};
-use crate::raster::{Local, NOWHERE, PIXELS, Plane, STRIDE, TileInput, close_rows, narrow};
+use crate::raster::{Local, NO_PLANE, NOWHERE, PIXELS, Plane, TileInput, close_rows, narrow};
 use crate::render::{
     ALPHA_MAX, ALPHA_MIN, Channels, PER_TASK, RenderSettings, TRANSMITTANCE_MIN, input, rows_of, splats,
 };
@@ -93,7 +93,7 @@ impl Kernel for DrawTangents<'_> {
     fn run<L: Lanes<Scalar = f32>>(self) -> Self::Output {
         let TileInput { splats, entries, tile, inside } = self.input;
         let mut transmittance = raster::open_plane(inside);
-        let mut sums: Vec<Plane> = vec![[0.0; TILE * STRIDE]; self.count];
+        let mut sums: Vec<Plane> = vec![NO_PLANE; self.count];
         let mut open = [true; TILE];
         let (log_min, max, one) = (L::splat(ALPHA_MIN.ln()), L::splat(ALPHA_MAX), L::one());
         let (transmittance_min, nowhere) = (L::splat(TRANSMITTANCE_MIN), L::splat(NOWHERE));
@@ -113,9 +113,9 @@ impl Kernel for DrawTangents<'_> {
                 let slope = L::of(local.b * dy);
                 let mut column = local.columns[0];
                 while column < local.columns[1] {
-                    let at = row * STRIDE + column;
+                    let at = column;
                     let dx = local.dx + L::of(column as f32);
-                    let t = L::load(&transmittance[at..]);
+                    let t = L::load(&transmittance[row][at..]);
                     let log_alpha = dx.mul_add(local.a, slope).mul_add(dx, base);
                     let log_alpha = L::select(transmittance_min.le(t), log_alpha, nowhere);
                     let drawn = log_min.le(log_alpha);
@@ -124,13 +124,13 @@ impl Kernel for DrawTangents<'_> {
                         continue;
                     }
                     let alpha = L::select(drawn, log_alpha.exp().min(max), L::zero());
-                    (t - t * alpha).store(&mut transmittance[at..]);
+                    (t - t * alpha).store(&mut transmittance[row][at..]);
                     // At the cap, alpha no longer follows the Gaussian.
                     let share = L::select(alpha.lt(max), alpha / (one - alpha), L::zero());
                     for (sum, s) in sums.iter_mut().zip(tangents) {
                         let constant = L::of(s[0] + (s[2] + s[5] * dy) * dy);
                         let d_log = dx.mul_add(L::of(s[3]), L::of(s[1] + s[4] * dy)).mul_add(dx, constant);
-                        share.mul_add(d_log, L::load(&sum[at..])).store(&mut sum[at..]);
+                        share.mul_add(d_log, L::load(&sum[row][at..])).store(&mut sum[row][at..]);
                     }
                 }
             }
