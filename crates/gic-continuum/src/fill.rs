@@ -74,9 +74,10 @@ impl Filling {
 pub fn fill(gaussians: &Gaussians, views: &[MaskedView], settings: &FillSettings) -> Result<Filling, ContinuumError> {
     settings.validate()?;
     let usable = usable_gaussians(gaussians, views, settings)?;
-    let evidence = Evidence::gather(views, Some(&usable))?;
+    let scale = median_scale(&usable);
+    let evidence = Evidence::gather(views, Some((&usable, scale)))?;
     let grid = initialize_field(&usable, settings)?;
-    let inset = settings.depth_inset * median_scale(&usable);
+    let inset = settings.depth_inset * scale;
     let particles = internal_particles(&grid, &evidence, inset, settings);
     let mut field = coarse_to_fine(&particles, &usable, settings);
     if settings.unseen == Unseen::Midway {

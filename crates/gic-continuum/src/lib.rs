@@ -2,20 +2,24 @@
 //! Gaussian-informed continuum, surfaces and meshes.
 
 mod error;
+mod export;
 mod field;
 mod fill;
 mod informed;
 mod particles;
 mod settings;
 mod surface;
+mod tetrahedra;
 mod unseen;
 mod view;
 
 pub use error::ContinuumError;
+pub use export::{ExportError, write_mesh_ply, write_msh, write_obj, write_particles_ply, write_stl};
 pub use field::{DensityField, MAX_VOXELS};
 pub use fill::{Filling, fill};
 pub use informed::{Agreement, Appearance, agreement, calibrate, compare_with_masks, informed_gaussians};
 pub use particles::{Particles, Placement, sample_particles};
 pub use settings::{FillSettings, GroundPlane, Unseen};
 pub use surface::{SurfacePoint, TriangleMesh};
+pub use tetrahedra::TetMesh;
 pub use view::MaskedView;

@@ -44,7 +44,7 @@ pub struct FillSettings {
     pub th_max: f64,
     /// Gaussians with less opacity do not count.
     pub min_opacity: f32,
-    /// How far the rendered depth lies below the true surface, in units of the Gaussians' median standard deviation.
+    /// How far the centres of the Gaussians lie below the true surface, in units of their median standard deviation.
     pub depth_inset: f64,
     /// How many views must see in front of the surface at a point before it counts as empty for certain. A point that fewer
     /// views (but at least one) call empty is left to the density field: a hole between Gaussians in one view does not dig a tunnel.

@@ -8,6 +8,12 @@ use crate::ContinuumError;
 
 /// Pixels with less accumulated alpha than this have no rendered surface.
 const SOLID: f32 = 0.5;
+/// Ranges of obliqueness (the sine between ray and normal) in which the bias of the depth is measured.
+const BINS: usize = 5;
+/// Fewer samples than this say nothing about a range.
+const MIN_SAMPLES: usize = 30;
+/// Centres further than this from the rendered surface, in median standard deviations, are hidden or stray: no samples.
+const VISIBLE_WITHIN: f32 = 2.5;
 
 /// A camera and the mask of the object in its image.
 #[derive(Clone, Copy, Debug)]
@@ -27,6 +33,58 @@ pub(crate) struct Evidence<'a> {
     depth: Vec<f32>,
     /// Cosine between the ray and the normal of the rendered surface; 1 where there is no depth.
     cosine: Vec<f32>,
+    bias: DepthBias,
+}
+
+/// Median distance of the Gaussians' centres behind the rendered depth, perpendicular to the surface [m], by obliqueness.
+///
+/// Accumulated depth is not that of the centres: seen at an angle, the Gaussians that lie nearer to the camera along the slope
+/// are composited first and draw it towards the camera, by a good part of a standard deviation.
+#[derive(Clone, Copy, Debug, Default)]
+struct DepthBias([f32; BINS]);
+
+impl DepthBias {
+    /// Measured on all visible centres in all views; ranges without enough samples take the nearest that has them.
+    fn measure(gaussians: &Gaussians, views: &[Evidence], scale: f64) -> DepthBias {
+        let window = VISIBLE_WITHIN * scale as f32;
+        let mut samples: [Vec<f32>; BINS] = Default::default();
+        for view in views {
+            for p in &gaussians.positions {
+                let Some((pixel, z)) = view.camera.project(DVec3::from(p.map(f64::from))) else { continue };
+                let Some(i) = view.pixel_index(pixel) else { continue };
+                let behind = (z as f32 - view.depth[i]) * view.cosine[i];
+                if behind.abs() <= window {
+                    samples[DepthBias::bin(view.cosine[i])].push(behind);
+                }
+            }
+        }
+        let mut medians = samples.map(|mut s| {
+            s.sort_by(f32::total_cmp);
+            (s.len() >= MIN_SAMPLES).then(|| s[s.len() / 2])
+        });
+        for i in 1..BINS {
+            medians[i] = medians[i].or(medians[i - 1]);
+        }
+        for i in (0..BINS - 1).rev() {
+            medians[i] = medians[i].or(medians[i + 1]);
+        }
+        DepthBias(medians.map(|m| m.unwrap_or(0.0)))
+    }
+
+    fn bin(cosine: f32) -> usize {
+        ((DepthBias::sine(cosine) * BINS as f32) as usize).min(BINS - 1)
+    }
+
+    fn sine(cosine: f32) -> f32 {
+        (1.0 - cosine * cosine).max(0.0).sqrt()
+    }
+
+    /// The bias at an obliqueness, linear between the middles of the ranges.
+    fn at(&self, cosine: f32) -> f32 {
+        let t = (DepthBias::sine(cosine) * BINS as f32 - 0.5).clamp(0.0, (BINS - 1) as f32);
+        let low = (t as usize).min(BINS - 2);
+        self.0[low] + (t - low as f32) * (self.0[low + 1] - self.0[low])
+    }
 }
 
 /// What a view says about a point.
@@ -34,32 +92,46 @@ pub(crate) struct Evidence<'a> {
 pub(crate) struct Seen {
     /// Coverage of the mask at the point's projection.
     pub(crate) coverage: f32,
-    /// Distance behind the rendered surface, about perpendicular to it [m]; negative in front of it; infinite where the view
-    /// renders no surface there.
+    /// Distance behind the surface on which the centres of the rendered Gaussians lie, about perpendicular to it [m]; negative
+    /// in front of it; infinite where the view renders no surface there.
     pub(crate) behind: f32,
 }
 
 impl<'a> Evidence<'a> {
-    /// Views that have a mask, with depth maps rendered from the Gaussians (Algorithm 1, lines 2 and 3).
+    /// Views that have a mask, with depth maps rendered from the Gaussians of a median scale [m] (Algorithm 1, lines 2 and 3).
     pub(crate) fn gather(
         views: &[MaskedView<'a>],
-        gaussians: Option<&Gaussians>,
+        gaussians: Option<(&Gaussians, f64)>,
     ) -> Result<Vec<Evidence<'a>>, ContinuumError> {
         let mut gathered = Vec::new();
-        for (view, MaskedView { camera, mask }) in views.iter().enumerate() {
-            let Some(mask) = *mask else { continue };
+        for (view, &MaskedView { camera, mask }) in views.iter().enumerate() {
+            let Some(mask) = mask else { continue };
             let (width, height) = (camera.width, camera.height);
             if mask.len() != width * height {
                 return Err(ContinuumError::MaskSize { view, found: mask.len(), width, height });
             }
             let depth = match gaussians {
-                Some(gaussians) => depth_map(gaussians, camera, mask),
+                Some((gaussians, _)) => depth_map(gaussians, camera, mask),
                 None => vec![f32::INFINITY; mask.len()],
             };
             let cosine = cosines(&depth, camera);
-            gathered.push(Evidence { camera, mask, depth, cosine });
+            gathered.push(Evidence { camera, mask, depth, cosine, bias: DepthBias::default() });
         }
-        if gathered.is_empty() { Err(ContinuumError::NoMasks { views: views.len() }) } else { Ok(gathered) }
+        if gathered.is_empty() {
+            return Err(ContinuumError::NoMasks { views: views.len() });
+        }
+        if let Some((gaussians, scale)) = gaussians {
+            let bias = DepthBias::measure(gaussians, &gathered, scale);
+            gathered.iter_mut().for_each(|view| view.bias = bias);
+        }
+        Ok(gathered)
+    }
+
+    /// The pixel that holds image coordinates; `None` outside the image.
+    fn pixel_index(&self, pixel: DVec2) -> Option<usize> {
+        let (w, h) = (self.camera.width, self.camera.height);
+        let inside = pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < w as f64 && pixel.y < h as f64;
+        inside.then(|| pixel.y as usize * w + pixel.x as usize)
     }
 
     /// What this view says about a point [m]; `None` where it does not see it: behind the camera or outside the image.
@@ -92,7 +164,7 @@ impl<'a> Evidence<'a> {
         if spread.is_finite() && spread * self.camera.focal.x as f32 <= 4.0 * depth {
             depth = corners.iter().zip(weights).map(|(&i, w)| self.depth[i] * w).sum();
         }
-        let behind = if depth.is_finite() { (z as f32 - depth) * cosine } else { f32::INFINITY };
+        let behind = if depth.is_finite() { (z as f32 - depth) * cosine - self.bias.at(cosine) } else { f32::INFINITY };
         Some(Seen { coverage, behind })
     }
 }

@@ -1,0 +1,190 @@
+//! Bodies with a known surface, seen by cameras and covered with Gaussians.
+#![allow(unreachable_pub)]
+
+use gic_continuum::MaskedView;
+use gic_scene::Camera;
+use gic_splat::{Gaussians, Shape};
+use glam::{DMat3, DVec2, DVec3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// A body given by its signed distance [m], negative inside; a lower bound of the distance is enough outside.
+pub struct Body {
+    pub name: &'static str,
+    pub distance: fn(DVec3) -> f64,
+    /// Volume of what filling should give [m^3]: closed cavities count as full.
+    pub volume: f64,
+    /// Surface area [m^2].
+    pub area: f64,
+    /// Largest side [m].
+    pub size: f64,
+}
+
+fn block(p: DVec3, half: DVec3) -> f64 {
+    let q = p.abs() - half;
+    q.max(DVec3::ZERO).length() + q.max_element().min(0.0)
+}
+
+/// A ball of radius 0.15.
+pub fn sphere() -> Body {
+    Body {
+        name: "sphere",
+        distance: |p| p.length() - 0.15,
+        volume: 4.0 / 3.0 * std::f64::consts::PI * 0.15f64.powi(3),
+        area: 4.0 * std::f64::consts::PI * 0.15f64.powi(2),
+        size: 0.3,
+    }
+}
+
+/// A ring of radius 0.12 with a tube of radius 0.05: cameras see through its hole.
+pub fn torus() -> Body {
+    use std::f64::consts::PI;
+    Body {
+        name: "torus",
+        distance: |p| DVec2::new(DVec2::new(p.x, p.z).length() - 0.12, p.y).length() - 0.05,
+        volume: 2.0 * PI * PI * 0.12 * 0.05 * 0.05,
+        area: 4.0 * PI * PI * 0.12 * 0.05,
+        size: 0.34,
+    }
+}
+
+/// A box with a closed hollow that no camera sees.
+pub fn hollow_box() -> Body {
+    Body {
+        name: "box with a hollow",
+        distance: |p| block(p, DVec3::new(0.15, 0.1, 0.12)).max(-block(p, DVec3::splat(0.05))),
+        volume: 0.3 * 0.2 * 0.24,
+        area: 2.0 * (0.3 * 0.2 + 0.2 * 0.24 + 0.3 * 0.24),
+        size: 0.3,
+    }
+}
+
+/// Two plates 15 mm thick, 60 mm apart: cameras see between them.
+pub fn plates() -> Body {
+    Body {
+        name: "two thin plates",
+        distance: |p| block(DVec3::new(p.x, p.y.abs() - 0.0375, p.z), DVec3::new(0.15, 0.0075, 0.15)),
+        volume: 2.0 * 0.3 * 0.3 * 0.015,
+        area: 2.0 * (2.0 * 0.3 * 0.3 + 4.0 * 0.3 * 0.015),
+        size: 0.3,
+    }
+}
+
+/// Cameras on all sides, at several heights, looking at the origin.
+pub fn cameras() -> Vec<Camera> {
+    let mut cameras = Vec::new();
+    for (ring, elevation) in [-0.9f64, -0.35, 0.05, 0.45, 1.0].into_iter().enumerate() {
+        for k in 0..4 {
+            let azimuth = (k as f64 + 0.37 * ring as f64) * std::f64::consts::FRAC_PI_2;
+            let centre = DVec3::new(azimuth.cos() * elevation.cos(), elevation.sin(), azimuth.sin() * elevation.cos());
+            let forward = -centre;
+            let right = forward.cross(DVec3::Y).normalize();
+            cameras.push(Camera {
+                width: 160,
+                height: 160,
+                focal: DVec2::splat(220.0),
+                principal: DVec2::splat(80.0),
+                rotation: DMat3::from_cols(right, forward.cross(right), forward),
+                centre: centre * 1.0,
+            });
+        }
+    }
+    cameras
+}
+
+/// Antialiased coverage of the body in a camera's image: 3x3 rays a pixel, by sphere tracing.
+pub fn mask(body: &Body, camera: &Camera) -> Vec<f32> {
+    let hits = |pixel: DVec2| {
+        let direction = (camera.unproject(pixel, 1.0) - camera.centre).normalize();
+        let mut t = 0.4;
+        while t < 1.6 {
+            let d = (body.distance)(camera.centre + t * direction);
+            if d < 1e-4 {
+                return true;
+            }
+            t += d;
+        }
+        false
+    };
+    (0..camera.width * camera.height)
+        .map(|i| {
+            let corner = DVec2::new((i % camera.width) as f64, (i / camera.width) as f64);
+            let sub = (0..9).filter(|k| hits(corner + (DVec2::new((k % 3) as f64, (k / 3) as f64) + 0.5) / 3.0));
+            sub.count() as f32 / 9.0
+        })
+        .collect()
+}
+
+/// Outward unit normal by central differences.
+pub fn normal(body: &Body, p: DVec3) -> DVec3 {
+    let along = |axis: DVec3| (body.distance)(p + 1e-5 * axis) - (body.distance)(p - 1e-5 * axis);
+    DVec3::new(along(DVec3::X), along(DVec3::Y), along(DVec3::Z)).normalize()
+}
+
+/// Points on the outer surface [m], about `spacing` apart: lattice points near it moved onto it.
+pub fn surface_points(body: &Body, spacing: f64) -> Vec<DVec3> {
+    let n = (0.5 * body.size / spacing).ceil() as i64 + 2;
+    let mut points = Vec::new();
+    for z in -n..=n {
+        for y in -n..=n {
+            for x in -n..=n {
+                // Odd numbers avoid the planes of symmetry, where normals are not defined.
+                let mut p = spacing * (DVec3::new(x as f64, y as f64, z as f64) + DVec3::new(0.21, 0.37, 0.43));
+                if (body.distance)(p).abs() > 0.5 * spacing {
+                    continue;
+                }
+                for _ in 0..4 {
+                    p -= (body.distance)(p) * normal(body, p);
+                }
+                points.push(p);
+            }
+        }
+    }
+    points
+}
+
+/// Gaussians as training leaves them: centres half a standard deviation below the surface.
+pub fn perfect_gaussians(body: &Body) -> Gaussians {
+    let spacing = 0.008;
+    let scale = 0.007;
+    let positions: Vec<[f32; 3]> = surface_points(body, spacing)
+        .into_iter()
+        .map(|p| (p - 0.5 * scale * normal(body, p)).as_vec3().to_array())
+        .collect();
+    let n = positions.len();
+    Gaussians {
+        positions,
+        opacities: vec![0.9; n],
+        shape: Shape::Isotropic { scales: vec![scale as f32; n] },
+        sh_degree: 0,
+        sh: vec![[0.0; 3]; n],
+    }
+}
+
+/// Noisy Gaussians: 30 % missing, centres off by 1.5 mm, and one in twenty an outlier anywhere in the box, half of them faint.
+pub fn noisy_gaussians(body: &Body, seed: u64) -> Gaussians {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let perfect = perfect_gaussians(body);
+    let Shape::Isotropic { scales } = &perfect.shape else { unreachable!("perfect Gaussians are isotropic") };
+    let mut noisy = Gaussians { positions: vec![], opacities: vec![], sh: vec![], ..perfect.clone() };
+    let mut kept = Vec::new();
+    for i in 0..perfect.positions.len() {
+        if random.random::<f64>() < 0.3 {
+            continue;
+        }
+        let outlier = random.random::<f64>() < 0.05;
+        let mut u = || random.random::<f32>() * 2.0 - 1.0;
+        let p = perfect.positions[i];
+        noisy.positions.push(if outlier { [u(), u(), u()].map(|c| 0.25 * c) } else { p.map(|c| c + 0.0025 * u()) });
+        noisy.opacities.push(if outlier && i % 2 == 0 { 0.01 } else { 0.9 });
+        noisy.sh.push([0.0; 3]);
+        kept.push(scales[i]);
+    }
+    noisy.shape = Shape::Isotropic { scales: kept };
+    noisy
+}
+
+/// The cameras with their masks.
+pub fn views<'a>(cameras: &'a [Camera], masks: &'a [Vec<f32>]) -> Vec<MaskedView<'a>> {
+    cameras.iter().zip(masks).map(|(camera, mask)| MaskedView { camera, mask: Some(mask) }).collect()
+}

@@ -1,0 +1,172 @@
+//! Filling bodies whose shape is known, from perfect and from noisy Gaussians: errors of volume and surface stay within the grid's
+//! size.
+
+mod common;
+
+use common::{Body, cameras, hollow_box, mask, noisy_gaussians, perfect_gaussians, plates, sphere, torus, views};
+use gic_continuum::{
+    ContinuumError, FillSettings, Filling, GroundPlane, MaskedView, Placement, calibrate, compare_with_masks, fill,
+    sample_particles,
+};
+use gic_metrics::KdTree;
+use gic_splat::Gaussians;
+use glam::DVec3;
+
+/// Distances between the filled surface and the true one [m].
+struct SurfaceError {
+    /// Largest distance of a vertex of the mesh to the true surface (hollows left out).
+    outward: f64,
+    /// Largest distance of a point of the true outer surface to the mesh.
+    inward: f64,
+    mean: f64,
+}
+
+fn surface_error(body: &Body, filling: &Filling) -> SurfaceError {
+    let mesh = filling.surface_mesh();
+    assert!(mesh.is_watertight());
+    let to_truth: Vec<f64> = mesh.vertices.iter().map(|&v| (body.distance)(v).abs()).collect();
+    let points: Vec<[f32; 3]> = mesh.sample(0.002, 1).iter().map(|s| s.position.as_vec3().to_array()).collect();
+    let tree = KdTree::new(&points);
+    let outer = common::surface_points(body, 0.006);
+    let inward = outer
+        .iter()
+        .filter(|p| body.name != "box with a hollow" || p.abs().max_element() > 0.06)
+        .map(|p| f64::from(tree.nearest(p.as_vec3().to_array()).unwrap().1).sqrt())
+        .fold(0.0, f64::max);
+    SurfaceError {
+        outward: to_truth.iter().copied().fold(0.0, f64::max),
+        inward,
+        mean: to_truth.iter().sum::<f64>() / to_truth.len() as f64,
+    }
+}
+
+/// Fills and checks: Hausdorff distance and volume error in units of the finest voxel.
+fn check(body: &Body, gaussians: &Gaussians, hausdorff: f64, shift: f64) {
+    let cameras = cameras();
+    let masks: Vec<Vec<f32>> = cameras.iter().map(|c| mask(body, c)).collect();
+    let settings = FillSettings::for_size(body.size);
+    let h = settings.finest_spacing();
+    let filling = fill(gaussians, &views(&cameras, &masks), &settings).unwrap();
+    let error = surface_error(body, &filling);
+    // Volume error as the mean shift of the surface.
+    let offset = (filling.volume() - body.volume) / body.area;
+    println!(
+        "{}: h {:.1} mm, Hausdorff {:.2} / {:.2} h, mean {:.2} h, volume {:+.2} %, i.e. {:+.3} h",
+        body.name,
+        1e3 * h,
+        error.outward / h,
+        error.inward / h,
+        error.mean / h,
+        100.0 * (filling.volume() / body.volume - 1.0),
+        offset / h
+    );
+    assert!(error.outward < hausdorff * h && error.inward < hausdorff * h, "{}", body.name);
+    assert!(offset.abs() < shift * h, "{}: {offset}", body.name);
+}
+
+#[test]
+fn sphere_from_perfect_and_noisy_gaussians() {
+    check(&sphere(), &perfect_gaussians(&sphere()), 1.0, 0.2);
+    check(&sphere(), &noisy_gaussians(&sphere(), 1), 2.0, 0.2);
+}
+
+#[test]
+fn torus_keeps_its_hole() {
+    check(&torus(), &perfect_gaussians(&torus()), 1.0, 0.2);
+    check(&torus(), &noisy_gaussians(&torus(), 2), 2.0, 0.2);
+}
+
+#[test]
+fn box_has_its_hollow_filled() {
+    check(&hollow_box(), &perfect_gaussians(&hollow_box()), 1.5, 0.2);
+    check(&hollow_box(), &noisy_gaussians(&hollow_box(), 3), 2.0, 0.2);
+}
+
+#[test]
+fn thin_plates_stay_two() {
+    check(&plates(), &perfect_gaussians(&plates()), 1.5, 0.2);
+    check(&plates(), &noisy_gaussians(&plates(), 4), 2.0, 0.2);
+}
+
+#[test]
+fn missing_masks_and_ground_are_respected() {
+    let body = sphere();
+    let cameras = cameras();
+    let masks: Vec<Vec<f32>> = cameras.iter().map(|c| mask(&body, c)).collect();
+    let mut some: Vec<MaskedView> = views(&cameras, &masks);
+    for view in some.iter_mut().step_by(2) {
+        view.mask = None;
+    }
+    let mut settings = FillSettings::for_size(body.size);
+    let filling = fill(&perfect_gaussians(&body), &some, &settings).unwrap();
+    assert_eq!(filling.views_used, 10);
+    println!("half of the views: volume {}", filling.volume() / body.volume);
+    assert!((filling.volume() / body.volume - 1.0).abs() < 0.06, "{}", filling.volume() / body.volume);
+
+    // A plane through the centre: nothing is left below it.
+    settings.ground = Some(GroundPlane { point: DVec3::ZERO, normal: DVec3::Y });
+    let half = fill(&perfect_gaussians(&body), &some, &settings).unwrap();
+    assert!((half.volume() / body.volume - 0.5).abs() < 0.04, "{}", half.volume() / body.volume);
+
+    for view in &mut some {
+        view.mask = None;
+    }
+    assert!(matches!(fill(&perfect_gaussians(&body), &some, &settings), Err(ContinuumError::NoMasks { views: 20 })));
+}
+
+#[test]
+fn unusable_input_is_an_error() {
+    let body = sphere();
+    let cameras = &cameras()[..4];
+    let masks: Vec<Vec<f32>> = cameras.iter().map(|c| mask(&body, c)).collect();
+    let settings = FillSettings::for_size(body.size);
+    let good = perfect_gaussians(&body);
+    let mut faint = good.clone();
+    faint.opacities.fill(0.001);
+    assert!(matches!(
+        fill(&faint, &views(cameras, &masks), &settings),
+        Err(ContinuumError::TooFewGaussians { kept: 0, .. })
+    ));
+    let mut nan = good.clone();
+    nan.positions.iter_mut().for_each(|p| p[1] = f32::NAN);
+    assert!(matches!(fill(&nan, &views(cameras, &masks), &settings), Err(ContinuumError::TooFewGaussians { .. })));
+    let cut = vec![masks[0][1..].to_vec(); 4];
+    assert!(matches!(fill(&good, &views(cameras, &cut), &settings), Err(ContinuumError::MaskSize { view: 0, .. })));
+    let negative = FillSettings { grid_spacing: -1.0, ..settings.clone() };
+    assert!(matches!(fill(&good, &views(cameras, &masks), &negative), Err(ContinuumError::Setting { .. })));
+    let fine = FillSettings { grid_spacing: 1e-4, ..settings };
+    assert!(matches!(fill(&good, &views(cameras, &masks), &fine), Err(ContinuumError::TooManyVoxels { .. })));
+}
+
+#[test]
+fn particles_share_the_volume_and_their_alpha_matches_the_masks() {
+    let body = torus();
+    let cameras = cameras();
+    let masks: Vec<Vec<f32>> = cameras.iter().map(|c| mask(&body, c)).collect();
+    let views = views(&cameras, &masks);
+    let filling = fill(&perfect_gaussians(&body), &views, &FillSettings::for_size(body.size)).unwrap();
+    for placement in [Placement::Lattice, Placement::Jittered { amount: 0.8, seed: 1 }] {
+        let particles = sample_particles(&filling, 0.007, placement).unwrap();
+        let n = particles.positions.len() as f64;
+        assert!((n * particles.volume / filling.volume() - 1.0).abs() < 1e-9);
+        assert!((n * 0.007f64.powi(3) / filling.volume() - 1.0).abs() < 0.03, "the lattice counts the volume");
+        for (p, &surface) in particles.positions.iter().zip(&particles.surface) {
+            let depth = -(body.distance)(*p);
+            assert!(depth > -0.004, "inside");
+            assert!(surface || depth > 0.002, "what is not surface is deep: {depth}");
+            assert!(!surface || depth < 0.016, "what is surface is not: {depth}");
+        }
+        let appearance = calibrate(&particles, &views, 0.9).unwrap();
+        let agreements: Vec<_> =
+            compare_with_masks(&particles, &appearance, &views).into_iter().map(Option::unwrap).collect();
+        let mean = agreements.iter().map(|a| a.signed_area_error).sum::<f64>() / agreements.len() as f64;
+        println!(
+            "{appearance:?}: area {mean:+.4}, worst IoU {:.4}",
+            agreements.iter().map(|a| a.iou).fold(1.0, f64::min)
+        );
+        assert!(mean.abs() < 0.005, "{mean}");
+        // Images of 160 pixels: a body 70 pixels wide, where half a pixel all around is 3 % already.
+        assert!(agreements.iter().all(|a| a.iou > 0.94));
+    }
+    assert!(sample_particles(&filling, 0.0, Placement::Lattice).is_err());
+}
