@@ -62,7 +62,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     println!("mean          {:5.2} {:.4} {:.4}  {:5.2}", mean.psnr, mean.ssim, mean.iou, mean.psnr_white);
     if let Some(folder) = out {
-        let _ = folder; // TODO save
+        model.save(&folder)?;
     }
     Ok(())
 }

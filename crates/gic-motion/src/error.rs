@@ -14,6 +14,9 @@ pub enum MotionError {
     /// Pictures could not be compared.
     #[error(transparent)]
     Metric(#[from] MetricError),
+    /// Gaussians could not be written or read.
+    #[error(transparent)]
+    Ply(#[from] gic_splat::PlyError),
     /// A setting has no meaning.
     #[error("setting `{setting}`: {reason}")]
     Setting {

@@ -6,7 +6,7 @@ use gic_splat::{Gaussians, RenderSettings, render};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::targets::{self, Bounds, Target};
+use crate::targets::{self, Target};
 use crate::{DynamicGaussians, MotionError};
 
 /// How well one picture is reproduced.
@@ -69,7 +69,7 @@ pub(crate) fn score_targets(
 fn score(target: &Target, gaussians: &Gaussians) -> Result<ViewScore, MotionError> {
     let (width, height) = (target.camera.width, target.camera.height);
     let picture = render(gaussians, &target.camera, &RenderSettings::default());
-    let (color, mask) = target.crop(Bounds { x0: 0, y0: 0, x1: width, y1: height });
+    let (color, mask) = target.crop(target.whole());
     let b = target.bounds;
     let region = Some(Rectangle { left: b.x0, top: b.y0, right: b.x1, bottom: b.y1 });
     let over_white = |color: &[[f32; 3]], alpha: &[f32]| -> Vec<[f32; 3]> {

@@ -1,16 +1,19 @@
 //! The first points, from masks and cameras alone: where the object is, and the surface of its visual hull.
 
-use gic_scene::Scene;
+use gic_scene::{Camera, Hull, HullSettings, HullView, Mask, Picture, Scene};
 use glam::{DMat3, DVec2, DVec3};
 use rand::{Rng, RngExt};
 use rayon::prelude::*;
 
 use crate::targets::Target;
 
-/// Voxels across the object's ball for the first, coarse carving.
+/// Cells along the hull for the first, coarse carving.
 const COARSE: usize = 40;
-/// A voxel belongs to the hull of a moving object seen by one camera at a time when this share of all pictures shows it.
-const SHARE_OVER_TIME: f64 = 0.6;
+/// A point belongs to the hull of a moving object seen by one camera at a time unless more than this share of the pictures
+/// miss it.
+const MISSES_OVER_TIME: f64 = 0.3;
+/// The hull is carved from at most this many pictures, evenly spread.
+const MAX_HULL_VIEWS: usize = 48;
 
 /// A ball around the object.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,33 +85,29 @@ fn share(targets: &[&Target], x: DVec3) -> f64 {
     if seen > 0.0 { inside / seen } else { 0.0 }
 }
 
-/// About `count` points on the surface of the visual hull of `targets`, coloured by the pictures.
+/// About `count` points on the surface of the visual hull of `targets`, coloured by the pictures that see them.
 ///
-/// With several cameras at one time the hull is what every mask shows; a moving object seen by one camera at a time keeps what
-/// most pictures show. Points are the surface voxels of a grid as fine as `count` asks for, moved at random within them.
+/// With several cameras at one time the hull is what every mask shows; of a moving object seen by one camera at a time it keeps
+/// what most pictures show. Points are the surface cells of a grid as fine as `count` asks for, moved at random within them.
 pub(crate) fn hull_surface(targets: &[&Target], same_time: bool, count: usize, rng: &mut impl Rng) -> Option<Points> {
-    let ball = ball(targets)?;
-    let needed = if same_time { 1.0 } else { SHARE_OVER_TIME };
-    let mut cells = COARSE;
-    let mut surface = surface_voxels(targets, needed, &ball, cells);
-    // The number of surface voxels grows with the square of the resolution; two corrections come close enough.
-    for _ in 0..2 {
-        if surface.is_empty() {
-            return None;
-        }
-        let factor = (count as f64 / surface.len() as f64).sqrt();
-        cells = ((cells as f64 * factor).round() as usize).clamp(8, 400);
-        surface = surface_voxels(targets, needed, &ball, cells);
-    }
-    let spacing = 2.0 * ball.radius / cells as f64;
-    let mut points = Points { spacing, ..Points::default() };
-    for voxel in surface {
-        let jitter = DVec3::from_array(core::array::from_fn(|_| rng.random_range(-0.5..0.5)));
-        let x = voxel + jitter * spacing;
-        points.positions.push(x.as_vec3().to_array());
-        points.colors.push(mean_color(targets, voxel));
-    }
-    Some(points)
+    let stride = targets.len().div_ceil(MAX_HULL_VIEWS);
+    let views: Vec<(&Target, Mask, Picture)> =
+        targets.par_iter().step_by(stride).map(|&target| (target, target.mask(), target.picture())).collect();
+    let carving: Vec<HullView> =
+        views.iter().map(|(target, mask, _)| HullView { camera: &target.camera, mask }).collect();
+    let tolerated_misses = if same_time { 0 } else { (MISSES_OVER_TIME * views.len() as f64) as usize };
+    let carve = |resolution| Hull::carve(&carving, &HullSettings { resolution, tolerated_misses });
+    let coarse = carve(COARSE)?;
+    // The number of surface cells grows with the square of the resolution.
+    let factor = (count as f64 / coarse.surface().len().max(1) as f64).sqrt();
+    let hull = carve(((COARSE as f64 * factor).round() as usize).clamp(8, 400))?;
+    let surface = hull.surface();
+    let pictures: Vec<(&Camera, &Picture)> =
+        views.iter().map(|(target, _, picture)| (&target.camera, picture)).collect();
+    let colors = hull.colours(&surface, &pictures);
+    let mut jitter = || DVec3::from_array(core::array::from_fn(|_| rng.random_range(-0.5..0.5)));
+    let positions = surface.iter().map(|point| (point.position + hull.cell * jitter()).as_vec3().to_array()).collect();
+    Some(Points { positions, colors, spacing: hull.cell })
 }
 
 /// `count` points drawn uniformly in the box around the ball, grey: the paper's start.
@@ -121,55 +120,6 @@ pub(crate) fn random(ball: &Ball, count: usize, rng: &mut impl Rng) -> Points {
         .collect();
     let spacing = 2.0 * ball.radius / (count as f64).cbrt();
     Points { positions, colors: vec![[0.5; 3]; count], spacing }
-}
-
-/// Centres of the hull's voxels with a face to the outside, in a grid of `cells`^3 over the ball's box, in grid order.
-fn surface_voxels(targets: &[&Target], needed: f64, ball: &Ball, cells: usize) -> Vec<DVec3> {
-    let size = 2.0 * ball.radius / cells as f64;
-    let origin = ball.centre - DVec3::splat(ball.radius);
-    let centre =
-        |x: usize, y: usize, z: usize| origin + size * (DVec3::new(x as f64, y as f64, z as f64) + DVec3::splat(0.5));
-    let inside: Vec<bool> = (0..cells * cells * cells)
-        .into_par_iter()
-        .map(|i| share(targets, centre(i % cells, i / cells % cells, i / cells / cells)) >= needed)
-        .collect();
-    let at = |x: usize, y: usize, z: usize| inside[(z * cells + y) * cells + x];
-    let mut surface = Vec::new();
-    for z in 0..cells {
-        for y in 0..cells {
-            for x in 0..cells {
-                let last = cells - 1;
-                let border = [x, y, z].iter().any(|&i| i == 0 || i == last);
-                let exposed = || {
-                    !(at(x - 1, y, z)
-                        && at(x + 1, y, z)
-                        && at(x, y - 1, z)
-                        && at(x, y + 1, z)
-                        && at(x, y, z - 1)
-                        && at(x, y, z + 1))
-                };
-                if at(x, y, z) && (border || exposed()) {
-                    surface.push(centre(x, y, z));
-                }
-            }
-        }
-    }
-    surface
-}
-
-/// Mean colour of the pictures at a point; grey where none shows it.
-fn mean_color(targets: &[&Target], x: DVec3) -> [f32; 3] {
-    let (mut sum, mut views) = ([0.0f32; 3], 0.0f32);
-    for target in targets {
-        let Some((pixel, _)) = target.camera.project(x) else { continue };
-        if let Some(color) = target.color(pixel.x, pixel.y) {
-            for c in 0..3 {
-                sum[c] += color[c];
-            }
-            views += 1.0;
-        }
-    }
-    if views > 0.0 { sum.map(|s| s / views) } else { [0.5; 3] }
 }
 
 /// Median distance to the nearest neighbour among a sample of the points.

@@ -12,6 +12,7 @@ mod model;
 mod network;
 mod parameters;
 mod settings;
+mod storage;
 mod targets;
 mod tensor_file;
 mod trainer;

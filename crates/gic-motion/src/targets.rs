@@ -96,13 +96,22 @@ impl Target {
         f32::from(self.pixel(x, y)[3]) / 255.0
     }
 
-    /// Colour at image coordinates; `None` where the mask does not show the object.
-    pub(crate) fn color(&self, x: f64, y: f64) -> Option<[f32; 3]> {
-        if !(x >= 0.0 && y >= 0.0) {
-            return None;
-        }
-        let [r, g, b, a] = self.pixel(x as usize, y as usize);
-        (a >= 128).then(|| [r, g, b].map(|v| f32::from(v) / f32::from(a)))
+    /// The mask of the whole picture.
+    pub(crate) fn mask(&self) -> Mask {
+        let (_, coverage) = self.crop(self.whole());
+        Mask { width: self.camera.width, height: self.camera.height, coverage }
+    }
+
+    /// The whole picture, straight colours, black where the mask is empty.
+    pub(crate) fn picture(&self) -> Picture {
+        let (color, coverage) = self.crop(self.whole());
+        let straight = color.iter().zip(coverage).flat_map(|(c, a)| c.map(|c| if a > 0.0 { c / a } else { 0.0 }));
+        Picture { width: self.camera.width, height: self.camera.height, rgb: straight.collect() }
+    }
+
+    /// The bounds of the whole picture.
+    pub(crate) fn whole(&self) -> Bounds {
+        Bounds { x0: 0, y0: 0, x1: self.camera.width, y1: self.camera.height }
     }
 
     /// Colour over black and coverage inside `window`, row-major.

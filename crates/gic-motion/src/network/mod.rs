@@ -8,7 +8,7 @@ use rand::Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use encoding::{encode, encode_backward, encoded_len};
+use encoding::{Encoding, encode_backward};
 use mlp::{Activations, Mlp};
 pub use scalar::Scalar;
 
@@ -20,13 +20,16 @@ const MAX_BLOCKS: usize = 16;
 const MIN_BLOCK_ROWS: usize = 256;
 
 /// Sizes of the network; the defaults are the paper's.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Architecture {
     /// Frequencies of the encoding of time, L of appendix A.1.
     pub time_frequencies: usize,
     /// Frequencies of the encoding of positions, L of appendix A.1.
     pub position_frequencies: usize,
+    /// Amplitude of each frequency relative to the one below, for time and for positions; 1 is the paper's formula. Below 1
+    /// neighbours in space and time start to move alike, and details of the motion are learned later.
+    pub falloff: f64,
     /// Motion bases, N_m.
     pub bases: usize,
     /// Channels of every hidden layer.
@@ -44,12 +47,23 @@ impl Default for Architecture {
         Architecture {
             time_frequencies: 10,
             position_frequencies: 10,
+            falloff: 0.5,
             bases: 8,
             width: 256,
             backbone_layers: 8,
             skip: 4,
             coefficient_layers: 4,
         }
+    }
+}
+
+impl Architecture {
+    fn time_encoding(&self) -> Encoding {
+        Encoding { frequencies: self.time_frequencies, falloff: self.falloff }
+    }
+
+    fn position_encoding(&self) -> Encoding {
+        Encoding { frequencies: self.position_frequencies, falloff: self.falloff }
     }
 }
 
@@ -93,8 +107,8 @@ impl<T: Scalar> MotionNetwork<T> {
     /// A network with all parameters zero.
     pub fn zeros(architecture: Architecture) -> Self {
         let a = architecture;
-        let time = encoded_len(a.time_frequencies);
-        let position = 3 * encoded_len(a.position_frequencies);
+        let time = a.time_encoding().len();
+        let position = 3 * a.position_encoding().len();
         let backbone = Mlp::new(time, a.width, a.backbone_layers, a.bases * RESIDUALS, Some(a.skip), 0);
         let coefficients = Mlp::new(position + time, a.width, a.coefficient_layers, a.bases, None, backbone.end());
         let parameters = vec![T::of(0.0); coefficients.end()];
@@ -116,8 +130,9 @@ impl<T: Scalar> MotionNetwork<T> {
 
     /// Residuals of points at canonical positions [n, 3] at `time` (both normalised), paper eq. 3 without `mu_0` and `s_0`.
     pub fn forward(&self, positions: &[[T; 3]], time: T) -> Deformation<T> {
-        let mut time_encoded = vec![T::of(0.0); encoded_len(self.architecture.time_frequencies)];
-        encode(time, self.architecture.time_frequencies, &mut time_encoded);
+        let encoding = self.architecture.time_encoding();
+        let mut time_encoded = vec![T::of(0.0); encoding.len()];
+        encoding.encode(time, &mut time_encoded);
         let (bases, time_activations) = self.backbone.forward(&self.parameters, &time_encoded, 1);
         let blocks: Vec<(Vec<[T; 4]>, Block<T>)> = positions
             .par_chunks(block_rows(positions.len()))
@@ -133,13 +148,13 @@ impl<T: Scalar> MotionNetwork<T> {
     }
 
     fn forward_block(&self, positions: &[[T; 3]], time_encoded: &[T], bases: &[T]) -> (Vec<[T; 4]>, Block<T>) {
-        let frequencies = self.architecture.position_frequencies;
-        let len = encoded_len(frequencies);
+        let encoding = self.architecture.position_encoding();
+        let len = encoding.len();
         let width = 3 * len + time_encoded.len();
         let mut encoded = vec![T::of(0.0); positions.len() * width];
         for (row, position) in encoded.chunks_exact_mut(width).zip(positions) {
             for axis in 0..3 {
-                encode(position[axis], frequencies, &mut row[axis * len..(axis + 1) * len]);
+                encoding.encode(position[axis], &mut row[axis * len..(axis + 1) * len]);
             }
             row[3 * len..].copy_from_slice(time_encoded);
         }
@@ -214,8 +229,7 @@ impl<T: Scalar> MotionNetwork<T> {
             d_coefficients,
             &mut gradient,
         );
-        let frequencies = self.architecture.position_frequencies;
-        let (len, width) = (encoded_len(frequencies), block.encoded.len() / d.len());
+        let (len, width) = (self.architecture.position_encoding().len(), block.encoded.len() / d.len());
         let positions = block
             .encoded
             .chunks_exact(width)

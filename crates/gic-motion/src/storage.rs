@@ -1,0 +1,140 @@
+//! Dynamic Gaussians on disk: `canonical.ply` that splat viewers open, and `motion.safetensors`.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::tensor_file::{self, TensorFile};
+use crate::{Architecture, Domain, DynamicGaussians, Motion, MotionError, MotionNetwork};
+
+const CANONICAL: &str = "canonical.ply";
+const MOTION: &str = "motion.safetensors";
+
+#[derive(Serialize, Deserialize)]
+struct Header {
+    schema: String,
+    architecture: Architecture,
+    domain: Domain,
+}
+
+const SCHEMA: &str = "gic.motion/1";
+
+impl DynamicGaussians {
+    /// Writes `canonical.ply` and, for a moving scene, `motion.safetensors` into `folder`, which is made if it is missing.
+    ///
+    /// # Errors
+    /// When a file cannot be written.
+    pub fn save(&self, folder: &Path) -> Result<(), MotionError> {
+        std::fs::create_dir_all(folder).map_err(MotionError::file(folder))?;
+        let path = folder.join(CANONICAL);
+        gic_splat::write_ply(&path, &self.canonical)?;
+        let path = folder.join(MOTION);
+        let Some(Motion { network, domain }) = &self.motion else {
+            // What a moving scene may have left there must not animate this one.
+            return match std::fs::remove_file(&path) {
+                Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(MotionError::file(&path)(error)),
+                _ => Ok(()),
+            };
+        };
+        let header = Header { schema: SCHEMA.into(), architecture: network.architecture(), domain: *domain };
+        tensor_file::write(&path, &[("parameters".into(), 1, &network.parameters)], &header)
+    }
+
+    /// Reads what [`DynamicGaussians::save`] wrote. Without `motion.safetensors` the Gaussians stand still.
+    ///
+    /// # Errors
+    /// When a file cannot be read or is not what it should be.
+    pub fn load(folder: &Path) -> Result<DynamicGaussians, MotionError> {
+        let path = folder.join(CANONICAL);
+        let canonical = gic_splat::read_ply(&path)?.gaussians;
+        let path = folder.join(MOTION);
+        if !path.exists() {
+            return Ok(DynamicGaussians { canonical, motion: None });
+        }
+        let file = TensorFile::open(&path)?;
+        let header: Header = file.text()?;
+        if header.schema != SCHEMA {
+            let reason = format!("schema {:?} where {SCHEMA:?} is supported; use the gic that wrote it", header.schema);
+            return Err(MotionError::content(&path, reason));
+        }
+        let mut network = MotionNetwork::zeros(header.architecture);
+        network.parameters = file.numbers_exactly("parameters", network.parameters.len())?;
+        Ok(DynamicGaussians { canonical, motion: Some(Motion { network, domain: header.domain }) })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use gic_splat::{Gaussians, Shape};
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+
+    fn model() -> DynamicGaussians {
+        let mut rng = ChaCha8Rng::seed_from_u64(7);
+        let n = 20;
+        let canonical = Gaussians {
+            positions: (0..n).map(|_| core::array::from_fn(|_| rng.random_range(-0.2..0.2))).collect(),
+            opacities: (0..n).map(|_| rng.random_range(0.05..0.95)).collect(),
+            shape: Shape::Isotropic { scales: (0..n).map(|_| rng.random_range(0.002..0.02)).collect() },
+            sh_degree: 1,
+            sh: (0..4 * n).map(|_| core::array::from_fn(|_| rng.random_range(-1.0..1.0))).collect(),
+        };
+        let architecture = Architecture { width: 16, ..Architecture::default() };
+        let domain = Domain { centre: [0.1, 0.0, -0.1], extent: 0.4, start: 0.0, duration: 0.5 };
+        let network = MotionNetwork::random(architecture, &mut rng);
+        DynamicGaussians { canonical, motion: Some(Motion { network, domain }) }
+    }
+
+    #[test]
+    fn what_is_saved_moves_alike_when_loaded() {
+        let folder = tempfile::tempdir().unwrap();
+        let saved = model();
+        saved.save(folder.path()).unwrap();
+        let loaded = DynamicGaussians::load(folder.path()).unwrap();
+        for time in [0.0, 0.21, 0.5] {
+            let (a, b) = (saved.at(time), loaded.at(time));
+            assert_eq!(a.positions, b.positions);
+            assert_eq!(a.sh, b.sh);
+            let (Shape::Isotropic { scales: a }, Shape::Isotropic { scales: b }) = (&a.shape, &b.shape) else {
+                panic!("still isotropic")
+            };
+            // The file holds logarithms, so the scales come back rounded.
+            assert!(a.iter().zip(b).all(|(a, b)| (a / b - 1.0).abs() < 1e-5));
+        }
+    }
+
+    #[test]
+    fn saving_twice_gives_the_same_bytes() {
+        let (one, two) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        model().save(one.path()).unwrap();
+        model().save(two.path()).unwrap();
+        for name in [CANONICAL, MOTION] {
+            assert_eq!(std::fs::read(one.path().join(name)).unwrap(), std::fs::read(two.path().join(name)).unwrap());
+        }
+    }
+
+    #[test]
+    fn a_static_set_replaces_a_moving_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut model = model();
+        model.save(folder.path()).unwrap();
+        model.motion = None;
+        model.save(folder.path()).unwrap();
+        assert!(DynamicGaussians::load(folder.path()).unwrap().motion.is_none());
+    }
+
+    #[test]
+    fn damaged_files_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let missing = DynamicGaussians::load(folder.path()).unwrap_err().to_string();
+        assert!(missing.contains(CANONICAL), "{missing}");
+        model().save(folder.path()).unwrap();
+        let path = folder.path().join(MOTION);
+        let bytes = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+        let cut = DynamicGaussians::load(folder.path()).unwrap_err().to_string();
+        assert!(cut.contains(MOTION), "{cut}");
+    }
+}
