@@ -1,1 +1,31 @@
 //! Material parameters from surfaces and masks, with error bars (paper section 4.3).
+
+mod adam;
+mod checks;
+mod coarse;
+mod data;
+mod error;
+mod flight;
+mod input;
+mod interval;
+mod levenberg;
+mod loss;
+mod neighbours;
+mod normal;
+mod objective;
+mod parameter;
+mod result;
+mod settings;
+mod silhouette;
+mod simulation;
+mod stages;
+mod state;
+mod surface;
+mod velocity;
+
+pub use error::IdentifyError;
+pub use input::{Input, Observation, View};
+pub use parameter::{MaterialKind, Parameter};
+pub use result::{Estimate, Identification, Loss, Stage, Step};
+pub use settings::{Optimizer, Settings, Target};
+pub use stages::identify;

@@ -1,0 +1,87 @@
+//! The paper's optimiser, for comparison: Adam with its learning rates, on the simulator's adjoint.
+
+use gic_mpm::gradient;
+use glam::DVec3;
+
+use crate::levenberg::Iterate;
+use crate::loss::frame_loss;
+use crate::result::Stage;
+use crate::silhouette::Splats;
+use crate::stages::Job;
+use crate::state::{State, Unknown};
+
+const BETA: (f64, f64) = (0.9, 0.999);
+const EPSILON: f64 = 1e-8;
+/// Consecutive failed rollouts after which the search ends with its best iterate.
+const MOST_FAILURES: usize = 10;
+
+/// Fits the material with the initial velocity fixed; the best iterate is returned, not the last (as the release does).
+pub(crate) fn adam(job: &Job, free: usize, start: State, iterations: usize) -> Result<State, String> {
+    let unknowns = job.free_materials();
+    let mut state = start;
+    let mut best: Option<(f64, State)> = None;
+    let (mut first, mut second) = (vec![0.0; unknowns.len()], vec![0.0; unknowns.len()]);
+    let (mut failures, mut rate) = (0, 1.0);
+    let mut count = 0;
+    for _ in 0..iterations {
+        let (loss, slope) = match loss_and_gradient(job, free, &state, &unknowns) {
+            Ok(found) => found,
+            Err(reason) => {
+                // Back to where the simulator worked, with smaller steps.
+                failures += 1;
+                let Some((_, good)) = best.as_ref().filter(|_| failures <= MOST_FAILURES) else { return Err(reason) };
+                state = good.clone();
+                rate *= 0.5;
+                continue;
+            }
+        };
+        if best.as_ref().is_none_or(|(least, _)| loss < *least) {
+            best = Some((loss, state.clone()));
+        }
+        job.report(Stage::Material, &Iterate { state: state.clone(), cost: loss });
+        count += 1;
+        let mut delta = Vec::new();
+        for (k, unknown) in unknowns.iter().enumerate() {
+            let Unknown::Material(i) = *unknown else { continue };
+            first[k] = BETA.0 * first[k] + (1.0 - BETA.0) * slope[k];
+            second[k] = BETA.1 * second[k] + (1.0 - BETA.1) * slope[k] * slope[k];
+            let mean = first[k] / (1.0 - BETA.0.powi(count));
+            let variance = second[k] / (1.0 - BETA.1.powi(count));
+            delta.push(-rate * job.parameters()[i].adam_rate() * mean / (variance.sqrt() + EPSILON));
+        }
+        state = state.moved(&unknowns, &delta, job.parameters());
+    }
+    best.map(|(_, state)| state).ok_or_else(|| "no iteration was asked for".to_owned())
+}
+
+/// Loss of eq. 8, mean over frames, and its derivative by the search coordinates of `unknowns`.
+fn loss_and_gradient(job: &Job, free: usize, state: &State, unknowns: &[Unknown]) -> Result<(f64, Vec<f64>), String> {
+    let simulation = job.simulation(free);
+    let (world, from) = simulation.world_and_start(state);
+    let last = job.data.moments.last().map_or(0, |moment| moment.frame);
+    let splats =
+        Splats { opacities: &job.input.opacities, scales: &job.input.scales, factor: state.splat.exp() as f32 };
+    let share = 1.0 / job.data.moments.len() as f64;
+    let mut total = 0.0;
+    simulation.count();
+    let gradient = gradient(&world, &simulation.options, last + 1 - from, |frame| {
+        let moment = job.data.moments.iter().find(|moment| moment.frame == frame.index + from)?;
+        let positions: Vec<[f32; 3]> = frame.positions.iter().map(|p| p.as_vec3().to_array()).collect();
+        let loss = frame_loss(moment, &job.context, splats, &positions, true);
+        total += share * (loss.chamfer_m + loss.mask_l1);
+        Some(loss.gradient.iter().map(|g: &DVec3| *g * share).collect())
+    })
+    .map_err(|error| error.to_string())?;
+    let slope = unknowns
+        .iter()
+        .filter_map(|unknown| match *unknown {
+            Unknown::Material(i) => {
+                let (p, at) = (job.parameters()[i], state.material[i]);
+                let chain = (p.value(at + 1e-6) - p.value(at - 1e-6)) / 2e-6;
+                Some(gradient.bodies[0].material[i] * chain)
+            }
+            _ => None,
+        })
+        .collect();
+    Ok((total, slope))
+}

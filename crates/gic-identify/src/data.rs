@@ -1,0 +1,66 @@
+//! The observations, prepared once: masks at the resolution at which they are compared, surfaces with normals.
+
+use crate::silhouette::{MaskView, pixel_size};
+use crate::surface::ObservedSurface;
+use crate::{Input, Target};
+
+/// One observed time.
+#[derive(Clone, Debug)]
+pub(crate) struct Moment {
+    /// Simulated frame at this time.
+    pub frame: usize,
+    /// Time of that frame [s].
+    pub time_s: f64,
+    /// Masks; empty when they are not used.
+    pub views: Vec<MaskView>,
+    /// Extracted surface; `None` when it is not used or empty.
+    pub surface: Option<ObservedSurface>,
+}
+
+/// All observations.
+#[derive(Clone, Debug)]
+pub(crate) struct Data {
+    /// In ascending time; the first is frame 0.
+    pub moments: Vec<Moment>,
+    /// Image pixels per side of a compared pixel.
+    pub pooling: usize,
+}
+
+impl Data {
+    /// Prepares what `target` uses, without the cameras in `excluded`.
+    pub(crate) fn new(input: &Input, target: Target, excluded: &[usize]) -> Data {
+        let pooling = working_pooling(input);
+        let moments = input
+            .observations
+            .iter()
+            .map(|observation| {
+                let views = observation
+                    .views
+                    .iter()
+                    .filter(|view| target.masks() && !excluded.contains(&view.camera))
+                    .map(|view| MaskView::new(view.camera, &input.cameras[view.camera], &view.mask, pooling))
+                    .collect();
+                let surface = (target.surfaces() && !observation.surface.is_empty())
+                    .then(|| ObservedSurface::new(&observation.surface, 2.0 * input.grid_spacing_m));
+                let frame = input.frame_of(observation);
+                Moment { frame, time_s: frame as f64 / input.frame_rate_hz, views, surface }
+            })
+            .collect();
+        Data { moments, pooling }
+    }
+}
+
+/// Pixels are pooled until the Gaussians' standard deviation is about one pixel: finer pixels only cost time, because the
+/// rendered outline is no sharper than that.
+fn working_pooling(input: &Input) -> usize {
+    let centre = input.centre();
+    let mut sizes: Vec<f64> = input.cameras.iter().filter_map(|camera| pixel_size(camera, centre)).collect();
+    let mut scales = input.scales.clone();
+    if sizes.is_empty() || scales.is_empty() {
+        return 1;
+    }
+    sizes.sort_by(f64::total_cmp);
+    scales.sort_by(f32::total_cmp);
+    let ratio = f64::from(scales[scales.len() / 2]) / sizes[sizes.len() / 2];
+    (ratio.floor() as usize).clamp(1, 8)
+}

@@ -1,0 +1,45 @@
+//! What can go wrong, and the way out.
+
+use thiserror::Error;
+
+/// Why nothing could be identified.
+#[derive(Debug, Error)]
+pub enum IdentifyError {
+    /// The input cannot be used.
+    #[error("{field}: {problem}; {way_out}")]
+    Input {
+        /// Which part of the input.
+        field: String,
+        /// What is wrong with it.
+        problem: String,
+        /// What to change.
+        way_out: String,
+    },
+    /// A parameter that the material does not have.
+    #[error("unknown parameter '{name}': this material has {known}")]
+    UnknownParameter {
+        /// The name as given.
+        name: String,
+        /// The names that exist.
+        known: String,
+    },
+    /// No start led to a rollout that ran.
+    #[error(
+        "none of {starts} starting points could be simulated (last reason: {reason}); give a start near the expected material or more substeps per frame"
+    )]
+    NoStart {
+        /// How many were tried.
+        starts: usize,
+        /// Message of the last failure.
+        reason: String,
+    },
+    /// The caller asked to stop.
+    #[error("identification was interrupted")]
+    Interrupted,
+}
+
+impl IdentifyError {
+    pub(crate) fn input(field: impl Into<String>, problem: impl Into<String>, way_out: impl Into<String>) -> Self {
+        IdentifyError::Input { field: field.into(), problem: problem.into(), way_out: way_out.into() }
+    }
+}

@@ -1,0 +1,63 @@
+//! Rigid free flight: what moves before anything is touched.
+
+use glam::{DQuat, DVec3};
+use rayon::prelude::*;
+
+use crate::Input;
+use crate::data::Data;
+use crate::objective::{Forward, Level, Motion};
+use crate::state::State;
+
+/// Distance travelled after `time` by gravity alone, as symplectic Euler sums it with steps of `dt`: g t (t + dt) / 2.
+///
+/// The simulator's truth, not the closed form, is what has to agree with the rollout that follows.
+pub(crate) fn fall(gravity: DVec3, time: f64, dt: f64) -> DVec3 {
+    gravity * (0.5 * time * (time + dt))
+}
+
+/// Particles of `input` as `state` places them at time 0 [m], and their centre.
+pub(crate) fn placed(input: &Input, state: &State) -> (Vec<DVec3>, DVec3) {
+    let centre = input.centre();
+    let factor = state.size.exp();
+    let positions = input.positions.iter().map(|p| centre + state.offset + (*p - centre) * factor).collect();
+    (positions, centre + state.offset)
+}
+
+/// Seconds of one substep.
+pub(crate) fn substep(input: &Input) -> f64 {
+    1.0 / (input.frame_rate_hz * input.substeps_per_frame as f64)
+}
+
+/// Free flight of a rigid body.
+pub(crate) struct Flight<'a> {
+    pub input: &'a Input,
+    pub data: &'a Data,
+}
+
+impl Flight<'_> {
+    /// Positions at simulated frame `frame` [m], shape [n].
+    pub(crate) fn positions(&self, state: &State, frame: usize) -> Vec<DVec3> {
+        let (placed, centre) = placed(self.input, state);
+        let time = frame as f64 / self.input.frame_rate_hz;
+        let rotation = DQuat::from_scaled_axis(state.angular * time);
+        let shift = state.velocity * time + fall(self.input.gravity_m_s2, time, substep(self.input));
+        placed.into_iter().map(|p| centre + rotation * (p - centre) + shift).collect()
+    }
+}
+
+impl Forward for Flight<'_> {
+    fn motion(&self, state: &State, level: &Level) -> Result<Motion, String> {
+        let end = level.end.min(self.data.moments.len());
+        let positions = (0..self.data.moments.len())
+            .into_par_iter()
+            .map(|o| {
+                if o < level.first || o >= end {
+                    return Vec::new();
+                }
+                let world = self.positions(state, self.data.moments[o].frame);
+                world.iter().map(|p| p.as_vec3().to_array()).collect()
+            })
+            .collect();
+        Ok(Motion { positions, splat_factor: state.splat.exp() as f32 })
+    }
+}

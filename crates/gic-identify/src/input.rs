@@ -1,0 +1,161 @@
+//! What identification is given, and what makes it usable.
+
+use gic_mpm::Collider;
+use gic_scene::Camera;
+use glam::DVec3;
+
+use crate::IdentifyError;
+
+/// The observed coverage of the object in one picture.
+#[derive(Clone, Debug)]
+pub struct View {
+    /// Index into [`Input::cameras`].
+    pub camera: usize,
+    /// Coverage in [0, 1], row-major, shape [height * width] of that camera.
+    pub mask: Vec<f32>,
+}
+
+/// Everything observed at one time.
+#[derive(Clone, Debug)]
+pub struct Observation {
+    /// Time from the first frame [s].
+    pub time_s: f64,
+    /// Points on the extracted surface [m], shape [n]; empty where none was extracted.
+    pub surface: Vec<DVec3>,
+    /// Masks; cameras may be missing.
+    pub views: Vec<View>,
+}
+
+/// The Gaussian-informed continuum at the first frame and the video.
+#[derive(Clone, Debug)]
+pub struct Input {
+    /// Particles at time 0 [m], shape [n].
+    pub positions: Vec<DVec3>,
+    /// Rest volume of one particle [m^3].
+    pub particle_volume_m3: f64,
+    /// Opacity of each particle's Gaussian (the density attribute of paper eq. 7), in [0, 1), shape [n].
+    pub opacities: Vec<f32>,
+    /// Standard deviation of each particle's Gaussian [m], shape [n].
+    pub scales: Vec<f32>,
+    /// Whether a particle lies on the surface at time 0, shape [n].
+    pub on_surface: Vec<bool>,
+    /// Cameras of the views.
+    pub cameras: Vec<Camera>,
+    /// Frames, ascending in time; the first is at time 0.
+    pub observations: Vec<Observation>,
+    /// Frames per second.
+    pub frame_rate_hz: f64,
+    /// Gravity [m/s^2].
+    pub gravity_m_s2: DVec3,
+    /// Obstacles.
+    pub colliders: Vec<Collider>,
+    /// Density [kg/m^3], given: a video determines only the ratio of stress to density.
+    pub density_kg_m3: f64,
+    /// Side of a cell of the simulation grid [m].
+    pub grid_spacing_m: f64,
+    /// Substeps per frame.
+    pub substeps_per_frame: usize,
+}
+
+impl Input {
+    /// Checks shapes and values; everything later relies on it.
+    pub fn validate(&self) -> Result<(), IdentifyError> {
+        let n = self.positions.len();
+        if n < 8 {
+            return Err(IdentifyError::input(
+                "particles",
+                format!("{n} particles are no continuum"),
+                "check the filling",
+            ));
+        }
+        for (field, length) in
+            [("opacities", self.opacities.len()), ("scales", self.scales.len()), ("on_surface", self.on_surface.len())]
+        {
+            if length != n {
+                return Err(IdentifyError::input(field, format!("{length} values for {n} particles"), "give one each"));
+            }
+        }
+        if let Some(i) = self.positions.iter().position(|p| !p.is_finite()) {
+            return Err(IdentifyError::input("particles", format!("particle {i} is not finite"), "check the filling"));
+        }
+        for (field, value) in [
+            ("particle_volume_m3", self.particle_volume_m3),
+            ("density_kg_m3", self.density_kg_m3),
+            ("grid_spacing_m", self.grid_spacing_m),
+            ("frame_rate_hz", self.frame_rate_hz),
+            ("substeps_per_frame", self.substeps_per_frame as f64),
+        ] {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(IdentifyError::input(field, format!("is {value}"), "it must be positive"));
+            }
+        }
+        if !self.gravity_m_s2.is_finite() {
+            return Err(IdentifyError::input("gravity_m_s2", "is not finite", "give three numbers"));
+        }
+        self.validate_observations()
+    }
+
+    fn validate_observations(&self) -> Result<(), IdentifyError> {
+        if self.observations.len() < 2 {
+            return Err(IdentifyError::input(
+                "frames",
+                format!("{} frame(s) show no motion", self.observations.len()),
+                "give at least two, better ten",
+            ));
+        }
+        if !(self.observations[0].time_s.abs() < 0.25 / self.frame_rate_hz) {
+            return Err(IdentifyError::input("frames", "the first is not at time 0", "subtract its time from all"));
+        }
+        for (f, pair) in self.observations.windows(2).enumerate() {
+            if self.frame_of(&pair[1]) <= self.frame_of(&pair[0]) {
+                return Err(IdentifyError::input(
+                    "frames",
+                    format!("frame {} is not later than frame {f}", f + 1),
+                    "sort them, and check frame_rate_hz",
+                ));
+            }
+        }
+        let mut anything = false;
+        for (f, observation) in self.observations.iter().enumerate() {
+            anything |= f > 0 && !(observation.surface.is_empty() && observation.views.is_empty());
+            for view in &observation.views {
+                let camera = self.cameras.get(view.camera).ok_or_else(|| {
+                    IdentifyError::input(
+                        format!("view of frame {f}"),
+                        format!("names camera {} of {}", view.camera, self.cameras.len()),
+                        "check the camera list",
+                    )
+                })?;
+                if view.mask.len() != camera.width * camera.height || !view.mask.iter().all(|m| (0.0..=1.0).contains(m))
+                {
+                    return Err(IdentifyError::input(
+                        format!("mask of camera {} in frame {f}", view.camera),
+                        format!("is not {}x{} values in [0, 1]", camera.width, camera.height),
+                        "check the mask file",
+                    ));
+                }
+            }
+            if let Some(i) = observation.surface.iter().position(|p| !p.is_finite()) {
+                return Err(IdentifyError::input(
+                    format!("surface of frame {f}"),
+                    format!("point {i} is not finite"),
+                    "check the reconstruction",
+                ));
+            }
+        }
+        if !anything {
+            return Err(IdentifyError::input("frames", "no surface and no mask after frame 0", "give either"));
+        }
+        Ok(())
+    }
+
+    /// Number of the simulated frame at an observation's time.
+    pub(crate) fn frame_of(&self, observation: &Observation) -> usize {
+        (observation.time_s * self.frame_rate_hz).round().max(0.0) as usize
+    }
+
+    /// Centre of mass of the particles [m].
+    pub(crate) fn centre(&self) -> DVec3 {
+        self.positions.iter().sum::<DVec3>() / self.positions.len() as f64
+    }
+}

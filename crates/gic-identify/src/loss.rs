@@ -1,0 +1,112 @@
+//! The loss of paper eq. 8: chamfer distance of the surfaces plus L1 of the masks, with its derivative by the particles' positions.
+
+use glam::DVec3;
+
+use crate::Loss;
+use crate::data::{Data, Moment};
+use crate::neighbours::Neighbours;
+use crate::silhouette::{Splats, alpha, alpha_backward};
+use crate::surface::Context;
+
+/// Loss of one frame and d loss / d position, shape [n].
+pub(crate) struct FrameLoss {
+    pub chamfer_m: f64,
+    pub mask_l1: f64,
+    /// Sum of |alpha - mask| and of the masks, for a relative figure.
+    pub mask_difference: (f64, f64),
+    pub gradient: Vec<DVec3>,
+}
+
+/// Chamfer distance and mask L1 of one observed moment; `scale` multiplies the gradient.
+pub(crate) fn frame_loss(
+    moment: &Moment,
+    context: &Context,
+    splats: Splats,
+    positions: &[[f32; 3]],
+    with_gradient: bool,
+) -> FrameLoss {
+    let mut loss = FrameLoss {
+        chamfer_m: 0.0,
+        mask_l1: 0.0,
+        mask_difference: (0.0, 0.0),
+        gradient: if with_gradient { vec![DVec3::ZERO; positions.len()] } else { Vec::new() },
+    };
+    if let Some(observed) = &moment.surface {
+        let simulated = context.surface_particles(positions, moment.time_s);
+        let wanted: Vec<DVec3> =
+            observed.points.iter().copied().filter(|p| !context.in_contact(*p, moment.time_s)).collect();
+        loss.chamfer_m = chamfer(positions, &simulated, &wanted, context.margin(), with_gradient, &mut loss.gradient);
+    }
+    let views = moment.views.len().max(1) as f64;
+    for view in &moment.views {
+        let rendered = alpha(positions, splats, &view.camera);
+        let share = 1.0 / (rendered.len() as f64 * views);
+        let difference: f64 = rendered.iter().zip(&view.mask).map(|(a, m)| f64::from((a - m).abs())).sum();
+        loss.mask_l1 += difference * share;
+        loss.mask_difference.0 += difference;
+        loss.mask_difference.1 += view.mask.iter().map(|m| f64::from(*m)).sum::<f64>();
+        if with_gradient {
+            let bar: Vec<f32> = rendered.iter().zip(&view.mask).map(|(a, m)| (a - m).signum() * share as f32).collect();
+            alpha_backward(positions, splats, &view.camera, &rendered, &bar, &mut loss.gradient);
+        }
+    }
+    loss
+}
+
+/// Mean unsquared nearest-neighbour distance, both directions added [m].
+fn chamfer(
+    positions: &[[f32; 3]],
+    simulated: &[usize],
+    wanted: &[DVec3],
+    cell: f64,
+    with_gradient: bool,
+    gradient: &mut [DVec3],
+) -> f64 {
+    if simulated.is_empty() || wanted.is_empty() {
+        return 0.0;
+    }
+    let point = |i: usize| glam::Vec3::from_array(positions[i]).as_dvec3();
+    let points: Vec<DVec3> = simulated.iter().map(|i| point(*i)).collect();
+    let (own, other) = (Neighbours::new(&points, cell), Neighbours::new(wanted, cell));
+    let mut total = 0.0;
+    let mut pull = |i: usize, from: DVec3, share: f64| {
+        let offset = point(i) - from;
+        let distance = offset.length();
+        total += distance * share;
+        if with_gradient && distance > 1e-9 {
+            gradient[i] += offset / distance * share;
+        }
+    };
+    for i in simulated {
+        let [(_, k)] = other.nearest::<1>(point(*i));
+        pull(*i, wanted[k], 1.0 / simulated.len() as f64);
+    }
+    for y in wanted {
+        let [(_, k)] = own.nearest::<1>(*y);
+        pull(simulated[k], *y, 1.0 / wanted.len() as f64);
+    }
+    total
+}
+
+/// Mean loss over the frames of a motion.
+pub(crate) fn mean_loss(data: &Data, context: &Context, splats: Splats, positions: &[Vec<[f32; 3]>]) -> Loss {
+    let mut loss = Loss::default();
+    let (mut surfaces, mut masks, mut difference, mut covered) = (0.0f64, 0.0f64, 0.0, 0.0f64);
+    for (moment, positions) in data.moments.iter().zip(positions).skip(1) {
+        let frame = frame_loss(moment, context, splats, positions, false);
+        if moment.surface.is_some() {
+            loss.chamfer_m += frame.chamfer_m;
+            surfaces += 1.0;
+        }
+        if !moment.views.is_empty() {
+            loss.mask_l1 += frame.mask_l1;
+            masks += 1.0;
+        }
+        difference += frame.mask_difference.0;
+        covered += frame.mask_difference.1;
+    }
+    loss.chamfer_m /= surfaces.max(1.0);
+    loss.mask_l1 /= masks.max(1.0);
+    loss.mask_error = difference / covered.max(1e-9);
+    loss
+}

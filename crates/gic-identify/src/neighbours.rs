@@ -1,0 +1,163 @@
+//! Nearest points by a dense cell list.
+
+use glam::{DVec3, IVec3};
+
+/// Points in cells of a uniform grid over their bounding box.
+#[derive(Clone, Debug)]
+pub(crate) struct Neighbours {
+    points: Vec<DVec3>,
+    /// Index of each point in the slice that was given.
+    ids: Vec<u32>,
+    starts: Vec<u32>,
+    low: DVec3,
+    size: IVec3,
+    cell: f64,
+}
+
+/// Never more cells than this, so that a stray point cannot exhaust memory: the cell grows instead.
+const MOST_CELLS: f64 = 2.0e6;
+
+impl Neighbours {
+    /// Sorts the points into cells of side `cell` [m].
+    pub(crate) fn new(points: &[DVec3], cell: f64) -> Neighbours {
+        let low = points.iter().copied().fold(DVec3::splat(f64::INFINITY), DVec3::min);
+        let high = points.iter().copied().fold(DVec3::splat(f64::NEG_INFINITY), DVec3::max);
+        let extent = if points.is_empty() { DVec3::ZERO } else { high - low };
+        let low = if points.is_empty() { DVec3::ZERO } else { low };
+        let mut cell = cell;
+        while ((extent / cell).floor() + 1.0).element_product() > MOST_CELLS {
+            cell *= 2.0;
+        }
+        let size = ((extent / cell).floor() + 1.0).as_ivec3();
+        let mut list = Neighbours { points: Vec::new(), ids: Vec::new(), starts: Vec::new(), low, size, cell };
+        let keys: Vec<usize> = points.iter().map(|p| list.key(list.cell_of(*p).clamp(IVec3::ZERO, size - 1))).collect();
+        let mut order: Vec<u32> = (0..points.len() as u32).collect();
+        order.sort_by_key(|i| keys[*i as usize]);
+        list.starts = vec![0; size.element_product() as usize + 1];
+        for key in &keys {
+            list.starts[key + 1] += 1;
+        }
+        for i in 1..list.starts.len() {
+            list.starts[i] += list.starts[i - 1];
+        }
+        list.points = order.iter().map(|i| points[*i as usize]).collect();
+        list.ids = order;
+        list
+    }
+
+    fn cell_of(&self, p: DVec3) -> IVec3 {
+        ((p - self.low) / self.cell).floor().as_ivec3()
+    }
+
+    fn key(&self, c: IVec3) -> usize {
+        ((c.x * self.size.y + c.y) * self.size.z + c.z) as usize
+    }
+
+    /// The `K` nearest points as (distance squared, index), nearest first; fewer points give infinite distances.
+    pub(crate) fn nearest<const K: usize>(&self, p: DVec3) -> [(f64, usize); K] {
+        let mut best = [(f64::INFINITY, usize::MAX); K];
+        if self.points.is_empty() {
+            return best;
+        }
+        let centre = self.cell_of(p);
+        let reach = (centre - self.size + 1).abs().max(centre.abs()).max_element();
+        for ring in 0..=reach {
+            // All cells at this Chebyshev distance are at least (ring - 1) cells and the way to the own cell's border away.
+            let border = f64::from(ring - 1) * self.cell + self.to_border(p, centre);
+            if border > 0.0 && border * border > best[K - 1].0 {
+                break;
+            }
+            self.visit_ring(centre, ring, |i| {
+                let d = self.points[i].distance_squared(p);
+                if d < best[K - 1].0 {
+                    best[K - 1] = (d, self.ids[i] as usize);
+                    let mut k = K - 1;
+                    while k > 0 && best[k].0 < best[k - 1].0 {
+                        best.swap(k, k - 1);
+                        k -= 1;
+                    }
+                }
+            });
+        }
+        best
+    }
+
+    /// Distance from `p` to the nearest face of its own cell.
+    fn to_border(&self, p: DVec3, c: IVec3) -> f64 {
+        let inside = (p - self.low) - c.as_dvec3() * self.cell;
+        inside.min(DVec3::splat(self.cell) - inside).min_element().max(0.0)
+    }
+
+    fn visit_ring(&self, centre: IVec3, ring: i32, mut visit: impl FnMut(usize)) {
+        let low = (centre - ring).max(IVec3::ZERO);
+        let high = (centre + ring).min(self.size - 1);
+        for x in low.x..=high.x {
+            for y in low.y..=high.y {
+                let on_face = (x - centre.x).abs() == ring || (y - centre.y).abs() == ring;
+                let mut z = low.z;
+                while z <= high.z {
+                    if on_face || (z - centre.z).abs() == ring {
+                        let key = self.key(IVec3::new(x, y, z));
+                        (self.starts[key]..self.starts[key + 1]).for_each(|i| visit(i as usize));
+                        z += 1;
+                    } else {
+                        // Inside the ring: jump to its far face.
+                        z = z.max(centre.z + ring);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Calls `visit` with every point within `radius` of `p`, as (distance squared, index, position).
+    pub(crate) fn within(&self, p: DVec3, radius: f64, mut visit: impl FnMut(f64, usize, DVec3)) {
+        if self.points.is_empty() {
+            return;
+        }
+        let low = self.cell_of(p - radius).max(IVec3::ZERO);
+        let high = self.cell_of(p + radius).min(self.size - 1);
+        for x in low.x..=high.x {
+            for y in low.y..=high.y {
+                for z in low.z..=high.z {
+                    let key = self.key(IVec3::new(x, y, z));
+                    for i in self.starts[key] as usize..self.starts[key + 1] as usize {
+                        let d = self.points[i].distance_squared(p);
+                        if d <= radius * radius {
+                            visit(d, self.ids[i] as usize, self.points[i]);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn point() -> impl Strategy<Value = DVec3> {
+        (-1.0f64..1.0, -1.0f64..1.0, -1.0f64..1.0).prop_map(|(x, y, z)| DVec3::new(x, y, z))
+    }
+
+    proptest! {
+        #[test]
+        fn nearest_and_within_agree_with_brute_force(
+            points in prop::collection::vec(point(), 1..60), query in point(), far in 0.5f64..4.0, cell in 0.05f64..0.7
+        ) {
+            let list = Neighbours::new(&points, cell);
+            let query = query * far;
+            let mut distances: Vec<f64> = points.iter().map(|p| p.distance_squared(query)).collect();
+            let inside = distances.iter().filter(|d| **d <= 0.25).count();
+            distances.sort_by(f64::total_cmp);
+            let found = list.nearest::<3>(query);
+            for (k, (d, _)) in found.iter().enumerate() {
+                prop_assert_eq!(*d, distances.get(k).copied().unwrap_or(f64::INFINITY));
+            }
+            let mut count = 0;
+            list.within(query, 0.5, |_, i, p| { assert_eq!(points[i], p); count += 1; });
+            prop_assert_eq!(count, inside);
+        }
+    }
+}

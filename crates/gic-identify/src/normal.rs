@@ -1,0 +1,114 @@
+//! Gauss-Newton's normal equations, kept apart by cluster (one picture, or one frame's surface).
+//!
+//! The residuals of one picture are correlated: a shape that is a millimetre too fat is wrong along its whole outline. The clusters'
+//! gradients at the optimum measure that correlation, which is what the sandwich estimate of the covariance needs.
+
+use nalgebra::{DMatrix, DVector};
+
+/// Where residuals come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Modality {
+    /// Rendered alpha against a mask.
+    Mask,
+    /// Simulated against extracted surface.
+    Surface,
+}
+
+/// Sums over the residuals r of one cluster with Jacobian J: half the squared norm, J^T r, J^T J.
+#[derive(Clone, Debug)]
+pub(crate) struct Cluster {
+    pub modality: Modality,
+    /// Index of the observation.
+    pub observation: usize,
+    /// Index of the camera; `None` for surfaces.
+    pub camera: Option<usize>,
+    /// 1/2 sum r^2.
+    pub cost: f64,
+    /// J^T r.
+    pub gradient: DVector<f64>,
+    /// J^T J.
+    pub hessian: DMatrix<f64>,
+}
+
+impl Cluster {
+    pub(crate) fn new(modality: Modality, observation: usize, camera: Option<usize>, unknowns: usize) -> Cluster {
+        Cluster {
+            modality,
+            observation,
+            camera,
+            cost: 0.0,
+            gradient: DVector::zeros(unknowns),
+            hessian: DMatrix::zeros(unknowns, unknowns),
+        }
+    }
+
+    /// Adds one residual with its row of the Jacobian and its weight.
+    pub(crate) fn add(&mut self, residual: f64, row: &[f64], weight: f64) {
+        self.cost += 0.5 * weight * residual * residual;
+        for (i, a) in row.iter().enumerate() {
+            if *a == 0.0 {
+                continue;
+            }
+            self.gradient[i] += weight * residual * a;
+            for (j, b) in row.iter().enumerate().take(i + 1) {
+                self.hessian[(i, j)] += weight * a * b;
+            }
+        }
+    }
+
+    /// Mirrors the lower triangle that [`Cluster::add`] fills.
+    pub(crate) fn finish(mut self) -> Cluster {
+        self.hessian.fill_upper_triangle_with_lower_triangle();
+        self
+    }
+}
+
+/// Weight of each modality's residuals in the sum.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Weights {
+    pub mask: f64,
+    pub surface: f64,
+}
+
+impl Weights {
+    pub(crate) fn of(&self, modality: Modality) -> f64 {
+        match modality {
+            Modality::Mask => self.mask,
+            Modality::Surface => self.surface,
+        }
+    }
+}
+
+/// Weighted sum of all clusters.
+#[derive(Clone, Debug)]
+pub(crate) struct Normal {
+    pub cost: f64,
+    pub gradient: DVector<f64>,
+    pub hessian: DMatrix<f64>,
+}
+
+impl Normal {
+    /// Sums in the order of the clusters, so that the result does not depend on threads.
+    pub(crate) fn sum(clusters: &[Cluster], weights: Weights, unknowns: usize) -> Normal {
+        let mut total =
+            Normal { cost: 0.0, gradient: DVector::zeros(unknowns), hessian: DMatrix::zeros(unknowns, unknowns) };
+        for cluster in clusters {
+            let w = weights.of(cluster.modality);
+            total.cost += w * cluster.cost;
+            total.gradient += &cluster.gradient * w;
+            total.hessian += &cluster.hessian * w;
+        }
+        total
+    }
+
+    /// The damped step -(H + lambda diag H)^-1 g; `None` where the matrix is not positive definite.
+    pub(crate) fn step(&self, lambda: f64) -> Option<DVector<f64>> {
+        let mut damped = self.hessian.clone();
+        let largest = (0..damped.nrows()).map(|i| damped[(i, i)]).fold(0.0, f64::max);
+        for i in 0..damped.nrows() {
+            // An unknown without any effect keeps its value.
+            damped[(i, i)] += lambda * damped[(i, i)] + 1e-12 * largest + f64::MIN_POSITIVE;
+        }
+        Some(-damped.cholesky()?.solve(&self.gradient))
+    }
+}

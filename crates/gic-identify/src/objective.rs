@@ -1,0 +1,122 @@
+//! Residuals of a hypothesis against the observations, and their normal equations.
+
+use rayon::prelude::*;
+
+use crate::data::{Data, Moment};
+use crate::normal::{Cluster, Modality, Normal, Weights};
+use crate::silhouette::{MaskView, Splats, alpha, pool};
+use crate::state::{State, Unknown};
+
+/// Positions of all particles [m] at each observation that takes part, and how large they are drawn.
+#[derive(Clone, Debug)]
+pub(crate) struct Motion {
+    /// Shape [observations][n][3]; empty for an observation that takes no part.
+    pub positions: Vec<Vec<[f32; 3]>>,
+    /// Factor on the Gaussians' standard deviations.
+    pub splat_factor: f32,
+}
+
+/// Which observations take part and how coarsely they are compared.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Level {
+    /// Index of the first observation.
+    pub first: usize,
+    /// Index after the last.
+    pub end: usize,
+    /// Extra pooling of the masks' residuals, for a wide basin of attraction.
+    pub pooling: usize,
+}
+
+/// The observations as a function of a hypothesis.
+#[derive(Clone, Copy)]
+pub(crate) struct Objective<'a> {
+    pub data: &'a Data,
+    pub opacities: &'a [f32],
+    pub scales: &'a [f32],
+    pub surface_context: &'a crate::surface::Context,
+    pub weights: Weights,
+}
+
+impl Objective<'_> {
+    fn splats(&self, factor: f32) -> Splats<'_> {
+        Splats { opacities: self.opacities, scales: self.scales, factor }
+    }
+
+    /// Half the weighted sum of squares.
+    pub(crate) fn cost(&self, motion: &Motion, level: &Level) -> f64 {
+        let clusters = self.clusters(motion, &[], &[], level);
+        Normal::sum(&clusters, self.weights, 0).cost
+    }
+
+    /// Normal equations from a base motion and one perturbed motion per unknown.
+    pub(crate) fn clusters(&self, base: &Motion, perturbed: &[Motion], steps: &[f64], level: &Level) -> Vec<Cluster> {
+        let range = level.first..level.end.min(self.data.moments.len());
+        let views: Vec<(usize, &MaskView)> =
+            range.clone().flat_map(|o| self.data.moments[o].views.iter().map(move |view| (o, view))).collect();
+        let mut clusters: Vec<Cluster> = views
+            .into_par_iter()
+            .map(|(o, view)| self.mask_cluster(o, view, base, perturbed, steps, level.pooling))
+            .collect();
+        let surfaces: Vec<Vec<Cluster>> =
+            range.into_par_iter().map(|o| self.surface_clusters(o, base, perturbed, steps)).collect();
+        clusters.extend(surfaces.into_iter().flatten());
+        clusters
+    }
+
+    fn mask_cluster(
+        &self,
+        o: usize,
+        view: &MaskView,
+        base: &Motion,
+        perturbed: &[Motion],
+        steps: &[f64],
+        pooling: usize,
+    ) -> Cluster {
+        let camera = &view.camera;
+        let draw = |motion: &Motion| {
+            let full = alpha(&motion.positions[o], self.splats(motion.splat_factor), camera);
+            pool(&full, camera.width, camera.height, pooling)
+        };
+        let observed = pool(&view.mask, camera.width, camera.height, pooling);
+        let reference = draw(base);
+        let moved: Vec<Vec<f32>> = perturbed.iter().map(draw).collect();
+        let mut cluster = Cluster::new(Modality::Mask, o, Some(view.camera_index), steps.len());
+        let mut row = vec![0.0; steps.len()];
+        // A pooled pixel stands for that many working pixels.
+        let weight = (pooling * pooling) as f64;
+        for (i, (a, m)) in reference.iter().zip(&observed).enumerate() {
+            let residual = f64::from(a - m);
+            let mut touched = residual != 0.0;
+            for ((slot, image), step) in row.iter_mut().zip(&moved).zip(steps) {
+                *slot = f64::from(image[i] - a) / step;
+                touched |= *slot != 0.0;
+            }
+            if touched {
+                cluster.add(residual, &row, weight);
+            }
+        }
+        cluster.finish()
+    }
+
+    fn surface_clusters(&self, o: usize, base: &Motion, perturbed: &[Motion], steps: &[f64]) -> Vec<Cluster> {
+        let moment: &Moment = &self.data.moments[o];
+        let Some(observed) = &moment.surface else { return Vec::new() };
+        let moved: Vec<&[[f32; 3]]> = perturbed.iter().map(|motion| motion.positions[o].as_slice()).collect();
+        vec![self.surface_context.cluster((o, moment.time_s), observed, &base.positions[o], &moved, steps)]
+    }
+}
+
+/// A model of motion.
+pub(crate) trait Forward: Sync {
+    /// Positions at the observations of `level`; the message says why there are none.
+    fn motion(&self, state: &State, level: &Level) -> Result<Motion, String>;
+}
+
+/// A forward model, the data, and what is varied.
+pub(crate) struct Problem<'a> {
+    pub forward: &'a dyn Forward,
+    pub objective: Objective<'a>,
+    pub unknowns: Vec<Unknown>,
+    pub parameters: &'a [crate::Parameter],
+    pub level: Level,
+}

@@ -1,0 +1,254 @@
+//! The unknowns: material parameters in coordinates in which a search is well behaved.
+
+use gic_mpm::Material;
+
+use crate::IdentifyError;
+
+/// Which constitutive law is assumed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MaterialKind {
+    /// Neo-Hookean solid: `youngs_modulus_pa`, `poisson_ratio`.
+    Elastic,
+    /// Hencky with von Mises yield: `youngs_modulus_pa`, `poisson_ratio`, `yield_stress_pa`.
+    Plasticine,
+    /// Drucker-Prager: `friction_angle_deg` (`youngs_modulus_pa` and `poisson_ratio` are given: 1e6, 0.3).
+    Sand,
+    /// `viscosity_pa_s`, `bulk_modulus_pa`.
+    Newtonian,
+    /// `shear_modulus_pa`, `bulk_modulus_pa`, `yield_stress_pa`, `plastic_viscosity_pa_s`.
+    NonNewtonian,
+}
+
+/// How a physical value maps onto its search coordinate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Transform {
+    /// Coordinate = log10 of the value.
+    Log10,
+    /// Value = `below` * logistic(coordinate): stays inside (0, `below`).
+    Bounded { below: f64 },
+    /// Coordinate = value / `unit`.
+    Linear { unit: f64 },
+}
+
+/// One material parameter: its name in `twin.json`, its search coordinate and its limits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Parameter {
+    /// Key in `twin.json`, with its unit.
+    pub name: &'static str,
+    /// Smallest and largest value that is searched.
+    pub bounds: (f64, f64),
+    /// Smallest and largest value of the starts that are tried when none is given.
+    pub starts: (f64, f64),
+    /// Widest half-width of the 95 % interval, in [`Parameter::error_unit`]s, that still counts as identified.
+    pub widest: f64,
+    /// Values of the grid of starts.
+    pub(crate) grid: usize,
+    transform: Transform,
+}
+
+/// Poisson's ratio stays below this: at 0.5 the bulk modulus is infinite.
+const NU_LIMIT: f64 = 0.49;
+
+const fn positive(name: &'static str, bounds: (f64, f64), starts: (f64, f64), grid: usize) -> Parameter {
+    Parameter { name, bounds, starts, widest: 0.3, grid, transform: Transform::Log10 }
+}
+
+const YOUNG: Parameter = positive("youngs_modulus_pa", (1.0e3, 3.0e7), (1.0e4, 3.0e6), 7);
+const NU: Parameter = Parameter {
+    name: "poisson_ratio",
+    bounds: (0.005, 0.485),
+    starts: (0.1, 0.4),
+    widest: 0.1,
+    grid: 1,
+    transform: Transform::Bounded { below: NU_LIMIT },
+};
+const YIELD: Parameter = positive("yield_stress_pa", (1.0e1, 1.0e6), (3.0e2, 3.0e4), 4);
+const FRICTION: Parameter = Parameter {
+    name: "friction_angle_deg",
+    bounds: (1.0, 75.0),
+    starts: (15.0, 45.0),
+    widest: 5.0,
+    grid: 6,
+    transform: Transform::Linear { unit: 20.0 },
+};
+const VISCOSITY: Parameter = positive("viscosity_pa_s", (1.0e-1, 2.0e3), (1.0e1, 3.0e2), 4);
+const FLUID_BULK: Parameter = positive("bulk_modulus_pa", (1.0e3, 1.0e7), (1.0e4, 3.0e5), 3);
+const SHEAR: Parameter = positive("shear_modulus_pa", (1.0e2, 1.0e7), (3.0e3, 3.0e5), 3);
+const PLASTIC_VISCOSITY: Parameter = positive("plastic_viscosity_pa_s", (1.0e-1, 1.0e3), (1.0, 1.0e2), 2);
+
+impl MaterialKind {
+    /// Parameters that are sought, in the order of every vector in this crate.
+    pub fn parameters(self) -> &'static [Parameter] {
+        match self {
+            MaterialKind::Elastic => &[YOUNG, NU],
+            MaterialKind::Plasticine => &[YOUNG, NU, YIELD],
+            MaterialKind::Sand => &[FRICTION],
+            MaterialKind::Newtonian => &[VISCOSITY, FLUID_BULK],
+            MaterialKind::NonNewtonian => &[SHEAR, FLUID_BULK, YIELD, PLASTIC_VISCOSITY],
+        }
+    }
+
+    /// The kind of a material.
+    pub fn of(material: &Material) -> MaterialKind {
+        match material {
+            Material::Elastic { .. } => MaterialKind::Elastic,
+            Material::Plasticine { .. } => MaterialKind::Plasticine,
+            Material::Sand { .. } => MaterialKind::Sand,
+            Material::Newtonian { .. } => MaterialKind::Newtonian,
+            Material::NonNewtonian { .. } => MaterialKind::NonNewtonian,
+        }
+    }
+
+    /// Builds the material from physical values in the order of [`MaterialKind::parameters`].
+    pub fn material(self, v: &[f64]) -> Material {
+        match self {
+            MaterialKind::Elastic => Material::Elastic { youngs_modulus_pa: v[0], poisson_ratio: v[1] },
+            MaterialKind::Plasticine => {
+                Material::Plasticine { youngs_modulus_pa: v[0], poisson_ratio: v[1], yield_stress_pa: v[2] }
+            }
+            MaterialKind::Sand => {
+                Material::Sand { friction_angle_deg: v[0], youngs_modulus_pa: 1.0e6, poisson_ratio: 0.3 }
+            }
+            MaterialKind::Newtonian => Material::Newtonian { viscosity_pa_s: v[0], bulk_modulus_pa: v[1] },
+            MaterialKind::NonNewtonian => Material::NonNewtonian {
+                shear_modulus_pa: v[0],
+                bulk_modulus_pa: v[1],
+                yield_stress_pa: v[2],
+                plastic_viscosity_pa_s: v[3],
+            },
+        }
+    }
+
+    /// Physical values of a material of this kind, in the order of [`MaterialKind::parameters`].
+    pub fn values(self, material: &Material) -> Vec<f64> {
+        match *material {
+            Material::Elastic { youngs_modulus_pa, poisson_ratio } => vec![youngs_modulus_pa, poisson_ratio],
+            Material::Plasticine { youngs_modulus_pa, poisson_ratio, yield_stress_pa } => {
+                vec![youngs_modulus_pa, poisson_ratio, yield_stress_pa]
+            }
+            Material::Sand { friction_angle_deg, .. } => vec![friction_angle_deg],
+            Material::Newtonian { viscosity_pa_s, bulk_modulus_pa } => vec![viscosity_pa_s, bulk_modulus_pa],
+            Material::NonNewtonian { shear_modulus_pa, bulk_modulus_pa, yield_stress_pa, plastic_viscosity_pa_s } => {
+                vec![shear_modulus_pa, bulk_modulus_pa, yield_stress_pa, plastic_viscosity_pa_s]
+            }
+        }
+    }
+
+    /// Where `name` stands among the parameters.
+    pub fn index_of(self, name: &str) -> Result<usize, IdentifyError> {
+        self.parameters().iter().position(|p| p.name == name).ok_or_else(|| IdentifyError::UnknownParameter {
+            name: name.to_owned(),
+            known: self.parameters().iter().map(|p| p.name).collect::<Vec<_>>().join(", "),
+        })
+    }
+}
+
+impl Parameter {
+    /// Search coordinate of a physical value.
+    pub fn coordinate(&self, value: f64) -> f64 {
+        let value = value.clamp(self.bounds.0, self.bounds.1);
+        match self.transform {
+            Transform::Log10 => value.log10(),
+            Transform::Bounded { below } => (value / (below - value)).ln(),
+            Transform::Linear { unit } => value / unit,
+        }
+    }
+
+    /// Physical value of a search coordinate.
+    pub fn value(&self, coordinate: f64) -> f64 {
+        match self.transform {
+            Transform::Log10 => 10f64.powf(coordinate),
+            Transform::Bounded { below } => below / (1.0 + (-coordinate).exp()),
+            Transform::Linear { unit } => coordinate * unit,
+        }
+    }
+
+    /// Limits of the search coordinate.
+    pub(crate) fn limits(&self) -> (f64, f64) {
+        (self.coordinate(self.bounds.0), self.coordinate(self.bounds.1))
+    }
+
+    /// Step of the finite differences in the search coordinate: about 1 % of the value.
+    ///
+    /// Smaller steps drown in the rounding of f32 rollouts and in the return map's switches; at 1 % the derivative is off by a
+    /// few per cent over 2,600 substeps, which costs Gauss-Newton a fraction of an iteration and does not move its fixed point
+    /// to first order.
+    pub(crate) fn difference_step(&self) -> f64 {
+        match self.transform {
+            Transform::Log10 => 0.005,
+            Transform::Bounded { .. } => 0.03,
+            Transform::Linear { .. } => 0.015,
+        }
+    }
+
+    /// Largest step of one Gauss-Newton iteration in the search coordinate.
+    pub(crate) fn largest_step(&self) -> f64 {
+        match self.transform {
+            Transform::Log10 => 0.5,
+            Transform::Bounded { .. } => 1.2,
+            Transform::Linear { .. } => 0.5,
+        }
+    }
+
+    /// Learning rate of the paper's Adam, in the search coordinate.
+    pub(crate) fn adam_rate(&self) -> f64 {
+        match (self.transform, self.name) {
+            (Transform::Log10, "plastic_viscosity_pa_s") => 0.05,
+            (Transform::Log10, _) => 0.1,
+            // 0.02 in nu, at the slope of the logistic in its middle.
+            (Transform::Bounded { below }, _) => 0.02 * 4.0 / below,
+            (Transform::Linear { unit }, _) => 1.0 / unit,
+        }
+    }
+
+    /// Difference of two values in the paper's unit of error: decades, or the value itself for nu and degrees for the angle.
+    pub fn error(&self, estimate: f64, truth: f64) -> f64 {
+        match self.transform {
+            Transform::Log10 => (estimate / truth).log10(),
+            _ => estimate - truth,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    const KINDS: [MaterialKind; 5] = [
+        MaterialKind::Elastic,
+        MaterialKind::Plasticine,
+        MaterialKind::Sand,
+        MaterialKind::Newtonian,
+        MaterialKind::NonNewtonian,
+    ];
+
+    proptest! {
+        #[test]
+        fn coordinates_invert_and_stay_in_bounds(kind in 0usize..5, u in 0.0f64..1.0, wild in -1e3f64..1e3) {
+            for p in KINDS[kind].parameters() {
+                let value = p.bounds.0 * (p.bounds.1 / p.bounds.0).powf(u);
+                prop_assert!((p.value(p.coordinate(value)) / value - 1.0).abs() < 1e-9);
+                let (low, high) = p.limits();
+                let clamped = p.value(wild.clamp(low, high));
+                prop_assert!(clamped >= p.bounds.0 * (1.0 - 1e-9) && clamped <= p.bounds.1 * (1.0 + 1e-9));
+            }
+        }
+
+        #[test]
+        fn materials_round_trip_through_their_values(kind in 0usize..5, u in 0.1f64..0.9) {
+            let kind = KINDS[kind];
+            let values: Vec<f64> =
+                kind.parameters().iter().map(|p| p.bounds.0 * (p.bounds.1 / p.bounds.0).powf(u)).collect();
+            let material = kind.material(&values);
+            prop_assert_eq!(kind.values(&material), values);
+            prop_assert_eq!(MaterialKind::of(&material), kind);
+        }
+    }
+
+    #[test]
+    fn an_unknown_name_lists_the_known_ones() {
+        let message = MaterialKind::Sand.index_of("youngs_modulus").unwrap_err().to_string();
+        assert!(message.contains("friction_angle_deg"), "{message}");
+    }
+}

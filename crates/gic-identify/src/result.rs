@@ -1,0 +1,101 @@
+//! What identification returns.
+
+use gic_mpm::Material;
+use glam::DVec3;
+
+use crate::Parameter;
+
+/// One estimated parameter.
+#[derive(Clone, Debug)]
+pub struct Estimate {
+    /// Which one.
+    pub parameter: Parameter,
+    /// Its value, in the unit of its name.
+    pub value: f64,
+    /// 95 % interval.
+    pub interval_95: (f64, f64),
+    /// Whether the video determines it: its interval is narrow and its effect stands above the noise.
+    pub identifiable: bool,
+    /// Whether it was given rather than estimated.
+    pub fixed: bool,
+    /// How far the estimate moves when the simulation grid is refined (same unit); `None` where that was not checked.
+    pub resolution_shift: Option<f64>,
+}
+
+/// Loss of paper eq. 8.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Loss {
+    /// Mean over frames of the chamfer distance (unsquared, both directions, points near obstacles ignored) [m]; 0 without surfaces.
+    pub chamfer_m: f64,
+    /// Mean over frames, views and pixels of |alpha - mask|; 0 without masks.
+    pub mask_l1: f64,
+    /// Pixels that differ, as a share of the object's pixels.
+    pub mask_error: f64,
+}
+
+/// A stage of identification.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Initial velocity from free flight.
+    Velocity,
+    /// Material from a coarse search.
+    Search,
+    /// Material on all frames.
+    Material,
+    /// Material and velocity together.
+    Joint,
+    /// Intervals and checks.
+    Intervals,
+}
+
+/// One step of a stage, for progress, logs and curves.
+#[derive(Clone, Debug)]
+pub struct Step {
+    /// The stage.
+    pub stage: Stage,
+    /// Count within the stage.
+    pub iteration: usize,
+    /// Value of the stage's own objective (half the weighted sum of squares).
+    pub objective: f64,
+    /// Material parameters, in the order of `MaterialKind::parameters`.
+    pub values: Vec<f64>,
+    /// Initial velocity [m/s].
+    pub velocity_m_s: DVec3,
+    /// Rollouts so far.
+    pub rollouts: usize,
+    /// Seconds so far.
+    pub seconds: f64,
+}
+
+/// The identified twin.
+#[derive(Clone, Debug)]
+pub struct Identification {
+    /// The material at the estimate.
+    pub material: Material,
+    /// Its parameters with intervals.
+    pub estimates: Vec<Estimate>,
+    /// Initial velocity of the centre of mass [m/s].
+    pub velocity_m_s: DVec3,
+    /// Half-width of its 95 % interval [m/s].
+    pub velocity_interval_95: DVec3,
+    /// Initial angular velocity [rad/s]; zero where the data show none.
+    pub angular_velocity_rad_s: DVec3,
+    /// Leading frames in which nothing is touched.
+    pub free_frames: usize,
+    /// Loss of eq. 8 at the estimate.
+    pub loss: Loss,
+    /// All steps of all stages.
+    pub trace: Vec<Step>,
+    /// Rollouts of the simulator on the full grid.
+    pub rollouts: usize,
+    /// Rollouts on the coarse grid of the search.
+    pub coarse_rollouts: usize,
+    /// Seconds of each stage.
+    pub seconds: Vec<(Stage, f64)>,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+    /// Factor on the Gaussians' standard deviations that fits the first masks.
+    pub splat_factor: f64,
+    /// Translation of the particles that fits the first masks better than where they were given [m].
+    pub offset_m: DVec3,
+}

@@ -1,0 +1,135 @@
+//! The simulator as a function of a hypothesis.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use gic_mpm::{Body, Options, Stepping, World, rollout};
+use glam::DVec3;
+
+use crate::data::Data;
+use crate::flight::{fall, placed, substep};
+use crate::objective::{Forward, Level, Motion};
+use crate::state::State;
+use crate::{Input, MaterialKind};
+
+/// Which particles are simulated, on which grid.
+#[derive(Clone, Debug)]
+pub(crate) struct Resolution {
+    /// Indices of the simulated particles; `None` for all. The others move with none: they are not compared either.
+    pub thinning: Option<Vec<usize>>,
+    /// Factor on the grid spacing.
+    pub spacing_factor: f64,
+    /// Substeps per frame.
+    pub substeps_per_frame: usize,
+}
+
+/// Rollouts of the input's particles.
+pub(crate) struct Simulation<'a> {
+    pub input: &'a Input,
+    pub data: &'a Data,
+    pub kind: MaterialKind,
+    pub options: Options,
+    pub resolution: Resolution,
+    /// Leading observations that are free flight: computed in closed form, the rollout starts at the last of them.
+    pub free: usize,
+    pub rollouts: &'a AtomicUsize,
+}
+
+impl Simulation<'_> {
+    /// The material of a state.
+    pub(crate) fn material(&self, state: &State) -> gic_mpm::Material {
+        let values: Vec<f64> = self.kind.parameters().iter().zip(&state.material).map(|(p, c)| p.value(*c)).collect();
+        self.kind.material(&values)
+    }
+
+    /// The world of a state, starting at simulated frame `from`; before it the body flies freely without rotation.
+    fn world(&self, state: &State, from: usize) -> World {
+        let input = self.input;
+        let (all, _) = placed(input, state);
+        let time = from as f64 / input.frame_rate_hz;
+        let shift = state.velocity * time + fall(input.gravity_m_s2, time, substep(input));
+        let chosen: Vec<DVec3> = match &self.resolution.thinning {
+            None => all.iter().map(|p| *p + shift).collect(),
+            Some(ids) => ids.iter().map(|i| all[*i] + shift).collect(),
+        };
+        let growth = (3.0 * state.size).exp() * all.len() as f64 / chosen.len() as f64;
+        World {
+            bodies: vec![Body {
+                material: self.material(state),
+                density_kg_m3: input.density_kg_m3,
+                particle_volume_m3: input.particle_volume_m3 * growth,
+                positions: chosen,
+                velocity_m_s: state.velocity + input.gravity_m_s2 * time,
+                angular_velocity_rad_s: state.angular,
+            }],
+            colliders: input.colliders.clone(),
+            gravity_m_s2: input.gravity_m_s2,
+            grid_spacing_m: input.grid_spacing_m * self.resolution.spacing_factor,
+            frame_rate_hz: input.frame_rate_hz,
+            stepping: Stepping::Fixed { substeps_per_frame: self.resolution.substeps_per_frame },
+        }
+    }
+
+    /// The world of a state and the simulated frame at which it starts.
+    pub(crate) fn world_and_start(&self, state: &State) -> (World, usize) {
+        let from = self.start(state);
+        (self.world(state, from), from)
+    }
+
+    /// Counts one rollout.
+    pub(crate) fn count(&self) {
+        self.rollouts.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// The first frame of the rollout. It is the last free one where nothing but a translation happens before and no obstacle moves
+    /// (the rollout's clock would start late), and 0 elsewhere.
+    fn start(&self, state: &State) -> usize {
+        let still = self.input.colliders.iter().all(|c| match &c.motion {
+            gic_mpm::Motion::Uniform { velocity_m_s, angular_velocity_rad_s, .. } => {
+                *velocity_m_s == DVec3::ZERO && *angular_velocity_rad_s == DVec3::ZERO
+            }
+            gic_mpm::Motion::Keyframed { keys, .. } => keys.len() <= 1,
+        });
+        if still && state.angular == DVec3::ZERO { self.data.moments[self.free.max(1) - 1].frame } else { 0 }
+    }
+}
+
+impl Forward for Simulation<'_> {
+    fn motion(&self, state: &State, level: &Level) -> Result<Motion, String> {
+        self.count();
+        let end = level.end.min(self.data.moments.len());
+        let (world, from) = self.world_and_start(state);
+        let mut positions = vec![Vec::new(); self.data.moments.len()];
+        let single = |p: &DVec3| p.as_vec3().to_array();
+        for (o, moment) in self.data.moments.iter().enumerate().take(end) {
+            if o < level.first || moment.frame > from {
+                continue;
+            }
+            // Free flight, seen from where the rollout starts.
+            let input = self.input;
+            let (now, start) = (moment.frame as f64, from as f64);
+            let travelled = |frame: f64| {
+                let t = frame / input.frame_rate_hz;
+                state.velocity * t + fall(input.gravity_m_s2, t, substep(input))
+            };
+            let back = travelled(now) - travelled(start);
+            positions[o] = world.bodies[0].positions.iter().map(|p| single(&(*p + back))).collect();
+        }
+        let last = self.data.moments[..end].last().map_or(0, |moment| moment.frame);
+        let frames = (last + 1).saturating_sub(from);
+        if frames > 1 {
+            rollout(&world, &self.options, frames, |frame| {
+                let Some(o) = self.data.moments.iter().position(|moment| moment.frame == frame.index + from) else {
+                    return;
+                };
+                if frame.index > 0 && o >= level.first && o < end {
+                    positions[o] = frame.positions.iter().map(single).collect();
+                }
+            })
+            .map_err(|error| error.to_string())?;
+        }
+        if positions.iter().flatten().flatten().any(|x| !x.is_finite()) {
+            return Err("the rollout is not finite".to_owned());
+        }
+        Ok(Motion { positions, splat_factor: state.splat.exp() as f32 })
+    }
+}

@@ -1,0 +1,118 @@
+//! Stage 1: initial velocity from the frames before contact. The contact frame is found, not given.
+
+use glam::DVec3;
+
+use crate::Input;
+use crate::data::Data;
+use crate::flight::Flight;
+use crate::levenberg::{Fit, Limits, minimise};
+use crate::normal::{Cluster, Normal};
+use crate::objective::{Level, Objective, Problem};
+use crate::state::{State, Unknown};
+
+/// What stage 1 found.
+#[derive(Clone, Debug)]
+pub(crate) struct Launch {
+    /// Velocity, angular velocity, offset and splat size; material untouched.
+    pub state: State,
+    /// Number of leading observations in which nothing is touched.
+    pub free: usize,
+    /// Whether the data show a rotation.
+    pub rotates: bool,
+    /// Normal equations of the last fit.
+    pub clusters: Vec<Cluster>,
+    /// Number of unknowns of that fit.
+    pub unknowns: usize,
+}
+
+/// Splat size, position and velocity fitted to the frames before contact.
+///
+/// `known` keeps the start's velocity.
+pub(crate) fn launch(
+    input: &Input,
+    data: &Data,
+    objective: Objective,
+    start: State,
+    allow_rotation: bool,
+    known: bool,
+) -> Result<Launch, String> {
+    let flight = Flight { input, data };
+    let mut state = start;
+    let run = |state: &mut State, unknowns: &[Unknown], end: usize, pooling: usize| -> Result<Fit, String> {
+        let level = Level { first: 0, end, pooling };
+        let problem = Problem { forward: &flight, objective, unknowns: unknowns.to_vec(), parameters: &[], level };
+        let fit = minimise(&problem, state.clone(), Limits { iterations: 10, step_tolerance: 0.1 }, &mut |_| {})?;
+        *state = fit.state.clone();
+        Ok(fit)
+    };
+    let masks = data.moments[0].views.iter().len() > 0;
+    let mut all: Vec<Unknown> = (0..3).map(Unknown::Offset).collect();
+    if masks {
+        all.push(Unknown::Splat);
+        // The Gaussians' size that reproduces the first outline, before anything moves.
+        run(&mut state, &all, 1, 1)?;
+    }
+    let speed: Vec<Unknown> = if known { Vec::new() } else { (0..3).map(Unknown::Velocity).collect() };
+    // One frame more at a time: each starts where the last ended, so that the outline never jumps by more than it overlaps.
+    let mut free = 1;
+    while free < data.moments.len() {
+        let mut candidate = state.clone();
+        if !known {
+            if free == 1 {
+                run(&mut candidate, &speed, free + 1, 8)?;
+            }
+            run(&mut candidate, &speed, free + 1, if free == 1 { 1 } else { 2 })?;
+        }
+        let frame = data.moments[free].frame;
+        if clearance(input, &flight.positions(&candidate, frame), frame) < 1.5 * input.grid_spacing_m {
+            break;
+        }
+        state = candidate;
+        free += 1;
+    }
+    if free == 1 && !known {
+        // Contact before the second frame: its velocity is a first guess that the joint stage corrects.
+        run(&mut state, &speed, 2, 1)?;
+    }
+    all.extend(&speed);
+    let mut fit = run(&mut state, &all, free.max(2), 1)?;
+    let mut rotates = false;
+    if allow_rotation && !known && free >= 2 {
+        let mut with_spin = all.clone();
+        with_spin.extend((0..3).map(Unknown::Angular));
+        let turning = run(&mut state.clone(), &with_spin, free, 1)?;
+        // Rotation counts as shown when it explains a tenth of the residual and stands above its own uncertainty.
+        let normal = Normal::sum(&turning.clusters, objective.weights, with_spin.len());
+        if turning.cost < 0.9 * fit.cost && spin_significance(&normal, &turning, &with_spin, objective) > 5.0 {
+            (fit, all, rotates) = (turning, with_spin, true);
+        }
+    }
+    Ok(Launch { state: fit.state, free, rotates, clusters: fit.clusters, unknowns: all.len() })
+}
+
+/// Size of the angular velocity in standard errors (clusters as independent).
+fn spin_significance(normal: &Normal, fit: &Fit, unknowns: &[Unknown], objective: Objective) -> f64 {
+    let Some(inverse) = normal.hessian.clone().try_inverse() else { return 0.0 };
+    let mut middle = nalgebra::DMatrix::zeros(unknowns.len(), unknowns.len());
+    for cluster in &fit.clusters {
+        let g = &cluster.gradient * objective.weights.of(cluster.modality);
+        middle += &g * g.transpose();
+    }
+    let covariance = &inverse * middle * &inverse;
+    unknowns
+        .iter()
+        .enumerate()
+        .filter(|(_, u)| matches!(u, Unknown::Angular(_)))
+        .map(|(i, u)| fit.state.get(*u).abs() / covariance[(i, i)].sqrt().max(f64::MIN_POSITIVE))
+        .fold(0.0, f64::max)
+}
+
+/// Smallest distance between the particles and any obstacle at a frame [m].
+pub(crate) fn clearance(input: &Input, positions: &[DVec3], frame: usize) -> f64 {
+    let time = frame as f64 / input.frame_rate_hz;
+    input
+        .colliders
+        .iter()
+        .flat_map(|collider| positions.iter().map(move |p| collider.signed_distance(*p, time)))
+        .fold(f64::INFINITY, f64::min)
+}
