@@ -64,7 +64,7 @@ struct Sym2 {
 /// A Gaussian with a wider projected standard deviation than this [pixels] is not drawn: f32 pixels could not follow it.
 const EXTENT_MAX: f64 = 1e6;
 
-/// Colours and depths [m] beyond this are taken for damage: sums of them and their gradients would leave f32.
+/// Colour coefficients and depths [m] beyond this are taken for damage: sums of them and their gradients would leave f32.
 const VALUE_MAX: f64 = 1e9;
 
 impl Sym2 {
@@ -250,10 +250,9 @@ impl<'a> View<'a> {
         if columns[0] >= columns[1] || rows[0] >= rows[1] {
             return Outcome::Hidden;
         }
-        // The sum, not the colour: a clamp would hide an infinite coefficient.
         let sum = if self.with_color { self.color_sum(gaussians, i).0 } else { DVec3::ZERO };
         let depth = g.p.z as f32;
-        let reasonable = sum.abs().max_element() < VALUE_MAX && sum.is_finite() && f64::from(depth) < VALUE_MAX;
+        let reasonable = f64::from(depth) < VALUE_MAX && (!self.with_color || self.has_color(gaussians, i));
         if !reasonable {
             return Outcome::Rejected;
         }
@@ -267,6 +266,14 @@ impl<'a> View<'a> {
             rows,
             index: i as u32,
         })
+    }
+
+    /// Whether the spherical harmonics in use are numbers within reason. The sum would not tell: a harmonic that is zero in this
+    /// direction has a gradient all the same.
+    fn has_color(&self, gaussians: &Gaussians, i: usize) -> bool {
+        let first = i * gaussians.sh_per_gaussian();
+        let used = &gaussians.sh[first..first + (self.sh_degree + 1).pow(2)];
+        used.as_flattened().iter().all(|c| f64::from(c.abs()) < VALUE_MAX)
     }
 
     fn is_valid(&self, gaussians: &Gaussians, i: usize) -> bool {

@@ -29,11 +29,11 @@ pub(crate) const NO_PLANE: Plane = [[0.0; STRIDE]; TILE];
 pub(crate) struct TilePixels {
     /// Transmittance left.
     pub(crate) transmittance: [f32; PIXELS],
-    /// How many of the tile's entries were looked at before the pixel was finished, or the last one that counted.
+    /// One more than the position of the last of the tile's entries that counts in the pixel; 0 if none does.
     pub(crate) last: [f32; PIXELS],
-    /// sum T alpha color; zero unless asked for.
+    /// sum T alpha color, if asked for.
     pub(crate) color: Option<Box<[[f32; PIXELS]; 3]>>,
-    /// sum T alpha depth; zero unless asked for.
+    /// sum T alpha depth, if asked for.
     pub(crate) depth: Option<Box<[f32; PIXELS]>>,
 }
 
@@ -165,15 +165,15 @@ impl<const COLOR: bool, const DEPTH: bool> Kernel for Draw<'_, COLOR, DEPTH> {
                 let dy = local.dy + row as f32;
                 let base: L = L::of(local.c * dy * dy + local.log_opacity);
                 let slope: L = L::of(local.b * dy);
-                let mut column = local.columns[0];
-                while column < local.columns[1] {
-                    let at = column;
-                    let dx = local.dx + L::of(column as f32);
+                let mut next = local.columns[0];
+                while next < local.columns[1] {
+                    let at = next;
+                    next += L::LANES;
+                    let dx = local.dx + L::of(at as f32);
                     let t = L::load(&transmittance[row][at..]);
                     let log_alpha = dx.mul_add(local.a, slope).mul_add(dx, base);
                     let log_alpha = L::select(transmittance_min.le(t), log_alpha, nowhere);
                     let drawn = log_min.le(log_alpha);
-                    column += L::LANES;
                     if !L::any(drawn) {
                         continue;
                     }
@@ -300,14 +300,14 @@ impl<const COLOR: bool, const DEPTH: bool> Kernel for DrawBackward<'_, COLOR, DE
                 let base: L = L::of(local.c * dy * dy + local.log_opacity);
                 let slope: L = L::of(local.b * dy);
                 let mut sums = [L::zero(); 3];
-                let mut column = local.columns[0];
-                while column < local.columns[1] {
-                    let at = column;
-                    let dx = local.dx + L::of(column as f32);
+                let mut next = local.columns[0];
+                while next < local.columns[1] {
+                    let at = next;
+                    next += L::LANES;
+                    let dx = local.dx + L::of(at as f32);
                     let log_alpha = dx.mul_add(local.a, slope).mul_add(dx, base);
                     let log_alpha = L::select(count.le(L::load(&last[row][at..])), log_alpha, nowhere);
                     let drawn = log_min.le(log_alpha);
-                    column += L::LANES;
                     if !L::any(drawn) {
                         continue;
                     }

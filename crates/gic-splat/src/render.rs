@@ -88,8 +88,8 @@ pub struct Rendered {
     pub alpha: Vec<f32>,
     /// Accumulated depth D(u) = sum T alpha d (not divided by alpha) [m], shape [height * width]; empty if not asked for.
     pub depth: Vec<f32>,
-    /// Gaussians that were left out because an attribute was not finite, a scale or opacity negative, or colour or depth [m] beyond 1e9. Such a Gaussian
-    /// gets a zero gradient; [`Gaussians::validate`] names it.
+    /// Gaussians that were left out because an attribute was not finite, a scale or opacity negative, or a colour
+    /// coefficient or depth [m] beyond 1e9. Such a Gaussian gets a zero gradient; [`Gaussians::validate`] names it.
     pub rejected: usize,
     /// What [`backward`] reads again.
     pub(crate) saved: Saved,

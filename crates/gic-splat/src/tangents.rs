@@ -111,15 +111,15 @@ impl Kernel for DrawTangents<'_> {
                 let dy = local.dy + row as f32;
                 let base = L::of(local.c * dy * dy + local.log_opacity);
                 let slope = L::of(local.b * dy);
-                let mut column = local.columns[0];
-                while column < local.columns[1] {
-                    let at = column;
-                    let dx = local.dx + L::of(column as f32);
+                let mut next = local.columns[0];
+                while next < local.columns[1] {
+                    let at = next;
+                    next += L::LANES;
+                    let dx = local.dx + L::of(at as f32);
                     let t = L::load(&transmittance[row][at..]);
                     let log_alpha = dx.mul_add(local.a, slope).mul_add(dx, base);
                     let log_alpha = L::select(transmittance_min.le(t), log_alpha, nowhere);
                     let drawn = log_min.le(log_alpha);
-                    column += L::LANES;
                     if !L::any(drawn) {
                         continue;
                     }
