@@ -6,6 +6,7 @@ mod contact;
 mod eigen;
 mod error;
 mod fast;
+mod gradcheck;
 mod gradient;
 mod grid;
 mod jacobian;
@@ -25,6 +26,8 @@ mod world;
 
 pub use collider::{Collider, Contact, Motion, Primitive};
 pub use error::SimulationError;
+pub use gic_simd::Level;
+pub use gradcheck::{GradcheckRow, gradcheck, gradcheck_world};
 pub use gradient::{BodyGradient, Gradient, gradient};
 pub use jacobian::{Differences, Jacobian, Unknown, jacobian};
 pub use law::Rules;

@@ -1,0 +1,165 @@
+//! Speed of rollouts and gradients, in particle-substeps per second of one core's CPU time ("Melem/s" is M particle-substeps per
+//! core-second).
+//!
+//! `cargo bench -p gic-mpm --bench mpm` measures the readable twin and every SIMD level of the machine on one thread, and the best level on
+//! all threads (there, per second of wall time). CPU time makes the figures hold on a busy machine.
+
+use std::time::{Duration, Instant};
+
+use criterion::measurement::{Measurement, ValueFormatter, WallTime};
+use criterion::{BatchSize, BenchmarkId, Criterion, Throughput};
+use gic_mpm::{
+    Body, Collider, Contact, Level, Material, Motion, Options, Primitive, Simulator, Stepping, World, gradient,
+};
+use glam::{DQuat, DVec3};
+
+/// CPU time of the calling thread; wall time where the system does not tell.
+struct CpuTime(WallTime);
+
+enum Start {
+    Cpu(u64),
+    Wall(Instant),
+}
+
+/// Nanoseconds that this thread has run.
+fn thread_nanoseconds() -> Option<u64> {
+    std::fs::read_to_string("/proc/thread-self/schedstat").ok()?.split(' ').next()?.parse().ok()
+}
+
+impl Measurement for CpuTime {
+    type Intermediate = Start;
+    type Value = Duration;
+
+    fn start(&self) -> Start {
+        thread_nanoseconds().map_or_else(|| Start::Wall(Instant::now()), Start::Cpu)
+    }
+    fn end(&self, start: Start) -> Duration {
+        match start {
+            Start::Cpu(start) => Duration::from_nanos(thread_nanoseconds().unwrap_or(start) - start),
+            Start::Wall(start) => start.elapsed(),
+        }
+    }
+    fn add(&self, a: &Duration, b: &Duration) -> Duration {
+        *a + *b
+    }
+    fn zero(&self) -> Duration {
+        Duration::ZERO
+    }
+    fn to_f64(&self, value: &Duration) -> f64 {
+        self.0.to_f64(value)
+    }
+    fn formatter(&self) -> &dyn ValueFormatter {
+        self.0.formatter()
+    }
+}
+
+/// A cube of about `particles` particles, 8 per cell, falling on the ground.
+fn world(material: Material, particles: usize, substeps: usize) -> World {
+    let side = (particles as f64).cbrt().round() as usize;
+    let at = |i: usize| DVec3::new((i % side) as f64, (i / side % side) as f64, (i / (side * side)) as f64);
+    World {
+        bodies: vec![Body {
+            material,
+            density_kg_m3: 1000.0,
+            particle_volume_m3: 1e-6,
+            positions: (0..side.pow(3)).map(|i| (at(i) + 0.5) * 0.01 + DVec3::Y * 0.03).collect(),
+            velocity_m_s: DVec3::new(0.5, -2.0, 0.25),
+            angular_velocity_rad_s: DVec3::ZERO,
+        }],
+        colliders: vec![Collider {
+            primitive: Primitive::HalfSpace { normal: DVec3::Y },
+            motion: Motion::Uniform {
+                position_m: DVec3::ZERO,
+                rotation: DQuat::IDENTITY,
+                velocity_m_s: DVec3::ZERO,
+                angular_velocity_rad_s: DVec3::ZERO,
+            },
+            contact: Contact::Sticky,
+        }],
+        gravity_m_s2: DVec3::new(0.0, -9.8, 0.0),
+        grid_spacing_m: 0.02,
+        frame_rate_hz: 4800.0 / substeps as f64,
+        stepping: Stepping::Fixed { substeps_per_frame: substeps },
+    }
+}
+
+fn materials() -> [Material; 2] {
+    [
+        Material::Elastic { youngs_modulus_pa: 3e5, poisson_ratio: 0.3 },
+        Material::Plasticine { youngs_modulus_pa: 1e6, poisson_ratio: 0.3, yield_stress_pa: 5e3 },
+    ]
+}
+
+/// Names and options of what is compared: the twin, then each level.
+fn engines() -> Vec<(String, Options)> {
+    let one = Options { parallel: false, ..Options::default() };
+    let twin = ("twin".to_owned(), Options { twin: true, ..one.clone() });
+    let levels = Level::supported().map(|level| (level.to_string(), Options { level: Some(level), ..one.clone() }));
+    std::iter::once(twin).chain(levels).collect()
+}
+
+fn forward(c: &mut Criterion<CpuTime>) {
+    for (particles, substeps) in [(60_000, 100), (500_000, 20)] {
+        for material in materials() {
+            let world = world(material, particles, substeps);
+            let mut group = c.benchmark_group(format!("forward/{}/{particles}", material.model()));
+            group.throughput(Throughput::Elements((world.bodies[0].positions.len() * substeps) as u64));
+            group.sample_size(10);
+            for (name, options) in engines() {
+                group.bench_function(BenchmarkId::from_parameter(name), |b| {
+                    b.iter_batched_ref(
+                        || Simulator::new(&world, &options).expect("the world is valid"),
+                        |simulator| simulator.advance_frame().expect("the frame is stable"),
+                        BatchSize::PerIteration,
+                    );
+                });
+            }
+        }
+    }
+}
+
+fn backward(c: &mut Criterion<CpuTime>) {
+    let (particles, substeps) = (60_000, 80);
+    for material in materials() {
+        let world = world(material, particles, substeps);
+        let mut group = c.benchmark_group(format!("gradient/{}/{particles}", material.model()));
+        group.throughput(Throughput::Elements((world.bodies[0].positions.len() * substeps) as u64));
+        group.sample_size(10);
+        for (name, options) in engines() {
+            group.bench_function(BenchmarkId::from_parameter(name), |b| {
+                b.iter(|| {
+                    gradient(&world, &options, 2, |frame| (frame.index == 1).then(|| frame.positions.clone()))
+                        .expect("the rollout is stable")
+                });
+            });
+        }
+    }
+}
+
+/// One thread against all, in wall time.
+fn threads(c: &mut Criterion) {
+    let (particles, substeps) = (500_000, 20);
+    let world = world(materials()[0], particles, substeps);
+    let mut group = c.benchmark_group(format!("threads/elastic/{particles}"));
+    group.throughput(Throughput::Elements((world.bodies[0].positions.len() * substeps) as u64));
+    group.sample_size(10);
+    for (name, parallel) in [("one", false), ("all", true)] {
+        let options = Options { parallel, ..Options::default() };
+        group.bench_function(name, |b| {
+            b.iter_batched_ref(
+                || Simulator::new(&world, &options).expect("the world is valid"),
+                |simulator| simulator.advance_frame().expect("the frame is stable"),
+                BatchSize::PerIteration,
+            );
+        });
+    }
+}
+
+fn main() {
+    let mut cpu = Criterion::default().with_measurement(CpuTime(WallTime)).configure_from_args();
+    forward(&mut cpu);
+    backward(&mut cpu);
+    let mut wall = Criterion::default().configure_from_args();
+    threads(&mut wall);
+    wall.final_summary();
+}

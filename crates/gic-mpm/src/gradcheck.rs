@@ -1,0 +1,169 @@
+//! The adjoint against central differences, as a table.
+
+use glam::{DQuat, DVec3};
+
+use crate::error::SimulationError;
+use crate::gradient::gradient;
+use crate::options::{Options, Precision};
+use crate::simulator::rollout;
+use crate::{Body, Collider, Contact, Frame, Material, Motion, Primitive, Rules, Stepping, Unknown, World};
+
+/// Relative step of the central differences.
+const STEP: f64 = 1e-6;
+/// Derivatives below this fraction of the largest (both per relative change) are compared with that largest one: they are rounding.
+const FLOOR: f64 = 1e-5;
+
+/// One derivative, computed in two ways.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GradcheckRow {
+    /// What the loss is differentiated by.
+    pub name: String,
+    /// The adjoint's answer.
+    pub adjoint: f64,
+    /// The answer of central differences in f64.
+    pub finite_difference: f64,
+    /// Their difference relative to the derivative (or to a floor, where the loss hardly depends on it).
+    pub relative_error: f64,
+}
+
+/// Differentiates a fixed smooth loss on all frames' positions by everything that body 0 starts with, in f64: by the adjoint and by
+/// central differences. `frames` includes frame 0.
+///
+/// # Errors
+/// As [`crate::gradient`].
+pub fn gradcheck(world: &World, rules: Rules, frames: usize) -> Result<Vec<GradcheckRow>, SimulationError> {
+    let options = Options { precision: Precision::F64, rules, ..Options::default() };
+    let by_adjoint = gradient(world, &options, frames, |frame| Some(loss_gradient(frame)))?;
+    let body = &by_adjoint.bodies[0];
+    let loss = |world: &World| -> Result<f64, SimulationError> {
+        let mut sum = 0.0;
+        rollout(world, &options, frames, |frame| sum += loss_of(&frame))?;
+        Ok(sum)
+    };
+    let central = |plus: &World, minus: &World, step: f64| Ok((loss(plus)? - loss(minus)?) / (2.0 * step));
+
+    // Name, scale of the unknown, adjoint, difference.
+    let mut rows = Vec::new();
+    for (name, unknown, adjoint) in unknowns(world, body) {
+        let value = unknown.get(world)?;
+        // Velocities may be zero.
+        let scale =
+            if matches!(unknown, Unknown::Material { .. } | Unknown::Density { .. }) { value.abs() } else { 1.0 };
+        let step = STEP * scale;
+        let difference = central(&unknown.set(world, value + step)?, &unknown.set(world, value - step)?, step)?;
+        rows.push((name, scale, adjoint, difference));
+    }
+    let volume = world.bodies[0].particle_volume_m3;
+    let with_volume = |volume: f64| {
+        let mut world = world.clone();
+        world.bodies[0].particle_volume_m3 = volume;
+        world
+    };
+    let step = STEP * volume;
+    let difference = central(&with_volume(volume + step), &with_volume(volume - step), step)?;
+    rows.push(("particle_volume_m3".into(), volume, body.particle_volume, difference));
+
+    let moved = |step: f64| {
+        let mut world = world.clone();
+        for (p, x) in world.bodies[0].positions.iter_mut().enumerate() {
+            *x += direction(p) * step;
+        }
+        world
+    };
+    let step = STEP * world.grid_spacing_m;
+    let adjoint = body.positions.iter().enumerate().map(|(p, bar)| bar.dot(direction(p))).sum();
+    rows.push((
+        "positions_m (along a fixed direction)".into(),
+        world.grid_spacing_m,
+        adjoint,
+        central(&moved(step), &moved(-step), step)?,
+    ));
+
+    let largest = rows.iter().map(|(_, scale, _, difference)| (scale * difference).abs()).fold(0.0, f64::max);
+    Ok(rows
+        .into_iter()
+        .map(|(name, scale, adjoint, finite_difference)| {
+            let size = finite_difference.abs().max(FLOOR * largest / scale);
+            let relative_error = (adjoint - finite_difference).abs() / size;
+            GradcheckRow { name, adjoint, finite_difference, relative_error }
+        })
+        .collect())
+}
+
+/// A small world in which a spinning block of the material hits a slanted sticky floor and a moving ball with friction in its first
+/// frame of 50 substeps, hard enough to yield.
+pub fn gradcheck_world(material: Material) -> World {
+    let spacing = 0.01;
+    let count = DVec3::new(7.0, 6.0, 5.0);
+    let mut positions = Vec::new();
+    for i in 0..(count.x * count.y * count.z) as usize {
+        let (x, y, z) = (i % 7, i / 7 % 6, i / 42);
+        let jitter = direction(i) * 0.1;
+        positions.push((DVec3::new(x as f64, y as f64, z as f64) + jitter) * spacing + DVec3::new(0.0, 0.021, 0.0));
+    }
+    let still = |position_m: DVec3, velocity_m_s: DVec3| Motion::Uniform {
+        position_m,
+        rotation: DQuat::IDENTITY,
+        velocity_m_s,
+        angular_velocity_rad_s: DVec3::ZERO,
+    };
+    World {
+        bodies: vec![Body {
+            material,
+            density_kg_m3: 1000.0,
+            particle_volume_m3: spacing.powi(3),
+            positions,
+            velocity_m_s: DVec3::new(0.4, -3.0, 0.2),
+            angular_velocity_rad_s: DVec3::new(1.0, -2.0, 3.0),
+        }],
+        colliders: vec![
+            Collider {
+                primitive: Primitive::HalfSpace { normal: DVec3::new(0.1, 1.0, 0.05).normalize() },
+                motion: still(DVec3::ZERO, DVec3::ZERO),
+                contact: Contact::Sticky,
+            },
+            Collider {
+                primitive: Primitive::Sphere { radius_m: 0.05 },
+                motion: still(DVec3::new(0.13, 0.06, 0.03), DVec3::new(-1.5, 0.0, 0.0)),
+                contact: Contact::Separating { friction: 0.3 },
+            },
+        ],
+        gravity_m_s2: DVec3::new(0.0, -9.8, 0.0),
+        grid_spacing_m: 0.02,
+        frame_rate_hz: 100.0,
+        stepping: Stepping::Fixed { substeps_per_frame: 50 },
+    }
+}
+
+fn unknowns(world: &World, body: &crate::BodyGradient) -> Vec<(String, Unknown, f64)> {
+    let names = world.bodies[0].material.parameter_names();
+    let mut all: Vec<(String, Unknown, f64)> = (0..names.len())
+        .map(|parameter| (names[parameter].into(), Unknown::Material { body: 0, parameter }, body.material[parameter]))
+        .collect();
+    all.push(("density_kg_m3".into(), Unknown::Density { body: 0 }, body.density));
+    for (axis, letter) in ["x", "y", "z"].into_iter().enumerate() {
+        all.push((format!("velocity_m_s.{letter}"), Unknown::Velocity { body: 0, axis }, body.velocity[axis]));
+        let unknown = Unknown::AngularVelocity { body: 0, axis };
+        all.push((format!("angular_velocity_rad_s.{letter}"), unknown, body.angular_velocity[axis]));
+    }
+    all
+}
+
+/// A fixed vector for each particle, without pattern.
+fn direction(particle: usize) -> DVec3 {
+    let p = particle as f64;
+    DVec3::new((1.3 * p + 0.2).sin(), (2.7 * p + 1.1).sin(), (4.1 * p + 2.3).sin())
+}
+
+/// Sum over particles of d . x + |x|^2 / 2, mean over particles, heavier for later frames.
+fn loss_of(frame: &Frame) -> f64 {
+    let weight = (frame.index + 1) as f64 / frame.positions.len() as f64;
+    let sum: f64 =
+        frame.positions.iter().enumerate().map(|(p, x)| direction(p).dot(*x) + 0.5 * x.length_squared()).sum();
+    weight * sum
+}
+
+fn loss_gradient(frame: &Frame) -> Vec<DVec3> {
+    let weight = (frame.index + 1) as f64 / frame.positions.len() as f64;
+    frame.positions.iter().enumerate().map(|(p, x)| (direction(p) + *x) * weight).collect()
+}

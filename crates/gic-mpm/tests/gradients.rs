@@ -1,0 +1,134 @@
+//! The adjoint against central differences, over rollouts with contact and active plasticity, for every parameter of every material.
+
+use gic_mpm::{
+    Differences, Material, Options, Precision, Rules, SimulationError, Stepping, Unknown, gradcheck, gradcheck_world,
+    gradient, jacobian,
+};
+use glam::DVec3;
+
+fn materials() -> [Material; 5] {
+    [
+        Material::Elastic { youngs_modulus_pa: 2e5, poisson_ratio: 0.3 },
+        Material::Plasticine { youngs_modulus_pa: 3e5, poisson_ratio: 0.25, yield_stress_pa: 2e3 },
+        Material::Sand { friction_angle_deg: 32.0, youngs_modulus_pa: 3e5, poisson_ratio: 0.3 },
+        Material::Newtonian { viscosity_pa_s: 50.0, bulk_modulus_pa: 5e4 },
+        Material::NonNewtonian {
+            shear_modulus_pa: 2e4,
+            bulk_modulus_pa: 1e5,
+            yield_stress_pa: 500.0,
+            plastic_viscosity_pa_s: 10.0,
+        },
+    ]
+}
+
+fn assert_gradients(substeps: usize, tolerance: f64) {
+    for material in materials() {
+        let mut world = gradcheck_world(material);
+        world.frame_rate_hz = 5000.0 / substeps as f64;
+        world.stepping = Stepping::Fixed { substeps_per_frame: substeps };
+        for row in gradcheck(&world, Rules::Exact, 2).unwrap() {
+            println!("{} {substeps} substeps: {row:?}", material.model());
+            assert!(row.relative_error <= tolerance, "{} {row:?}", material.model());
+        }
+    }
+}
+
+#[test]
+fn adjoint_matches_differences_over_fifty_substeps() {
+    assert_gradients(50, 1e-3);
+}
+
+/// One substep from the exact rest state F = I.
+#[test]
+fn adjoint_matches_differences_over_the_first_substep() {
+    assert_gradients(1, 1e-5);
+}
+
+#[test]
+fn parameters_change_the_outcome_of_the_check() {
+    // Otherwise the tests above would compare zeros: contact and yield must have happened.
+    for material in materials() {
+        let rows = gradcheck(&gradcheck_world(material), Rules::Exact, 2).unwrap();
+        for row in rows.iter().take(material.parameters().len()) {
+            assert!(row.finite_difference != 0.0, "{}: {row:?}", material.model());
+        }
+    }
+}
+
+#[test]
+fn fast_adjoint_agrees_with_the_twin() {
+    for material in materials() {
+        let world = gradcheck_world(material);
+        let of = |options: &Options| {
+            let loss = |frame: &gic_mpm::Frame| {
+                (frame.index == 1).then(|| frame.positions.iter().map(|x| *x + DVec3::new(1.0, -0.5, 0.3)).collect())
+            };
+            gradient(&world, options, 2, loss).unwrap().bodies.remove(0)
+        };
+        let fast = of(&Options::default());
+        let twin = of(&Options { precision: Precision::F64, ..Options::default() });
+        let mut pairs: Vec<(f64, f64, f64)> = Vec::new();
+        for ((value, a), b) in material.parameters().iter().zip(&fast.material).zip(&twin.material) {
+            pairs.push((*value, *a, *b));
+        }
+        pairs.push((1000.0, fast.density, twin.density));
+        for axis in 0..3 {
+            pairs.push((1.0, fast.velocity[axis], twin.velocity[axis]));
+            pairs.push((1.0, fast.angular_velocity[axis], twin.angular_velocity[axis]));
+        }
+        let largest = pairs.iter().map(|(value, _, b)| (value * b).abs()).fold(0.0, f64::max);
+        for (value, a, b) in pairs {
+            println!("{}: {a:.6e} {b:.6e}", material.model());
+            let error = (a - b).abs() * value;
+            assert!(error <= 2e-3 * (b * value).abs() + 1e-4 * largest, "{}: {a} against {b}", material.model());
+        }
+        let size = twin.positions.iter().map(|b| b.length()).fold(0.0, f64::max);
+        for (a, b) in fast.positions.iter().zip(&twin.positions) {
+            assert!(a.distance(*b) <= 5e-3 * size, "{}: {a} against {b}", material.model());
+        }
+    }
+}
+
+#[test]
+fn a_tight_memory_budget_gives_the_same_gradient() {
+    let mut world = gradcheck_world(materials()[0]);
+    world.stepping = Stepping::Fixed { substeps_per_frame: 160 };
+    let of = |bytes: usize| {
+        let options = Options { gradient_memory_bytes: bytes, precision: Precision::F64, ..Options::default() };
+        gradient(&world, &options, 6, |frame| (frame.index == 5).then(|| frame.positions.clone()))
+    };
+    let state = 210 * 24 * 8;
+    let roomy = of(1 << 30).unwrap().bodies.remove(0);
+    let tight = of(state * 55).unwrap().bodies.remove(0);
+    assert_eq!(roomy.material, tight.material);
+    assert_eq!(roomy.positions, tight.positions);
+    assert!(matches!(of(state * 10), Err(SimulationError::MemoryBudget { .. })));
+}
+
+#[test]
+fn jacobian_agrees_with_the_adjoint() {
+    let world = gradcheck_world(materials()[0]);
+    let options = Options { precision: Precision::F64, ..Options::default() };
+    let unknowns =
+        [(Unknown::Material { body: 0, parameter: 0 }, 20.0), (Unknown::Velocity { body: 0, axis: 1 }, 1e-4)];
+    let jacobian = jacobian(&world, &options, 3, &unknowns, Differences::Central).unwrap();
+    let weights = DVec3::new(1.0, 2.0, -1.0);
+    let by_adjoint =
+        gradient(&world, &options, 3, |frame| (frame.index == 2).then(|| vec![weights; frame.positions.len()]))
+            .unwrap();
+    let body = &by_adjoint.bodies[0];
+    for (column, adjoint) in jacobian.columns.iter().zip([body.material[0], body.velocity.y]) {
+        let sum: f64 = column[2].iter().map(|d| d.dot(weights)).sum();
+        assert!((sum - adjoint).abs() <= 1e-4 * adjoint.abs(), "{sum} against {adjoint}");
+    }
+}
+
+#[test]
+fn a_loss_gradient_that_makes_no_sense_is_refused() {
+    let world = gradcheck_world(materials()[0]);
+    let options = Options::default();
+    let short = gradient(&world, &options, 2, |_| Some(vec![DVec3::ZERO]));
+    let nan = gradient(&world, &options, 2, |frame| Some(vec![DVec3::NAN; frame.positions.len()]));
+    assert!(matches!(short, Err(SimulationError::LossGradient { frame: 0, .. })), "{short:?}");
+    assert!(matches!(nan, Err(SimulationError::LossGradient { frame: 0, .. })), "{nan:?}");
+}
