@@ -55,3 +55,47 @@ impl Camera {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    fn camera(axis: [f64; 3], angle: f64, centre: [f64; 3]) -> Camera {
+        let axis = DVec3::from_array(axis).normalize_or(DVec3::X);
+        Camera {
+            width: 64,
+            height: 48,
+            focal: DVec2::new(70.0, 80.0),
+            principal: DVec2::new(30.0, 25.0),
+            rotation: DMat3::from_axis_angle(axis, angle),
+            centre: DVec3::from_array(centre),
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn projecting_undoes_unprojecting(
+            axis in prop::array::uniform3(-1.0..1.0_f64),
+            angle in -3.0..3.0_f64,
+            centre in prop::array::uniform3(-2.0..2.0_f64),
+            pixel in prop::array::uniform2(-10.0..70.0_f64),
+            depth in 0.1..5.0_f64,
+            factor in 0.25..3.0_f64,
+        ) {
+            let camera = camera(axis, angle, centre);
+            let pixel = DVec2::from_array(pixel);
+            let world = camera.unproject(pixel, depth);
+            let (back, z) = camera.project(world).expect("in front");
+            prop_assert!((back - pixel).length() < 1e-8 && (z - depth).abs() < 1e-10);
+            prop_assert!((camera.to_camera(world).z - depth).abs() < 1e-10);
+            // In a scaled picture the point stays at the same fraction of the width and height.
+            let scaled = camera.scaled(factor);
+            let (found, _) = scaled.project(world).expect("in front");
+            let size = |camera: &Camera| DVec2::new(camera.width as f64, camera.height as f64);
+            prop_assert!((found / size(&scaled) - pixel / size(&camera)).length() < 1e-10);
+            prop_assert_eq!(camera.project(camera.unproject(pixel, -depth)), None);
+        }
+    }
+}

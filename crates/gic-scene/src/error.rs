@@ -200,6 +200,16 @@ pub enum SceneError {
         /// The problems, in the order of the files.
         Vec<Problem>,
     ),
+    /// A setting for opening a scene that makes no sense.
+    #[error("{name} = {value}: {reason}")]
+    Setting {
+        /// The field of [`crate::OpenOptions`].
+        name: &'static str,
+        /// Its value.
+        value: String,
+        /// What it must be.
+        reason: &'static str,
+    },
     /// There is no picture of this camera at this frame.
     #[error("no picture of camera {camera} at frame {frame}")]
     NoSuchView {

@@ -9,6 +9,7 @@ mod hull;
 mod inspect;
 mod lens;
 mod matting;
+mod network;
 mod picture;
 mod read;
 mod scene;

@@ -1,24 +1,6 @@
-//! Masks made from pictures: against the empty background, against a copy over white, by a network.
+//! Masks made from pictures: against the empty background, against a copy over white.
 
-use std::path::Path;
-
-use crate::error::SceneError;
 use crate::picture::{Mask, Picture};
-
-/// A matting network.
-#[derive(Clone, Debug)]
-pub(crate) struct Network;
-
-impl Network {
-    pub(crate) fn open(path: &Path) -> Result<Network, SceneError> {
-        let reason = "this build cannot run matting networks; build with `--features onnx`".to_owned();
-        Err(SceneError::Matting { path: path.to_owned(), reason })
-    }
-
-    pub(crate) fn matte(&self, _: &Picture) -> Result<Mask, SceneError> {
-        unreachable!("cannot be opened")
-    }
-}
 
 /// Coverage a from a picture I and its copy over white W = a I + (1 - a): least squares over the three channels.
 pub(crate) fn from_white(picture: &Picture, over_white: &Picture) -> Mask {

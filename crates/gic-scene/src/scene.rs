@@ -6,8 +6,9 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::camera::Camera;
-use crate::error::{Problem, SceneError, Severity};
+use crate::error::{Problem, SceneError};
 use crate::lens::Lens;
+use crate::network::Network;
 use crate::picture::{self, Decoded, Mask, Picture};
 use crate::{matting, read};
 
@@ -165,7 +166,7 @@ pub struct Scene {
     pub warnings: Vec<Problem>,
     /// Lens distortion of each camera, removed on loading.
     pub(crate) lenses: Vec<Option<Lens>>,
-    pub(crate) network: Option<matting::Network>,
+    pub(crate) network: Option<Network>,
 }
 
 /// Which masks to use.
@@ -250,20 +251,17 @@ impl Scene {
     pub fn load(&self, view: &View) -> Result<(Picture, Mask), SceneError> {
         let Decoded { picture, alpha } = picture::decode(&view.picture)?;
         let mask = match &view.mask {
-            MaskSource::Alpha => Mask {
-                width: picture.width,
-                height: picture.height,
-                coverage: alpha.unwrap_or_else(|| vec![1.0; picture.width * picture.height]),
-            },
+            MaskSource::Alpha => {
+                let coverage = alpha.ok_or_else(|| without_mask(&view.picture))?;
+                Mask { width: picture.width, height: picture.height, coverage }
+            }
             MaskSource::File(path) => picture::decode_mask(path)?,
             MaskSource::OverWhite(path) => matting::from_white(&picture, &picture::decode(path)?.picture),
             MaskSource::Difference => {
-                let background = self.backgrounds[view.camera].as_ref().ok_or_else(|| no_background(&view.picture))?;
+                let background = self.backgrounds[view.camera].as_ref().ok_or_else(|| without_mask(&view.picture))?;
                 matting::difference_matte(&picture, &picture::decode(background)?.picture)
             }
-            MaskSource::Network => {
-                self.network.as_ref().ok_or_else(|| no_background(&view.picture))?.matte(&picture)?
-            }
+            MaskSource::Network => self.network.as_ref().ok_or_else(|| without_mask(&view.picture))?.matte(&picture)?,
         };
         let expected = (picture.width, picture.height);
         if (mask.width, mask.height) != expected {
@@ -385,7 +383,7 @@ impl Scene {
     }
 }
 
-fn no_background(picture: &Path) -> Problem {
+fn without_mask(picture: &Path) -> Problem {
     Problem::MissingMask { picture: picture.to_owned(), hint: read::MASK_HINT.to_owned() }
 }
 
@@ -400,8 +398,5 @@ fn gather<T>(results: Vec<Result<T, SceneError>>) -> Result<Vec<T>, SceneError> 
             Err(other) => return Err(other),
         }
     }
-    if problems.iter().any(|problem| problem.severity() == Severity::Error) || values.len() < problems.len() {
-        return Err(SceneError::Invalid(problems));
-    }
-    Ok(values)
+    if problems.is_empty() { Ok(values) } else { Err(SceneError::Invalid(problems)) }
 }

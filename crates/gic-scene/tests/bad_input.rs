@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use common::{HEIGHT, WIDTH};
-use gic_scene::{MaskSource, Problem, Scene, SceneError, Severity, inspect};
+use gic_scene::{MaskSource, Masks, OpenOptions, Problem, Scene, SceneError, Severity, inspect};
 use image::{DynamicImage, GrayImage, ImageBuffer, Luma, Rgb, RgbImage, RgbaImage};
 use serde_json::Value;
 
@@ -249,6 +249,11 @@ fn no_scene_at_all() {
     assert!(matches!(error, SceneError::UnknownFormat { .. }) && error.to_string().contains("all_data.json"));
     let error = Scene::open(empty.path().join("nowhere")).expect_err("nothing there");
     assert!(matches!(error, SceneError::NotFound { .. }));
+    for rate in [0.0, -24.0, f64::NAN, f64::INFINITY] {
+        let options = OpenOptions { frame_rate: Some(rate), ..OpenOptions::default() };
+        let error = Scene::open_with(common::data("pac_nerf"), &options).expect_err("no rate");
+        assert!(matches!(error, SceneError::Setting { name: "frame_rate", .. }), "{error}");
+    }
 }
 
 #[test]
@@ -377,6 +382,14 @@ fn inspection_recognises_flipped_axes_and_an_outlier() {
     turned.cameras[2].principal.x += 6.0;
     let warnings = report(&turned).warnings;
     assert!(warnings.iter().any(|w| w.contains("camera 2 disagrees")), "{warnings:?}");
+}
+
+#[test]
+fn a_matting_network_that_cannot_be_used() {
+    let network = common::data("pac_nerf").join("all_data.json");
+    let options = OpenOptions { masks: Masks::Network(network), ..OpenOptions::default() };
+    let error = Scene::open_with(common::data("pac_nerf"), &options).expect_err("no network");
+    assert!(matches!(error, SceneError::Matting { .. }) && error.to_string().contains("all_data.json"), "{error}");
 }
 
 #[test]

@@ -136,9 +136,10 @@ fn d_nerf_and_static_blender_scenes_keep_their_splits_and_times() {
     assert_eq!((scene.cameras.len(), scene.times.len()), (125, 1));
     assert!(scene.is_static());
     // The hull of a static scene agrees with all its masks only if poses and intrinsics are right.
-    let masks = scene.load_masks(&scene.views).expect("masks");
+    let some: Vec<_> = scene.views.iter().step_by(3).cloned().collect();
+    let masks = scene.load_masks(&some).expect("masks");
     let views: Vec<HullView> =
-        scene.views.iter().zip(&masks).map(|(view, mask)| HullView { camera: scene.camera_of(view), mask }).collect();
+        some.iter().zip(&masks).map(|(view, mask)| HullView { camera: scene.camera_of(view), mask }).collect();
     let hull = Hull::carve(&views, &HullSettings { resolution: 128, tolerated_misses: 0 }).expect("a hull");
     let worst = views.iter().step_by(10).map(|view| hull.reprojection_iou(view)).fold(1.0, f64::min);
     println!("lego: {:?}, worst IoU {worst:.4}", hull.bounds());

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use crate::camera::Camera;
 use crate::error::{Problem, SceneError, Severity};
 use crate::lens::Lens;
-use crate::matting;
+use crate::network::Network;
 use crate::picture;
 use crate::scene::{ColouredPoint, Format, MaskSource, Masks, OpenOptions, Scene, Split, View, World};
 
@@ -92,7 +92,7 @@ pub(crate) fn finish(mut draft: Draft, root: &Path, options: &OpenOptions) -> Re
     let backgrounds = check_backgrounds(&draft, &mut problems);
     choose_masks(&mut draft, &headers, options, &mut problems);
     let network = match &options.masks {
-        Masks::Network(path) => Some(matting::Network::open(path)?),
+        Masks::Network(path) => Some(Network::open(path)?),
         _ => None,
     };
     let cameras = settle_cameras(&draft, &headers, &backgrounds, &mut problems);

@@ -37,6 +37,10 @@ pub(crate) fn open(path: &Path, options: &OpenOptions) -> Result<Scene, SceneErr
     if !path.exists() {
         return Err(SceneError::NotFound { path: path.to_owned() });
     }
+    if let Some(rate) = options.frame_rate.filter(|rate| !(rate.is_finite() && *rate > 0.0)) {
+        let reason = "must be a positive number of frames per second";
+        return Err(SceneError::Setting { name: "frame_rate", value: rate.to_string(), reason });
+    }
     let root = match path.parent() {
         Some(parent) if path.is_file() => parent,
         _ => path,
