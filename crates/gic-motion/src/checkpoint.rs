@@ -22,6 +22,7 @@ struct Header {
     spacing: f64,
     network_steps: usize,
     mean_loss: Option<f64>,
+    lowest_loss: Option<f64>,
     stale: usize,
     gaussians: usize,
     best: Option<(f64, usize)>,
@@ -38,6 +39,7 @@ pub(crate) fn save(folder: &Path, state: &State, settings: &TrainSettings, seed:
         spacing: state.spacing,
         network_steps: state.network_steps,
         mean_loss: state.mean_loss.is_finite().then_some(state.mean_loss),
+        lowest_loss: state.lowest_loss,
         stale: state.stale,
         gaussians: state.parameters.len(),
         best: state.best.as_ref().map(|best| (best.psnr, best.parameters.len())),
@@ -64,7 +66,12 @@ pub(crate) fn save(folder: &Path, state: &State, settings: &TrainSettings, seed:
 ///
 /// # Errors
 /// When the checkpoint cannot be read, or belongs to other settings or another seed.
-pub(crate) fn load(folder: &Path, settings: &TrainSettings, seed: u64) -> Result<Option<State>, MotionError> {
+pub(crate) fn load(
+    folder: &Path,
+    settings: &TrainSettings,
+    seed: u64,
+    sh_degree: usize,
+) -> Result<Option<State>, MotionError> {
     let path = folder.join(FILE);
     if !path.exists() {
         return Ok(None);
@@ -80,11 +87,11 @@ pub(crate) fn load(folder: &Path, settings: &TrainSettings, seed: u64) -> Result
     let weights = network.parameters.len();
     network.parameters = file.numbers_exactly("network", weights)?;
     let n = header.gaussians;
-    let details = n * details_per_gaussian(settings.sh_degree);
+    let details = n * details_per_gaussian(sh_degree);
     let best = match header.best {
         Some((psnr, n)) => Some(Best {
             psnr,
-            parameters: parameters(&file, "best.", n, settings.sh_degree)?,
+            parameters: parameters(&file, "best.", n, sh_degree)?,
             network: file.numbers_exactly("best.network", weights)?,
         }),
         None => None,
@@ -93,7 +100,7 @@ pub(crate) fn load(folder: &Path, settings: &TrainSettings, seed: u64) -> Result
         step: header.step,
         domain: header.domain,
         spacing: header.spacing,
-        parameters: parameters(&file, "", n, settings.sh_degree)?,
+        parameters: parameters(&file, "", n, sh_degree)?,
         moments: ParameterMoments {
             positions: moments(&file, "positions", 3 * n)?,
             log_scales: moments(&file, "log_scales", n)?,
@@ -109,6 +116,7 @@ pub(crate) fn load(folder: &Path, settings: &TrainSettings, seed: u64) -> Result
             views: file.numbers_exactly("screen.views", n)?,
         },
         mean_loss: header.mean_loss.unwrap_or(f64::NAN),
+        lowest_loss: header.lowest_loss,
         best,
         stale: header.stale,
     }))

@@ -11,6 +11,7 @@ mod loss;
 mod model;
 mod network;
 mod parameters;
+mod path;
 mod settings;
 mod storage;
 mod targets;

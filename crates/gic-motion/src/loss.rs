@@ -81,11 +81,18 @@ mod tests {
         let wave = |i: usize, k: f32| 0.5 + 0.4 * (i as f32 * k).sin();
         let color: Vec<[f32; 3]> = (0..n).map(|i| [wave(i, 0.31), wave(i, 0.17), wave(i, 0.23)]).collect();
         let mask: Vec<f32> = (0..n).map(|i| wave(i, 0.41)).collect();
-        let mut rendered = Rendered {
-            color: (0..n).map(|i| [wave(i, 0.12), wave(i, 0.53), wave(i, 0.07)]).collect(),
-            alpha: (0..n).map(|i| wave(i, 0.29)).collect(),
-            depth: vec![0.0; n],
+        let camera = gic_scene::Camera {
+            width,
+            height,
+            focal: glam::DVec2::ONE,
+            principal: glam::DVec2::ZERO,
+            rotation: glam::DMat3::IDENTITY,
+            centre: glam::DVec3::ZERO,
         };
+        let nothing = gic_splat::Gaussians::colorless(vec![], vec![], vec![]);
+        let mut rendered = gic_splat::render(&nothing, &camera, &gic_splat::RenderSettings::default());
+        rendered.color = (0..n).map(|i| [wave(i, 0.12), wave(i, 0.53), wave(i, 0.07)]).collect();
+        rendered.alpha = (0..n).map(|i| wave(i, 0.29)).collect();
         let weights = LossWeights { color: 0.8, ssim: 0.3, mask: 0.7, scale: 0.0 };
         let loss = |r: &Rendered| picture_loss(r, (&color, &mask), (width, height), 20.0, &weights).unwrap();
         let gradient = loss(&rendered).gradient;

@@ -270,3 +270,113 @@ fn normal(rng: &mut impl Rng) -> f32 {
     let v: f32 = rng.random();
     (-2.0 * u.ln()).sqrt() * (core::f32::consts::TAU * v).cos()
 }
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+
+    fn random_parameters(n: usize, sh_degree: usize, rng: &mut ChaCha8Rng) -> Parameters {
+        let mut number = |low: f32, high: f32| rng.random_range(low..high);
+        Parameters {
+            positions: (0..n).map(|_| core::array::from_fn(|_| number(-1.0, 1.0))).collect(),
+            log_scales: (0..n).map(|_| number(-3.0, -1.0)).collect(),
+            opacity_logits: (0..n).map(|_| number(-2.0, 2.0)).collect(),
+            features: (0..n).map(|_| core::array::from_fn(|_| number(-1.0, 1.0))).collect(),
+            details: (0..n * details_per_gaussian(sh_degree))
+                .map(|_| core::array::from_fn(|_| number(-1.0, 1.0)))
+                .collect(),
+            sh_degree,
+        }
+    }
+
+    #[test]
+    fn pulling_back_agrees_with_finite_differences() {
+        let mut rng = ChaCha8Rng::seed_from_u64(9);
+        let n = 4;
+        let mut p = random_parameters(n, 1, &mut rng);
+        let mut residuals: Vec<[f32; 4]> =
+            (0..n).map(|_| core::array::from_fn(|_| rng.random_range(-0.5..0.5))).collect();
+        let drawn = p.gaussians(Some(&residuals));
+        let mut slope = GaussianGradients::zeros(&drawn);
+        let mut fill = |values: &mut [f32]| values.iter_mut().for_each(|v| *v = rng.random_range(-1.0..1.0));
+        fill(slope.positions.as_flattened_mut());
+        fill(&mut slope.opacities);
+        fill(slope.sh.as_flattened_mut());
+        let Shape::Isotropic { scales } = &mut slope.shape else { panic!("isotropic") };
+        fill(scales);
+
+        let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum::<f64>();
+        let loss = |p: &Parameters, residuals: &[[f32; 4]]| {
+            let g = p.gaussians(Some(residuals));
+            let (Shape::Isotropic { scales: a }, Shape::Isotropic { scales: b }) = (&g.shape, &slope.shape) else {
+                panic!("isotropic")
+            };
+            dot(g.positions.as_flattened(), slope.positions.as_flattened())
+                + dot(&g.opacities, &slope.opacities)
+                + dot(a, b)
+                + dot(g.sh.as_flattened(), slope.sh.as_flattened())
+        };
+        let (mut gradient, mut d_residuals) = (Gradient::zeros(&p), vec![[0.0; 4]; n]);
+        p.pull_back(&drawn, &slope, &mut gradient, &mut d_residuals);
+        let h = 1e-2f32;
+        let mut check = |got: &[f32], name: &str, field: &dyn Fn(&mut Parameters, &mut [[f32; 4]], usize, f32)| {
+            for (i, got) in got.iter().enumerate() {
+                field(&mut p, &mut residuals, i, h);
+                let above = loss(&p, &residuals);
+                field(&mut p, &mut residuals, i, -2.0 * h);
+                let below = loss(&p, &residuals);
+                field(&mut p, &mut residuals, i, h);
+                let expected = (above - below) / (2.0 * f64::from(h));
+                assert!((f64::from(*got) - expected).abs() < 2e-4, "{name} {i}: {got} against {expected}");
+            }
+        };
+        check(gradient.positions.as_flattened(), "position", &|p, _, i, h| p.positions.as_flattened_mut()[i] += h);
+        check(&gradient.log_scales, "scale", &|p, _, i, h| p.log_scales[i] += h);
+        check(&gradient.opacity_logits, "opacity", &|p, _, i, h| p.opacity_logits[i] += h);
+        check(gradient.features.as_flattened(), "feature", &|p, _, i, h| p.features.as_flattened_mut()[i] += h);
+        check(gradient.details.as_flattened(), "detail", &|p, _, i, h| p.details.as_flattened_mut()[i] += h);
+        check(d_residuals.as_flattened(), "residual", &|_, r, i, h| r.as_flattened_mut()[i] += h);
+    }
+
+    #[test]
+    fn density_control_clones_splits_and_prunes() {
+        let mut rng = ChaCha8Rng::seed_from_u64(2);
+        let mut p = random_parameters(4, 0, &mut rng);
+        p.opacity_logits = vec![2.0, 2.0, 2.0, -9.0];
+        p.log_scales = vec![0.01f32.ln(), 0.2f32.ln(), 0.01f32.ln(), 0.01f32.ln()];
+        let before = p.clone();
+        let mut moments = ParameterMoments::zeros(&p);
+        moments.log_scales.first = vec![1.0, 2.0, 3.0, 4.0];
+        let mut screen = ScreenGradients::zeros(4);
+        screen.add(&[1.0, 1.0, 0.1, 1.0], 1.0);
+        let settings = DensitySettings { gradient_threshold: 0.5, split_above: 0.1, ..DensitySettings::default() };
+        let change = control_density(&mut p, &mut moments, &screen, &settings, (1.0, 100), &mut rng);
+        assert_eq!(change, DensityChange { cloned: 1, split: 1, pruned: 1 });
+        // Kept 0 and 2, the clone of 0, and the halves of 1, which are new Gaussians without history.
+        assert_eq!(p.positions[..3], [before.positions[0], before.positions[2], before.positions[0]]);
+        assert_eq!(moments.log_scales.first, [1.0, 3.0, 0.0, 0.0, 0.0]);
+        for half in 3..5 {
+            assert!((p.log_scales[half] - (0.2f32 / 1.6).ln()).abs() < 1e-6);
+            assert_ne!(p.positions[half], before.positions[1]);
+        }
+    }
+
+    #[test]
+    fn density_control_keeps_to_its_limit_and_prefers_the_hardest_pulled() {
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let mut p = random_parameters(5, 1, &mut rng);
+        p.opacity_logits = vec![2.0; 5];
+        let before = p.clone();
+        let mut moments = ParameterMoments::zeros(&p);
+        let mut screen = ScreenGradients::zeros(5);
+        screen.add(&[1.0, 3.0, 2.0, 5.0, 4.0], 1.0);
+        let settings = DensitySettings { gradient_threshold: 0.5, split_above: 10.0, ..DensitySettings::default() };
+        let change = control_density(&mut p, &mut moments, &screen, &settings, (1.0, 7), &mut rng);
+        assert_eq!((change.cloned, p.len()), (2, 7));
+        assert_eq!(p.positions[5..], [before.positions[3], before.positions[4]]);
+        assert_eq!(p.details.len(), 7 * 3);
+    }
+}

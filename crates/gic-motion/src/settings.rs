@@ -16,7 +16,9 @@ pub struct TrainSettings {
     pub warm_up_steps: usize,
     /// Steps over which the training window grows from the first frame to the whole video after the warm-up.
     pub growth_steps: usize,
-    /// Steps of regression that teach the network the path of the masks' centre before its first picture; 0 turns it off.
+    /// Steps that fit one affine map per frame to the pictures, each frame from the last, for a first guess of the motion.
+    pub affine_steps: usize,
+    /// Steps of regression that teach the network this first guess before its first picture; 0 turns it off.
     pub path_steps: usize,
     /// Views rendered per step, all of the same time; the network is evaluated once for all of them.
     pub views_per_step: usize,
@@ -24,10 +26,11 @@ pub struct TrainSettings {
     pub initial: InitialPoints,
     /// Distance between the first points, as seen in the pictures [pixels].
     pub initial_spacing_px: f64,
-    /// Never more Gaussians than this.
-    pub max_gaussians: usize,
-    /// Degree of the spherical harmonics, 0 to 3.
-    pub sh_degree: usize,
+    /// At most this many Gaussians per pixel of the object's mean mask area.
+    pub gaussians_per_pixel: f64,
+    /// Degree of the spherical harmonics, 0 to 3; `None` takes what the number of viewpoints can tell: 3 from 50 cameras on, 1
+    /// from 20, else 0.
+    pub sh_degree: Option<usize>,
     /// Steps between raising the degree of the spherical harmonics by one.
     pub sh_interval: usize,
     /// Sizes of the motion network.
@@ -93,7 +96,7 @@ pub struct LearningRates {
     pub opacity: (f64, f64),
     /// Logarithm of the scale.
     pub scale: (f64, f64),
-    /// The network's weights.
+    /// The network's weights; rises from zero in the network's first steps.
     pub network: (f64, f64),
 }
 
@@ -104,7 +107,7 @@ impl Default for LearningRates {
             feature: (2.0e-2, 2.5e-3),
             opacity: (5.0e-2, 1.0e-2),
             scale: (1.0e-2, 1.0e-3),
-            network: (1.0e-3, 2.0e-5),
+            network: (8.0e-4, 5.0e-5),
         }
     }
 }
@@ -115,8 +118,8 @@ impl Default for LearningRates {
 pub struct DensitySettings {
     /// First step at which Gaussians are added or removed.
     pub from: usize,
-    /// Last step.
-    pub until: usize,
+    /// Share of all steps after which no more are.
+    pub until: f64,
     /// Steps between.
     pub every: usize,
     /// Mean gradient of the projected centre above which a Gaussian is cloned or split, in the units of 3DGS (loss averaged over
@@ -133,8 +136,8 @@ pub struct DensitySettings {
 impl Default for DensitySettings {
     fn default() -> Self {
         DensitySettings {
-            from: 100,
-            until: 1200,
+            from: 400,
+            until: 0.7,
             every: 100,
             gradient_threshold: 2.0e-4,
             split_above: 0.02,
@@ -148,15 +151,16 @@ impl Default for TrainSettings {
     fn default() -> Self {
         TrainSettings {
             held_out: Vec::new(),
-            steps: 2000,
-            warm_up_steps: 300,
-            growth_steps: 300,
-            path_steps: 150,
+            steps: 1500,
+            warm_up_steps: 100,
+            growth_steps: 0,
+            affine_steps: 40,
+            path_steps: 500,
             views_per_step: 4,
             initial: InitialPoints::Auto,
-            initial_spacing_px: 3.0,
-            max_gaussians: 8_000,
-            sh_degree: 0,
+            initial_spacing_px: 5.0,
+            gaussians_per_pixel: 0.5,
+            sh_degree: None,
             sh_interval: 1000,
             network: Architecture::default(),
             loss: LossWeights::default(),
@@ -176,11 +180,12 @@ impl TrainSettings {
             steps: 40_000,
             warm_up_steps: 3_000,
             growth_steps: 0,
+            affine_steps: 0,
             path_steps: 0,
             views_per_step: 1,
             initial: InitialPoints::Random,
-            max_gaussians: 200_000,
-            sh_degree: 3,
+            gaussians_per_pixel: 10.0,
+            sh_degree: Some(3),
             rates: LearningRates {
                 position: (1.6e-4, 1.6e-6),
                 feature: (2.5e-3, 2.5e-3),
@@ -190,7 +195,7 @@ impl TrainSettings {
             },
             density: DensitySettings {
                 from: 500,
-                until: 15_000,
+                until: 0.375,
                 every: 500,
                 gradient_threshold: 1.5e-4,
                 split_above: 0.01,

@@ -1,6 +1,6 @@
 //! The training loop, static and dynamic.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
@@ -18,6 +18,7 @@ use crate::loss::picture_loss;
 use crate::parameters::{
     self, Gradient, ParameterMoments, Parameters, ScreenGradients, control_density, details_per_gaussian, logit,
 };
+use crate::path::{Affine, AffineFit};
 use crate::targets::{self, Bounds, Target, windowed};
 use crate::{
     Domain, DynamicGaussians, InitialPoints, Motion, MotionError, MotionNetwork, TrainSettings, ViewScore, checkpoint,
@@ -38,8 +39,14 @@ const EXTENT_RADII: f64 = 2.0;
 const MIN_SYNCHRONOUS: usize = 3;
 /// Weight of the newest step in the moving average of the loss.
 const AVERAGE: f64 = 0.02;
-/// Steps that this much lower a score do not count as progress [dB].
+/// Steps over which the network's learning rate rises to its full value.
+const NETWORK_RISE_STEPS: f64 = 100.0;
+/// Never start with, or stay below, fewer Gaussians than this.
+const MIN_GAUSSIANS: usize = 100;
+/// A smaller gain on the held-out views does not count as progress [dB].
 const PROGRESS_DB: f64 = 0.02;
+/// Nor does a smaller relative gain of the loss, where nothing is held out.
+const PROGRESS_LOSS: f64 = 0.005;
 
 /// What training is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -87,6 +94,7 @@ pub(crate) struct State {
     pub(crate) network_steps: usize,
     pub(crate) screen: ScreenGradients,
     pub(crate) mean_loss: f64,
+    pub(crate) lowest_loss: Option<f64>,
     pub(crate) best: Option<Best>,
     /// Evaluations since the best.
     pub(crate) stale: usize,
@@ -108,6 +116,8 @@ struct Trainer<'a> {
     /// Indices into `targets` of each trained frame, in the order of time.
     frames: Vec<Vec<usize>>,
     is_static: bool,
+    max_gaussians: usize,
+    sh_degree: usize,
     /// The warm-up uses the first frame (several cameras see it), not all of them (one moving camera).
     synchronous: bool,
 }
@@ -130,7 +140,7 @@ pub fn train(
     check(scene, settings)?;
     let trainer = Trainer::new(scene, settings, seed)?;
     let resumed = match checkpoint {
-        Some(folder) => checkpoint::load(folder, settings, seed)?,
+        Some(folder) => checkpoint::load(folder, settings, seed, trainer.sh_degree)?,
         None => None,
     };
     let mut state = match resumed {
@@ -149,7 +159,7 @@ fn check(scene: &Scene, settings: &TrainSettings) -> Result<(), MotionError> {
     positive("initial_spacing_px", settings.initial_spacing_px)?;
     positive("views_per_step", settings.views_per_step as f64)?;
     positive("steps", settings.steps as f64)?;
-    positive("max_gaussians", settings.max_gaussians as f64)?;
+    positive("gaussians_per_pixel", settings.gaussians_per_pixel)?;
     let r = &settings.rates;
     for (name, ends) in [
         ("rates.position", r.position),
@@ -161,8 +171,8 @@ fn check(scene: &Scene, settings: &TrainSettings) -> Result<(), MotionError> {
         positive(name, ends.0)?;
         positive(name, ends.1)?;
     }
-    if settings.sh_degree > 3 {
-        let reason = format!("{} is above 3, the highest degree supported", settings.sh_degree);
+    if let Some(degree) = settings.sh_degree.filter(|&degree| degree > 3) {
+        let reason = format!("{degree} is above 3, the highest degree supported");
         return Err(MotionError::Setting { setting: "sh_degree", reason });
     }
     if let Some(camera) = settings.held_out.iter().find(|&&c| c >= scene.cameras.len()) {
@@ -193,7 +203,17 @@ impl<'a> Trainer<'a> {
         }
         let frames: Vec<Vec<usize>> = by_frame.into_values().collect();
         let synchronous = frames[0].len() >= MIN_SYNCHRONOUS;
-        Ok(Trainer { settings, seed, targets, held_out, is_static: frames.len() == 1, frames, synchronous })
+        let seen: Vec<f64> = targets.iter().map(|t| t.area).filter(|&area| area > 0.0).collect();
+        let mean_area = seen.iter().sum::<f64>() / seen.len() as f64;
+        let max_gaussians = (settings.gaussians_per_pixel * mean_area).max(MIN_GAUSSIANS as f64) as usize;
+        let cameras: BTreeSet<usize> = targets.iter().map(|t| t.camera_index).collect();
+        let sh_degree = settings.sh_degree.unwrap_or(match cameras.len() {
+            50.. => 3,
+            20.. => 1,
+            _ => 0,
+        });
+        let is_static = frames.len() == 1;
+        Ok(Trainer { settings, seed, targets, held_out, frames, is_static, max_gaussians, sh_degree, synchronous })
     }
 
     /// Random numbers of one step, so that a resumed run draws the same as an uninterrupted one.
@@ -229,9 +249,9 @@ impl<'a> Trainer<'a> {
             log_scales: vec![(FIRST_SCALE * points.spacing).ln() as f32; n],
             opacity_logits: vec![logit(FIRST_OPACITY) as f32; n],
             features: points.colors.iter().map(|c| c.map(|v| (v - 0.5) / SH0)).collect(),
-            details: vec![[0.0; 3]; n * details_per_gaussian(self.settings.sh_degree)],
+            details: vec![[0.0; 3]; n * details_per_gaussian(self.sh_degree)],
             positions: points.positions,
-            sh_degree: self.settings.sh_degree,
+            sh_degree: self.sh_degree,
         };
         let network = MotionNetwork::random(self.settings.network, &mut rng);
         Ok(State {
@@ -245,6 +265,7 @@ impl<'a> Trainer<'a> {
             network,
             network_steps: 0,
             mean_loss: f64::NAN,
+            lowest_loss: None,
             best: None,
             stale: 0,
         })
@@ -260,12 +281,12 @@ impl<'a> Trainer<'a> {
         // A ball that looks like `area` pixels has four times that surface.
         let area = seen.iter().map(|t| t.area).sum::<f64>() / seen.len() as f64;
         let count = 4.0 * area / self.settings.initial_spacing_px.powi(2);
-        let count = (count as usize).clamp(100, self.settings.max_gaussians);
+        let count = (count as usize).clamp(MIN_GAUSSIANS, self.max_gaussians);
         match self.settings.initial {
             InitialPoints::Random => return Ok(initial::random(ball, count, rng)),
             InitialPoints::Auto if !scene.points.is_empty() => {
                 let points = initial::sparse(scene, seen);
-                if points.positions.len() >= 100 {
+                if points.positions.len() >= MIN_GAUSSIANS {
                     return Ok(points);
                 }
             }
@@ -333,7 +354,11 @@ impl<'a> Trainer<'a> {
             all = self.frames.concat();
             &all
         };
-        let mut pool = pool.clone();
+        self.choose(pool.clone(), rng)
+    }
+
+    /// A random few of the targets in `pool`.
+    fn choose(&self, mut pool: Vec<usize>, rng: &mut impl Rng) -> Vec<&Target> {
         let count = self.settings.views_per_step.min(pool.len());
         for i in 0..count {
             let j = rng.random_range(i..pool.len());
@@ -347,7 +372,7 @@ impl<'a> Trainer<'a> {
         let mut rng = self.rng(state.step);
         let moves = self.moves(state.step);
         if moves && state.network_steps == 0 {
-            self.teach_path(state, &mut rng);
+            self.teach_path(state, &mut rng)?;
         }
         let views = self.draw_views(state.step, &mut rng);
         let time = state.domain.normalised_time(views[0].time);
@@ -405,7 +430,9 @@ impl<'a> Trainer<'a> {
             *g += d / extent;
         }
         state.network_steps += 1;
-        let rate = decayed(self.settings.rates.network, fraction);
+        // Adam's first steps are as long as any, whatever the gradient: unchecked they would undo the path.
+        let rise = (state.network_steps as f64 / NETWORK_RISE_STEPS).min(1.0);
+        let rate = rise * decayed(self.settings.rates.network, fraction);
         state.network_moments.update(&mut state.network.parameters, &slope.parameters, rate, state.network_steps);
     }
 
@@ -462,11 +489,12 @@ impl<'a> Trainer<'a> {
 
     fn control_density(&self, state: &mut State, rng: &mut impl Rng) {
         let d = &self.settings.density;
-        if d.every == 0 || state.step < d.from || state.step > d.until || !state.step.is_multiple_of(d.every) {
+        let until = (d.until * self.settings.steps as f64) as usize;
+        if d.every == 0 || state.step < d.from || state.step > until || !state.step.is_multiple_of(d.every) {
             return;
         }
         let extent = 2.0 * state.domain.extent / EXTENT_RADII;
-        let limits = (extent, self.settings.max_gaussians);
+        let limits = (extent, self.max_gaussians);
         control_density(&mut state.parameters, &mut state.moments, &state.screen, d, limits, rng);
         if d.opacity_reset_every > 0 && state.step.is_multiple_of(d.opacity_reset_every) {
             parameters::reset_opacity(&mut state.parameters, &mut state.moments, 2.0 * d.min_opacity);
@@ -474,33 +502,29 @@ impl<'a> Trainer<'a> {
         state.screen = ScreenGradients::zeros(state.parameters.len());
     }
 
-    /// Teaches the network the path of the masks' common centre, so that the Gaussians overlap their pictures at every frame
-    /// when they are first rendered there. Needs several views of every frame.
-    fn teach_path(&self, state: &mut State, rng: &mut impl Rng) {
-        let centres: Vec<Option<DVec3>> = self
-            .frames
-            .iter()
-            .map(|frame| initial::mask_centre(frame.iter().map(|&i| &self.targets[i])).filter(|_| frame.len() >= 2))
-            .collect();
-        let Some(first) = centres[0] else { return };
-        let known: Vec<(f32, DVec3)> = centres
-            .iter()
-            .zip(&self.frames)
-            .filter_map(|(centre, frame)| {
-                let time = state.domain.normalised_time(self.targets[frame[0]].time);
-                centre.map(|c| (time, (c - first) / state.domain.extent))
-            })
-            .collect();
-        let positions = state.domain.normalised(&state.parameters.positions);
+    /// Teaches the network a first motion (see [`crate::path`]), so that the Gaussians overlap their pictures at every frame when
+    /// they are first rendered there. Needs several views of every frame.
+    fn teach_path(&self, state: &mut State, rng: &mut impl Rng) -> Result<(), MotionError> {
+        let path = self.follow(state, rng)?;
+        if path.is_empty() {
+            return Ok(());
+        }
+        let positions = &state.parameters.positions;
         let rate = self.settings.rates.network.0;
         for step in 0..self.settings.path_steps {
-            let (time, path) = known[rng.random_range(0..known.len())];
+            let (time, map) = path[rng.random_range(0..path.len())];
             let sample: Vec<[f32; 3]> =
                 (0..PATH_POINTS).map(|_| positions[rng.random_range(0..positions.len())]).collect();
-            let out = state.network.forward(&sample, time);
-            let wanted = path.as_vec3().to_array();
-            let d: Vec<[f32; 4]> =
-                out.residuals.iter().map(|r| [r[0] - wanted[0], r[1] - wanted[1], r[2] - wanted[2], r[3]]).collect();
+            let out = state.network.forward(&state.domain.normalised(&sample), time);
+            let d: Vec<[f32; 4]> = out
+                .residuals
+                .iter()
+                .zip(&sample)
+                .map(|(r, &x)| {
+                    let wanted = (map.displacement(x) / state.domain.extent).as_vec3();
+                    [r[0] - wanted.x, r[1] - wanted.y, r[2] - wanted.z, r[3]]
+                })
+                .collect();
             let slope = state.network.backward(&out, &d);
             state.network_steps += 1;
             // Down to a tenth at the end, so that the regression settles.
@@ -509,13 +533,64 @@ impl<'a> Trainer<'a> {
         }
         state.network_moments = Moments::zeros(state.network.parameters.len());
         state.network_steps = 0;
+        Ok(())
+    }
+
+    /// The affine map of every frame, with its time in the network's unit, each fitted from where the last two lead; empty
+    /// when a frame has too few views.
+    fn follow(&self, state: &State, rng: &mut impl Rng) -> Result<Vec<(f32, Affine)>, MotionError> {
+        let mut path: Vec<(f32, Affine)> = Vec::new();
+        let steps = self.settings.affine_steps;
+        for frame in &self.frames {
+            let seen = frame.iter().map(|&i| &self.targets[i]).filter(|t| t.area > 0.0);
+            if seen.clone().count() < MIN_SYNCHRONOUS {
+                return Ok(Vec::new());
+            }
+            let Some(centre) = initial::mask_centre(seen) else { return Ok(Vec::new()) };
+            let time = state.domain.normalised_time(self.targets[frame[0]].time);
+            let Some((_, last)) = path.last() else {
+                path.push((time, Affine::identity(centre)));
+                continue;
+            };
+            let before = path.len().checked_sub(2).map_or(last, |i| &path[i].1);
+            let start = last.extrapolated(before, centre - path[0].1.origin);
+            let mut fit = AffineFit::new(start, 2.0 * state.domain.extent / EXTENT_RADII, steps);
+            for _ in 0..steps {
+                let views = self.choose(frame.clone(), rng);
+                let residuals: Vec<[f32; 4]> = state
+                    .parameters
+                    .positions
+                    .iter()
+                    .map(|&x| {
+                        let d = fit.map.displacement(x).as_vec3();
+                        [d.x, d.y, d.z, 0.0]
+                    })
+                    .collect();
+                let gaussians = state.parameters.gaussians(Some(&residuals));
+                let rendered: Vec<ViewGradient> =
+                    views.par_iter().map(|view| self.view_gradient(view, &gaussians, 0)).collect::<Result<_, _>>()?;
+                let mut slope = vec![[0.0f32; 3]; gaussians.len()];
+                for view in &rendered {
+                    for (s, g) in slope.iter_mut().flatten().zip(view.slope.positions.iter().flatten()) {
+                        *s += g;
+                    }
+                }
+                fit.update(&state.parameters.positions, &slope);
+            }
+            path.push((time, fit.map));
+        }
+        Ok(path)
     }
 
     /// Measures the held-out views when it is time, and remembers the best state.
     fn judge(&self, state: &mut State) -> Result<Option<ViewScore>, MotionError> {
         let every = self.settings.evaluate_every;
         let now = every > 0 && (state.step.is_multiple_of(every) || state.step == self.settings.steps);
-        if !now || self.held_out.is_empty() || (!self.is_static && !self.moves(state.step)) {
+        if !now || (!self.is_static && !self.moves(state.step)) {
+            return Ok(None);
+        }
+        if self.held_out.is_empty() {
+            self.judge_loss(state);
             return Ok(None);
         }
         let model = self.model(&state.parameters, &state.network, state.domain);
@@ -530,6 +605,16 @@ impl<'a> Trainer<'a> {
             state.best = Some(Best { psnr: score.psnr, parameters, network });
         }
         Ok(Some(score))
+    }
+
+    /// Without held-out views: progress is a moving average of the loss lower than ever before.
+    fn judge_loss(&self, state: &mut State) {
+        if state.lowest_loss.is_none_or(|lowest| state.mean_loss < (1.0 - PROGRESS_LOSS) * lowest) {
+            state.lowest_loss = Some(state.mean_loss);
+            state.stale = 0;
+        } else {
+            state.stale += 1;
+        }
     }
 
     fn is_stale(&self, state: &State) -> bool {

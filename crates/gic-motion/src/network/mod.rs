@@ -38,7 +38,7 @@ pub struct Architecture {
     pub backbone_layers: usize,
     /// The backbone's hidden layer (from 0) that sees the encoded time again.
     pub skip: usize,
-    /// Hidden layers of the coefficient network.
+    /// Hidden layers of the coefficient network; with the linear layer that makes the coefficients, the paper's 4 FC layers.
     pub coefficient_layers: usize,
 }
 
@@ -52,7 +52,7 @@ impl Default for Architecture {
             width: 256,
             backbone_layers: 8,
             skip: 4,
-            coefficient_layers: 4,
+            coefficient_layers: 3,
         }
     }
 }
@@ -347,7 +347,7 @@ mod tests {
         let layer = |inputs: usize, outputs: usize| inputs * outputs + outputs;
         let (time, position) = (21, 63);
         let backbone = layer(time, 256) + 6 * layer(256, 256) + layer(256 + time, 256) + layer(256, 8 * 4);
-        let coefficients = layer(position + time, 256) + 3 * layer(256, 256) + layer(256, 8);
+        let coefficients = layer(position + time, 256) + 2 * layer(256, 256) + layer(256, 8);
         assert_eq!(network.parameters.len(), backbone + coefficients);
     }
 

@@ -1,0 +1,205 @@
+//! Training on a scene made here: a ball with a coloured pattern that falls and stretches, seen by six cameras.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use gic_motion::{
+    Architecture, DensitySettings, DynamicGaussians, MotionError, TrainSettings, ViewScore, evaluate, train,
+};
+use gic_scene::{Camera, Scene};
+use gic_splat::{Gaussians, RenderSettings, Shape, render};
+use glam::{DMat3, DVec2, DVec3};
+use serde_json::json;
+
+const SIZE: usize = 48;
+const CAMERAS: usize = 6;
+const FRAMES: usize = 4;
+
+fn cameras() -> Vec<Camera> {
+    (0..CAMERAS)
+        .map(|i| {
+            let angle = i as f64 / CAMERAS as f64 * core::f64::consts::TAU;
+            let centre = DVec3::new(2.0 * angle.cos(), 0.6 + 0.4 * (i % 2) as f64, 2.0 * angle.sin());
+            let forward = -centre.normalize();
+            let right = forward.cross(DVec3::Y).normalize();
+            Camera {
+                width: SIZE,
+                height: SIZE,
+                focal: DVec2::splat(60.0),
+                principal: DVec2::splat(SIZE as f64 / 2.0),
+                rotation: DMat3::from_cols(right, forward.cross(right), forward),
+                centre,
+            }
+        })
+        .collect()
+}
+
+/// The truth: a shell of points, falling with time and getting flatter.
+fn truth(time: f64) -> Gaussians {
+    let n = 1500;
+    let mut positions = Vec::new();
+    let mut sh = Vec::new();
+    for i in 0..n {
+        let z = 1.0 - 2.0 * (i as f64 + 0.5) / n as f64;
+        let (s, c) = (i as f64 * 2.399_963).sin_cos();
+        let r = (1.0 - z * z).sqrt();
+        let flat = 1.0 - 0.5 * time;
+        positions.push([0.3 * r * c, 0.3 * z * flat + 0.15 - 0.5 * time, 0.3 * r * s].map(|x| x as f32));
+        sh.push([1.2 * r * c, 1.2 * z, -1.2 * r * s].map(|x| x as f32));
+    }
+    let shape = Shape::Isotropic { scales: vec![0.02; n] };
+    Gaussians { positions, opacities: vec![0.9; n], shape, sh_degree: 0, sh }
+}
+
+/// Writes the scene in PAC-NeRF's layout.
+fn write_scene(folder: &Path) {
+    std::fs::create_dir_all(folder.join("data")).unwrap();
+    let mut list = Vec::new();
+    let byte = |v: f32| (v * 255.0).round().clamp(0.0, 255.0) as u8;
+    for (c, camera) in cameras().iter().enumerate() {
+        for frame in 0..FRAMES {
+            let time = frame as f64 / 10.0;
+            let picture = render(&truth(time), camera, &RenderSettings::default());
+            let straight = picture.color.iter().zip(&picture.alpha);
+            let rgb: Vec<u8> = straight.flat_map(|(c, a)| c.map(|v| byte(v / a.max(1e-3)))).collect();
+            let mask: Vec<u8> = picture.alpha.iter().map(|&a| byte(a)).collect();
+            let (s, name) = (SIZE as u32, format!("./data/r_{c}_{frame}.png"));
+            image::RgbImage::from_raw(s, s, rgb).unwrap().save(folder.join(&name)).unwrap();
+            image::GrayImage::from_raw(s, s, mask)
+                .unwrap()
+                .save(folder.join(format!("data/a_{c}_{frame}.png")))
+                .unwrap();
+            // OpenGL: y up, looking along -z.
+            let (r, o) = (camera.rotation, camera.centre);
+            let row = |i: usize| [r.x_axis[i], -r.y_axis[i], -r.z_axis[i], o[i]];
+            list.push(json!({
+                "file_path": name,
+                "time": time,
+                "c2w": [row(0), row(1), row(2)],
+                "intrinsic": [[60.0, 0.0, 24.0], [0.0, 60.0, 24.0], [0.0, 0.0, 1.0]],
+            }));
+        }
+    }
+    std::fs::write(folder.join("all_data.json"), serde_json::to_vec(&list).unwrap()).unwrap();
+}
+
+fn scene() -> (tempfile::TempDir, Scene) {
+    let folder = tempfile::tempdir().unwrap();
+    write_scene(folder.path());
+    let scene = Scene::open(folder.path()).unwrap();
+    (folder, scene)
+}
+
+fn settings(steps: usize) -> TrainSettings {
+    TrainSettings {
+        steps,
+        held_out: vec![2],
+        warm_up_steps: steps / 6,
+        growth_steps: steps / 4,
+        path_steps: 100,
+        initial_spacing_px: 1.5,
+        gaussians_per_pixel: 3.0,
+        network: Architecture { width: 48, ..Architecture::default() },
+        evaluate_every: 0,
+        ..TrainSettings::default()
+    }
+}
+
+fn run(scene: &Scene, settings: &TrainSettings, checkpoint: Option<&Path>, stop_at: usize) -> DynamicGaussians {
+    let mut callback =
+        |p: &gic_motion::Progress| if p.step == stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+    train(scene, settings, 11, &mut callback, checkpoint).unwrap()
+}
+
+fn same(a: &DynamicGaussians, b: &DynamicGaussians) -> bool {
+    let motion = |m: &DynamicGaussians| m.motion.as_ref().map(|m| m.network.parameters.clone());
+    a.canonical == b.canonical && motion(a) == motion(b)
+}
+
+#[test]
+fn a_view_that_was_held_out_is_reproduced_at_every_frame() {
+    let (_folder, scene) = scene();
+    let settings = settings(500);
+    let model = run(&scene, &settings, None, 0);
+    let scores = evaluate(&model, &scene, &settings.held_out).unwrap();
+    assert_eq!(scores.len(), FRAMES);
+    let mean = ViewScore::mean(&scores);
+    assert!(mean.psnr > 23.0, "PSNR {:.2} dB", mean.psnr);
+    assert!(mean.iou > 0.93, "IoU {:.4}", mean.iou);
+    // The motion is learned, not only the first frame.
+    assert!(scores[FRAMES - 1].psnr > scores[0].psnr - 3.0, "{scores:?}");
+}
+
+#[test]
+fn same_seed_gives_the_same_bits_whatever_the_threads() {
+    let (_folder, scene) = scene();
+    let settings =
+        TrainSettings { density: DensitySettings { from: 10, every: 10, ..settings(1).density }, ..settings(40) };
+    let on = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| run(&scene, &settings, None, 0))
+    };
+    let (one, three) = (on(1), on(3));
+    assert!(same(&one, &three));
+    let other = train(&scene, &settings, 12, &mut |_| ControlFlow::Continue(()), None).unwrap();
+    assert!(!same(&one, &other), "the seed must matter");
+}
+
+#[test]
+fn a_run_that_was_stopped_continues_as_if_it_had_not_been() {
+    let (_folder, scene) = scene();
+    let folder = tempfile::tempdir().unwrap();
+    let settings = settings(30);
+    let whole = run(&scene, &settings, None, 0);
+    let half = run(&scene, &settings, Some(folder.path()), 17);
+    assert!(!same(&whole, &half));
+    let resumed = run(&scene, &settings, Some(folder.path()), 0);
+    assert!(same(&whole, &resumed));
+
+    let other = TrainSettings { steps: 31, ..settings };
+    let error = train(&scene, &other, 11, &mut |_| ControlFlow::Continue(()), Some(folder.path())).unwrap_err();
+    assert!(error.to_string().contains("other settings"), "{error}");
+}
+
+#[test]
+fn a_static_scene_has_no_motion() {
+    let (folder, _) = scene();
+    let path = folder.path().join("all_data.json");
+    let list: Vec<serde_json::Value> = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    let first: Vec<_> = list.into_iter().filter(|v| v["time"] == json!(0.0)).collect();
+    std::fs::write(&path, serde_json::to_vec(&first).unwrap()).unwrap();
+    let scene = Scene::open(folder.path()).unwrap();
+    let model = run(&scene, &settings(20), None, 0);
+    assert!(model.motion.is_none());
+    assert_eq!(model.at(0.0), model.at(5.0));
+}
+
+#[test]
+fn settings_without_meaning_are_named() {
+    let (_folder, scene) = scene();
+    let refused = |settings: TrainSettings| {
+        train(&scene, &settings, 0, &mut |_| ControlFlow::Continue(()), None).unwrap_err().to_string()
+    };
+    assert!(refused(TrainSettings { held_out: vec![99], ..settings(5) }).contains("held_out"));
+    assert!(refused(TrainSettings { sh_degree: Some(4), ..settings(5) }).contains("sh_degree"));
+    assert!(refused(TrainSettings { gaussians_per_pixel: f64::NAN, ..settings(5) }).contains("gaussians_per_pixel"));
+    assert!(refused(TrainSettings { views_per_step: 0, ..settings(5) }).contains("views_per_step"));
+    let all: MotionError = train(
+        &scene,
+        &TrainSettings { held_out: (0..CAMERAS).collect(), ..settings(5) },
+        0,
+        &mut |_| ControlFlow::Continue(()),
+        None,
+    )
+    .unwrap_err();
+    assert!(all.to_string().contains("held out"), "{all}");
+}
+
+#[test]
+fn settings_survive_json_and_unknown_keys_are_refused() {
+    for settings in [TrainSettings::default(), TrainSettings::paper()] {
+        let text = serde_json::to_string(&settings).unwrap();
+        assert_eq!(serde_json::from_str::<TrainSettings>(&text).unwrap(), settings);
+    }
+    assert!(serde_json::from_str::<TrainSettings>(r#"{"step": 3}"#).is_err());
+}
