@@ -69,7 +69,7 @@ impl<R: Real> Packed<R> {
         let cos = tan.mul_add(tan, R::one()).rsqrt();
         let sin = tan * cos;
 
-        self.diagonal[P] = self.diagonal[P] - tan * apq;
+        self.diagonal[P] -= tan * apq;
         self.diagonal[Q] = tan.mul_add(apq, self.diagonal[Q]);
         self.off[K] = R::zero();
         // a_pk is off[Q], a_qk is off[P].

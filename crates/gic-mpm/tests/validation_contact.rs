@@ -4,12 +4,13 @@
 
 mod common;
 
-use common::{GRAVITY, block, body, frame_after, mean, plane, side_walls, simulator, world};
+use common::{GRAVITY, block, body, frame_after, mean, next, plane, side_walls, simulator, world};
 use gic_mpm::{Collider, Contact, Material, Motion, Primitive};
 use glam::{DQuat, DVec3};
 
-/// How far [m] a stiff box moves down a slope of `angle` in `seconds`, and sideways.
-fn slide(angle: f64, friction: f64, seconds: f64) -> (f64, f64) {
+/// A stiff box put on a slope of `angle`: its acceleration downhill [m/s^2] over the last four fifths of `seconds`, and how far [m] it has moved
+/// downhill and sideways. (In the first fifth its own shear builds up to what friction asks for.)
+fn slide(angle: f64, friction: f64, seconds: f64) -> (f64, f64, f64) {
     let dx = 0.02;
     let material = Material::Elastic { youngs_modulus_pa: 2e5, poisson_ratio: 0.3 };
     let tilt = DQuat::from_rotation_z(-angle);
@@ -18,9 +19,13 @@ fn slide(angle: f64, friction: f64, seconds: f64) -> (f64, f64) {
         block(DVec3::new(-0.06, 0.0, -0.06), DVec3::new(0.12, 0.06, 0.12), dx).into_iter().map(|x| tilt * x).collect();
     let ground = plane(DVec3::ZERO, tilt * DVec3::Y, Contact::Separating { friction });
     let world = world(body(material, positions.clone(), dx), vec![ground], dx, 10.0 / seconds);
-    let end = frame_after(&world, 10);
+    let mut simulator = simulator(&world);
+    next(&mut simulator);
+    let early = next(&mut simulator);
+    let end = (2..10).map(|_| next(&mut simulator)).last().expect("eight frames");
+    let gain = mean_of(&end.velocities) - mean_of(&early.velocities);
     let shift = mean_of(&end.positions) - mean_of(&positions);
-    (shift.dot(tilt * DVec3::X), shift.z)
+    (gain.dot(tilt * DVec3::X) / (0.8 * seconds), shift.dot(tilt * DVec3::X), shift.z)
 }
 
 fn mean_of(positions: &[DVec3]) -> DVec3 {
@@ -31,18 +36,18 @@ fn mean_of(positions: &[DVec3]) -> DVec3 {
 fn a_box_on_a_slope_slides_or_sticks_by_its_friction() {
     let (angle, seconds) = (20.0_f64.to_radians(), 0.5);
     for friction in [0.0, 0.1, 0.2, 0.3] {
-        let expected = 0.5 * GRAVITY * (angle.sin() - friction * angle.cos()) * seconds * seconds;
-        let (found, sideways) = slide(angle, friction, seconds);
+        let expected = GRAVITY * (angle.sin() - friction * angle.cos());
+        let (found, _, sideways) = slide(angle, friction, seconds);
         println!(
-            "friction {friction}: slides {found:.4} m, Coulomb {expected:.4} m, {:+.1} %",
+            "friction {friction}: accelerates at {found:.4} m/s^2, Coulomb {expected:.4}, {:+.2} %",
             100.0 * (found / expected - 1.0)
         );
-        assert!((found / expected - 1.0).abs() <= 0.05, "friction {friction}: {found} m, not {expected} m");
+        assert!((found / expected - 1.0).abs() <= 0.05, "friction {friction}: {found}, not {expected} m/s^2");
         assert!(sideways.abs() < 1e-3);
     }
     // tan 20 degrees is 0.364. It leans by its own shear, but stays.
     for friction in [0.45, 0.8] {
-        let (found, _) = slide(angle, friction, seconds);
+        let (_, found, _) = slide(angle, friction, seconds);
         println!("friction {friction}: moves {found:.5} m");
         assert!(found.abs() < 2e-3, "friction {friction} must hold it: {found} m");
     }
@@ -78,9 +83,12 @@ fn heap_angle(friction_angle_deg: f64) -> f64 {
     (-slope).atan().to_degrees()
 }
 
+/// Up to 35 degrees: in plane flow the Drucker-Prager cone, which is fitted to triaxial compression, has `sin(angle) = 3 alpha / sqrt 2`: 19, 35
+/// and 55 degrees for 15, 25 and 35, and from 42.7 degrees on it bears tension.
 #[test]
+#[ignore = "15 s of CPU; see the top of this file"]
 fn angle_of_repose_grows_with_the_friction_angle() {
-    let friction = [15.0, 25.0, 35.0, 45.0];
+    let friction = [15.0, 25.0, 35.0];
     let angles = friction.map(heap_angle);
     println!("friction angles {friction:?} leave heaps of {angles:.1?} degrees");
     assert!(angles.windows(2).all(|pair| pair[1] > pair[0] + 1.0), "{angles:?}");
@@ -97,7 +105,7 @@ fn dent(material: Material) -> (f64, f64) {
     let ball = Collider {
         primitive: Primitive::Sphere { radius_m: radius },
         motion: Motion::Keyframed {
-            keys: vec![(0.0, above(0.005)), (0.25, above(-0.02)), (0.3, above(-0.02)), (0.5, above(0.1))],
+            keys: vec![(0.0, above(0.0)), (0.2, above(-0.02)), (0.3, above(-0.02)), (0.5, above(0.1))],
             rotation: DQuat::IDENTITY,
         },
         contact: Contact::Separating { friction: 0.0 },
@@ -114,15 +122,16 @@ fn dent(material: Material) -> (f64, f64) {
     let depth = |now: &[DVec3]| mean(centre.iter().map(|&p| positions[p].y - now[p].y));
     let mut pressed = 0.0_f64;
     for _ in 0..3 {
-        pressed = pressed.max(depth(&common::next(&mut simulator).positions));
+        pressed = pressed.max(depth(&next(&mut simulator).positions));
     }
-    for _ in 3..9 {
-        common::next(&mut simulator);
+    for _ in 3..7 {
+        next(&mut simulator);
     }
     (pressed, depth(&simulator.frame().positions))
 }
 
 #[test]
+#[ignore = "10 s of CPU; see the top of this file"]
 fn a_plastic_block_keeps_its_dent_and_an_elastic_one_does_not() {
     let (youngs_modulus_pa, poisson_ratio) = (1e5, 0.3);
     let elastic = dent(Material::Elastic { youngs_modulus_pa, poisson_ratio });

@@ -5,13 +5,13 @@ use gic_mpm::{Body, Collider, Contact, Frame, Material, Motion, Options, Primiti
 use glam::{DQuat, DVec3};
 
 /// Standard gravity of the scenes [m/s^2], downwards along y.
-pub const GRAVITY: f64 = 9.8;
+pub(crate) const GRAVITY: f64 = 9.8;
 
 /// Density of everything [kg/m^3].
-pub const DENSITY: f64 = 1000.0;
+pub(crate) const DENSITY: f64 = 1000.0;
 
 /// Particles at the centres of a regular grid that fills a box from `low`, two per cell and axis.
-pub fn block(low: DVec3, size: DVec3, grid_spacing_m: f64) -> Vec<DVec3> {
+pub(crate) fn block(low: DVec3, size: DVec3, grid_spacing_m: f64) -> Vec<DVec3> {
     let spacing = 0.5 * grid_spacing_m;
     let [nx, ny, nz] = (size / spacing).round().to_array().map(|n| n as usize);
     let mut positions = Vec::with_capacity(nx * ny * nz);
@@ -26,7 +26,7 @@ pub fn block(low: DVec3, size: DVec3, grid_spacing_m: f64) -> Vec<DVec3> {
 }
 
 /// A body of such particles, at rest.
-pub fn body(material: Material, positions: Vec<DVec3>, grid_spacing_m: f64) -> Body {
+pub(crate) fn body(material: Material, positions: Vec<DVec3>, grid_spacing_m: f64) -> Body {
     Body {
         material,
         density_kg_m3: DENSITY,
@@ -38,7 +38,7 @@ pub fn body(material: Material, positions: Vec<DVec3>, grid_spacing_m: f64) -> B
 }
 
 /// A world of one body under gravity.
-pub fn world(body: Body, colliders: Vec<Collider>, grid_spacing_m: f64, frame_rate_hz: f64) -> World {
+pub(crate) fn world(body: Body, colliders: Vec<Collider>, grid_spacing_m: f64, frame_rate_hz: f64) -> World {
     World {
         bodies: vec![body],
         colliders,
@@ -50,7 +50,7 @@ pub fn world(body: Body, colliders: Vec<Collider>, grid_spacing_m: f64, frame_ra
 }
 
 /// A plane through `point` that stays where it is.
-pub fn plane(point: DVec3, normal: DVec3, contact: Contact) -> Collider {
+pub(crate) fn plane(point: DVec3, normal: DVec3, contact: Contact) -> Collider {
     Collider {
         primitive: Primitive::HalfSpace { normal },
         motion: Motion::Uniform {
@@ -64,23 +64,23 @@ pub fn plane(point: DVec3, normal: DVec3, contact: Contact) -> Collider {
 }
 
 /// Two frictionless walls across z, at 0 and `width`: the flow between them is plane.
-pub fn side_walls(width: f64) -> [Collider; 2] {
+pub(crate) fn side_walls(width: f64) -> [Collider; 2] {
     let slip = Contact::Slip { friction: 0.0 };
     [plane(DVec3::ZERO, DVec3::Z, slip), plane(DVec3::Z * width, DVec3::NEG_Z, slip)]
 }
 
 /// A simulator, or the error as a failure of the test.
-pub fn simulator(world: &World) -> Simulator {
+pub(crate) fn simulator(world: &World) -> Simulator {
     Simulator::new(world, &Options::default()).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// The next frame, or the error as a failure of the test.
-pub fn next(simulator: &mut Simulator) -> Frame {
+pub(crate) fn next(simulator: &mut Simulator) -> Frame {
     simulator.advance_frame().unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// Frame `count` of a world.
-pub fn frame_after(world: &World, count: usize) -> Frame {
+pub(crate) fn frame_after(world: &World, count: usize) -> Frame {
     let mut simulator = simulator(world);
     for _ in 0..count {
         next(&mut simulator);
@@ -89,7 +89,7 @@ pub fn frame_after(world: &World, count: usize) -> Frame {
 }
 
 /// Sets the particles' velocities at the start, as a function of position.
-pub fn set_velocities(simulator: &mut Simulator, velocity: impl Fn(DVec3) -> DVec3) {
+pub(crate) fn set_velocities(simulator: &mut Simulator, velocity: impl Fn(DVec3) -> DVec3) {
     let mut snapshot = simulator.snapshot();
     for particle in &mut snapshot.particles {
         let v = velocity(DVec3::from_slice(&particle[..3]));
@@ -99,13 +99,13 @@ pub fn set_velocities(simulator: &mut Simulator, velocity: impl Fn(DVec3) -> DVe
 }
 
 /// Mean of something over particles.
-pub fn mean(values: impl Iterator<Item = f64>) -> f64 {
+pub(crate) fn mean(values: impl Iterator<Item = f64>) -> f64 {
     let (sum, count) = values.fold((0.0, 0), |(sum, count), value| (sum + value, count + 1));
     sum / f64::from(count)
 }
 
 /// When a signal, sampled at whole multiples of `step_s` from time zero on, first comes back to zero after its first sample.
-pub fn first_return_to_zero(signal: &[f64], step_s: f64) -> Option<f64> {
+pub(crate) fn first_return_to_zero(signal: &[f64], step_s: f64) -> Option<f64> {
     let sign = signal[1].signum();
     let after = (2..signal.len()).find(|&i| signal[i] * sign <= 0.0)?;
     let (before, now) = (signal[after - 1], signal[after]);
