@@ -221,7 +221,7 @@ fn check_shapes<L: Lanes>() {
     let quad = four.map(gic_simd::Scalar::from_f64);
     assert_eq!(numbers(L::quad(&quad)), lanes().map(|i| four[i % 4]).collect::<Vec<_>>());
     assert_eq!(numbers(L::spread(&quad)), lanes().map(|i| four[i / 4]).collect::<Vec<_>>());
-    let table: Vec<L::Scalar> = (0..64).map(|i| L::Scalar::from_f64(f64::from(i))).collect();
+    let table: Vec<L::Scalar> = (0..64).map(|i| gic_simd::Scalar::from_f64(f64::from(i))).collect();
     // SAFETY: the last of at most four groups ends at 1 + 3 * 17 + 4 <= 64.
     let strided = unsafe { L::strided_quads_at(table.as_ptr().add(1), 17) };
     assert_eq!(numbers(strided), lanes().map(|i| (1 + i / 4 * 17 + i % 4) as f64).collect::<Vec<_>>());
