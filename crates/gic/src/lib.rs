@@ -1,11 +1,18 @@
 //! The pipeline as a library: run folder, stages, configuration, report. The binary `gic` is a thin layer over it.
 
 pub mod atomic;
+pub mod bench;
+pub mod config;
+pub mod demo;
+mod difference;
 mod error;
+pub mod eval;
 pub mod events;
 pub mod gradcheck;
 mod interrupt;
 pub mod matter;
+pub mod pipeline;
+pub mod report;
 pub mod simulate;
 pub mod twin;
 pub mod usage;

@@ -388,5 +388,8 @@ fn gradients_agree_with_finite_differences() {
     let output = gic(&["gradcheck"]);
     let table = String::from_utf8(output.stdout).unwrap();
     assert!(output.status.success(), "{table}");
-    assert_says(&table, &["youngs_modulus_pa", "friction_angle_deg", "viscosity_pa_s", "plastic_viscosity_pa_s", "derivatives agree"]);
+    assert_says(
+        &table,
+        &["youngs_modulus_pa", "friction_angle_deg", "viscosity_pa_s", "plastic_viscosity_pa_s", "derivatives agree"],
+    );
 }

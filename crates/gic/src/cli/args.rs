@@ -3,7 +3,10 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
+use gic::config::Model;
 use gic::twin::Setting;
+
+use super::flags::{FillFlags, IdentifyFlags, ReconstructFlags, SceneFlags, SettingsFlags};
 
 /// Video in, physical digital twin out.
 ///
@@ -47,6 +50,15 @@ pub(crate) struct Global {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
+    Demo(DemoArgs),
+    Inspect(InspectArgs),
+    Run(RunArgs),
+    Reconstruct(ReconstructArgs),
+    Fill(FillArgs),
+    Identify(IdentifyArgs),
+    Eval(EvalArgs),
+    Bench(BenchArgs),
+    Export(ExportArgs),
     Simulate(SimulateArgs),
     Gradcheck(GradcheckArgs),
     /// Print the completion script of a shell
@@ -58,6 +70,145 @@ pub(crate) enum Command {
     },
 }
 
+/// See gic work: the scene that comes with it, from video to twin, against the truth (a few minutes)
+#[derive(Debug, Args)]
+pub(crate) struct DemoArgs {
+    /// Folder for the scene and the run
+    #[arg(short, long, value_name = "DIR", default_value = "gic-demo")]
+    pub(crate) out: PathBuf,
+}
+
+/// Show what gic reads of a scene: cameras, frames, masks, size, ground, and what looks wrong
+///
+/// Knows PAC-NeRF, Spring-Gaus (synthetic and real), Blender / D-NeRF, nerfstudio and COLMAP folders by their files.
+#[derive(Debug, Args)]
+pub(crate) struct InspectArgs {
+    /// The scene's folder
+    #[arg(value_name = "SCENE")]
+    pub(crate) scene_path: PathBuf,
+    /// Write a contact sheet: small pictures with the masks' outlines
+    #[arg(long, value_name = "FILE.png")]
+    pub(crate) sheet: Option<PathBuf>,
+    /// Print JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+    #[command(flatten)]
+    pub(crate) scene: SceneFlags,
+}
+
+/// Compare a run with ground truth: parameters, velocity, shape in every frame
+#[derive(Debug, Args)]
+pub(crate) struct EvalArgs {
+    /// The run folder
+    pub(crate) run: PathBuf,
+    /// The truth: a folder with params.json and particles_N.npz
+    #[arg(long, value_name = "SCENE/gt")]
+    pub(crate) truth: PathBuf,
+}
+
+/// Hand the matter of a run to other tools: particles, surface, tetrahedra
+#[derive(Debug, Args)]
+pub(crate) struct ExportArgs {
+    /// The run folder
+    pub(crate) run: PathBuf,
+    /// What to write
+    #[arg(long, value_enum)]
+    pub(crate) format: gic::pipeline::Export,
+    /// The file [default: in the run folder]
+    #[arg(short, long, value_name = "FILE")]
+    pub(crate) out: Option<PathBuf>,
+}
+
+/// Run every scene of a folder and write the paper's table
+///
+/// Each scene needs a gt folder; of it, only the material's model is given to the runs.
+#[derive(Debug, Args)]
+pub(crate) struct BenchArgs {
+    /// The folder that holds the scenes' folders
+    #[arg(value_name = "SUITE_DIR")]
+    pub(crate) suite: PathBuf,
+    /// Folder for the runs and the tables results.md, results.csv, results.json
+    #[arg(short, long, value_name = "OUT")]
+    pub(crate) out: PathBuf,
+    /// Scenes at the same time
+    #[arg(long, value_name = "N", default_value = "1", value_parser = positive)]
+    pub(crate) jobs: usize,
+    /// Only scenes whose name contains this
+    #[arg(long, value_name = "TEXT")]
+    pub(crate) filter: Option<String>,
+    /// Further arguments for `gic run`, after --
+    #[arg(last = true)]
+    pub(crate) arguments: Vec<String>,
+}
+
+/// Make a twin from videos: reconstruct, fill, identify, predict, report
+///
+/// Runs what is missing in the run folder, so a run that was stopped goes on with the same command, and a changed setting
+/// reruns only what depends on it. Results: twin.json (the twin), report.html (open it in a browser), prediction/ (the
+/// twin's motion).
+#[derive(Debug, Args)]
+#[command(after_help = "Example: gic run SCENE --material elastic -o RUN")]
+pub(crate) struct RunArgs {
+    #[command(flatten)]
+    pub(crate) place: SceneAndRun,
+    #[command(flatten)]
+    pub(crate) scene: SceneFlags,
+    #[command(flatten)]
+    pub(crate) reconstruct: ReconstructFlags,
+    #[command(flatten)]
+    pub(crate) fill: FillFlags,
+    #[command(flatten)]
+    pub(crate) identify: IdentifyFlags,
+    #[command(flatten)]
+    pub(crate) settings: SettingsFlags,
+}
+
+/// Only the first stage of `run`: from pictures to moving Gaussians
+#[derive(Debug, Args)]
+pub(crate) struct ReconstructArgs {
+    #[command(flatten)]
+    pub(crate) place: SceneAndRun,
+    #[command(flatten)]
+    pub(crate) scene: SceneFlags,
+    #[command(flatten)]
+    pub(crate) reconstruct: ReconstructFlags,
+    #[command(flatten)]
+    pub(crate) settings: SettingsFlags,
+}
+
+/// The stages of `run` up to filling: from Gaussians to matter
+#[derive(Debug, Args)]
+pub(crate) struct FillArgs {
+    /// The run folder
+    pub(crate) run: PathBuf,
+    #[command(flatten)]
+    pub(crate) fill: FillFlags,
+    #[command(flatten)]
+    pub(crate) settings: SettingsFlags,
+}
+
+/// The stages of `run` up to the twin: from matter to material
+#[derive(Debug, Args)]
+pub(crate) struct IdentifyArgs {
+    /// The run folder
+    pub(crate) run: PathBuf,
+    #[command(flatten)]
+    pub(crate) identify: IdentifyFlags,
+    #[command(flatten)]
+    pub(crate) settings: SettingsFlags,
+}
+
+/// Where a run reads and writes.
+#[derive(Debug, Args)]
+pub(crate) struct SceneAndRun {
+    /// The scene's folder, in any known format (see `gic inspect`)
+    #[arg(value_name = "SCENE")]
+    pub(crate) scene_path: PathBuf,
+    /// The run folder; made if it does not exist
+    #[arg(short, long, value_name = "RUN")]
+    pub(crate) out: PathBuf,
+}
+
 /// Simulate a twin: what happens to this matter from here on
 ///
 /// Writes particles_NNNN.ply (binary; position, velocity, von Mises stress, J = relative volume) for every frame from 0,
@@ -66,8 +217,8 @@ pub(crate) enum Command {
 #[derive(Debug, Args)]
 #[command(after_help = "Example: gic simulate examples/elastic.json -o /tmp/elastic --set youngs_modulus_pa=2e5")]
 pub(crate) struct SimulateArgs {
-    /// The twin (schema gic.twin/1)
-    #[arg(value_name = "TWIN.json")]
+    /// The twin (schema gic.twin/1), or a run folder
+    #[arg(value_name = "TWIN.json|RUN")]
     pub(crate) twin: PathBuf,
     /// Folder for the frames
     #[arg(short, long, value_name = "DIR")]
@@ -92,29 +243,6 @@ pub(crate) struct GradcheckArgs {
     /// Only this material
     #[arg(long, value_name = "MODEL")]
     pub(crate) material: Option<Model>,
-}
-
-/// The material models, by the names of `twin.json`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub(crate) enum Model {
-    Elastic,
-    Plasticine,
-    Sand,
-    Newtonian,
-    NonNewtonian,
-}
-
-impl Model {
-    /// Its name in `twin.json`.
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Elastic => "elastic",
-            Self::Plasticine => "plasticine",
-            Self::Sand => "sand",
-            Self::Newtonian => "newtonian",
-            Self::NonNewtonian => "non-newtonian",
-        }
-    }
 }
 
 fn positive(text: &str) -> Result<usize, String> {

@@ -1,15 +1,18 @@
 //! The terminal's side: parse first, resolve once, run, report.
 
 mod args;
+mod flags;
 mod gradcheck;
 mod progress;
+mod results;
+mod run;
 mod simulate;
 
 use std::io::Write;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
-use gic::events::Events;
+use gic::events::{Event, Events};
 use gic::{Error, Interrupt};
 
 use args::{Cli, Command};
@@ -30,7 +33,7 @@ impl Context {
 
 pub(crate) fn main() -> ExitCode {
     let cli = Cli::parse();
-    match run(cli) {
+    match execute(cli) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             report(&error);
@@ -41,7 +44,7 @@ pub(crate) fn main() -> ExitCode {
     }
 }
 
-fn run(cli: Cli) -> anyhow::Result<()> {
+fn execute(cli: Cli) -> anyhow::Result<()> {
     if let Some(threads) = cli.global.threads {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
     }
@@ -51,9 +54,26 @@ fn run(cli: Cli) -> anyhow::Result<()> {
     let events = Events::default();
     events.add(progress::Progress::new(cli.global.quiet, cli.global.verbose));
     let context = Context { events, interrupt };
-    match cli.command {
-        Command::Simulate(args) => simulate::run(&args, &context),
-        Command::Gradcheck(args) => gradcheck::run(&args, &context),
+    let done = dispatch(cli.command, &context);
+    if let Err(error) = &done {
+        context.events.send(&Event::Failed { causes: error.chain().map(ToString::to_string).collect() });
+    }
+    done
+}
+
+fn dispatch(command: Command, context: &Context) -> anyhow::Result<()> {
+    match command {
+        Command::Demo(args) => results::demo(&args, context),
+        Command::Inspect(args) => results::inspect(&args, context),
+        Command::Eval(args) => results::eval(&args, context),
+        Command::Bench(args) => results::bench(&args, context),
+        Command::Export(args) => run::export(&args, context),
+        Command::Run(args) => run::run(&args, context),
+        Command::Reconstruct(args) => run::reconstruct(&args, context),
+        Command::Fill(args) => run::fill(&args, context),
+        Command::Identify(args) => run::identify(&args, context),
+        Command::Simulate(args) => simulate::run(&args, context),
+        Command::Gradcheck(args) => gradcheck::run(&args, context),
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "gic", &mut script);

@@ -34,7 +34,10 @@ impl Progress {
             return;
         }
         let bar = self.bar.get_or_insert_with(|| {
-            let template = "{prefix:>12} {wide_bar} {pos}/{len} {msg} {eta}";
+            let template = match of {
+                Some(_) => "{prefix:>12} {wide_bar} {pos}/{len} {msg} {eta}",
+                None => "{prefix:>12} {spinner} {pos} {wide_msg}",
+            };
             let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
             ProgressBar::new(of.unwrap_or(0)).with_style(style)
         });
@@ -57,6 +60,10 @@ impl Sink for Progress {
     fn receive(&mut self, event: &Event) {
         match event {
             Event::Started { .. } => (),
+            Event::StageStarted { .. } if self.bar.is_some() => {
+                self.end_bar();
+                self.receive(event);
+            }
             Event::StageStarted { stage, reason } if !self.quiet => self.line(&format!("{stage}: {reason}")),
             Event::StageSkipped { stage, reason } if !self.quiet => {
                 self.line(&format!("{stage}: {reason}, nothing to do"))

@@ -9,7 +9,7 @@ use std::path::Path;
 use glam::DVec3;
 
 pub use mesh::Mesh;
-pub use ply::{PlyContent, read_ply, write_particles};
+pub use ply::{PlyContent, PlyParticles, read_particles, read_ply, write_particles};
 pub use shape::{Shape, ShapeKind};
 
 use crate::error::{Error, Result};
@@ -27,7 +27,7 @@ pub fn read(path: &Path) -> Result<Matter> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     let mesh = match extension.as_str() {
         "ply" => match read_ply(path)? {
-            PlyContent::Particles(positions) => return Ok(Matter::Particles(positions)),
+            PlyContent::Particles(particles) => return Ok(Matter::Particles(particles.positions)),
             PlyContent::Mesh(mesh) => mesh,
         },
         "obj" => mesh::read_obj(path)?,

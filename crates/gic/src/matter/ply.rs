@@ -11,23 +11,35 @@ use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
 use super::Mesh;
 use crate::error::{Error, Result};
 
+/// The vertices of a PLY file, in its order.
+pub struct PlyParticles {
+    /// Positions [m], shape [n].
+    pub positions: Vec<DVec3>,
+    /// The property `density`, shape [n]; NaN where the file has none.
+    pub densities: Vec<f32>,
+    /// The property `surface`, shape [n]; NaN where the file has none.
+    pub surface: Vec<f32>,
+}
+
 /// What a PLY file holds.
 pub enum PlyContent {
-    /// Vertices without faces: positions [m] in the file's order.
-    Particles(Vec<DVec3>),
+    /// Vertices without faces.
+    Particles(PlyParticles),
     /// Vertices with faces.
     Mesh(Mesh),
 }
 
-/// One row of a PLY file, of which only positions and faces matter here.
+/// One row of a PLY file, of which only these properties matter here.
 struct Row {
     position: DVec3,
+    density: f32,
+    surface: f32,
     corners: Vec<u32>,
 }
 
 impl PropertyAccess for Row {
     fn new() -> Self {
-        Self { position: DVec3::NAN, corners: Vec::new() }
+        Self { position: DVec3::NAN, density: f32::NAN, surface: f32::NAN, corners: Vec::new() }
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
@@ -35,6 +47,11 @@ impl PropertyAccess for Row {
             "x" => 0,
             "y" => 1,
             "z" => 2,
+            "density" | "surface" => {
+                let value = property.to_f32_lossy().unwrap_or(f32::NAN);
+                *(if name == "density" { &mut self.density } else { &mut self.surface }) = value;
+                return PropertyAccessResult::Set;
+            }
             "vertex_indices" | "vertex_index" => {
                 // A negative index stays an empty face, which the mesh check then refuses.
                 self.corners = property.to_u32_list().unwrap_or_default();
@@ -83,7 +100,7 @@ pub fn read_ply(path: &Path) -> Result<PlyContent> {
         }
     })?;
     let rows = payload.swap_remove("vertex").unwrap_or_default();
-    let positions: Vec<DVec3> = rows.into_iter().map(|row| row.position).collect();
+    let positions: Vec<DVec3> = rows.iter().map(|row| row.position).collect();
     if let Some((i, p)) = positions.iter().enumerate().find(|(_, p)| !p.is_finite()) {
         return Err(content(
             format!("vertex {i} has the position ({}, {}, {}), which is not finite", p.x, p.y, p.z),
@@ -92,10 +109,24 @@ pub fn read_ply(path: &Path) -> Result<PlyContent> {
     }
     let faces = payload.swap_remove("face").unwrap_or_default();
     if faces.is_empty() {
-        return Ok(PlyContent::Particles(positions));
+        let densities = rows.iter().map(|row| row.density).collect();
+        let surface = rows.iter().map(|row| row.surface).collect();
+        return Ok(PlyContent::Particles(PlyParticles { positions, densities, surface }));
     }
     let polygons = faces.into_iter().map(|row| row.corners);
     Mesh::from_polygons(path, positions, polygons).map(PlyContent::Mesh)
+}
+
+/// Reads the particles of a PLY file without faces.
+pub fn read_particles(path: &Path) -> Result<PlyParticles> {
+    match read_ply(path)? {
+        PlyContent::Particles(particles) => Ok(particles),
+        PlyContent::Mesh(_) => Err(Error::Content {
+            path: path.to_owned(),
+            problem: "holds a mesh where particles are expected".into(),
+            hint: None,
+        }),
+    }
 }
 
 /// Writes rows of little-endian floats as the vertices of a binary PLY file, atomically.
@@ -130,8 +161,8 @@ mod tests {
         let rows: Vec<[f32; 4]> = (0..1000).map(|i| [i as f32, 0.5 * i as f32, -1.0, 7.0]).collect();
         write_particles(&path, ["x", "y", "z", "extra"], rows.iter().copied()).unwrap();
         let PlyContent::Particles(read) = read_ply(&path).unwrap() else { panic!("no faces were written") };
-        assert_eq!(read.len(), rows.len());
-        for (r, p) in rows.iter().zip(read) {
+        assert_eq!(read.positions.len(), rows.len());
+        for (r, p) in rows.iter().zip(read.positions) {
             assert_eq!([r[0], r[1], r[2]].map(f64::from), p.to_array());
         }
     }
@@ -143,6 +174,7 @@ mod tests {
         let header = "ply\nformat ascii 1.0\nelement vertex 1\nproperty double x\nproperty double y\nproperty int z\nend_header\n";
         std::fs::write(&path, format!("{header}0.123456789012345 2.5 -3\n")).unwrap();
         let PlyContent::Particles(read) = read_ply(&path).unwrap() else { panic!("no faces were written") };
-        assert_eq!(read, [DVec3::new(0.123456789012345, 2.5, -3.0)]);
+        assert_eq!(read.positions, [DVec3::new(0.123456789012345, 2.5, -3.0)]);
+        assert!(read.densities[0].is_nan());
     }
 }

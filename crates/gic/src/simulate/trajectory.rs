@@ -10,6 +10,7 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use crate::atomic;
+use crate::difference::first_difference;
 use crate::error::{Error, Result};
 use crate::twin::Twin;
 
@@ -141,24 +142,6 @@ fn physics(twin: &Twin) -> Value {
         }
     }
     value
-}
-
-/// The first place where two JSON values differ, and what stands there.
-fn first_difference(place: &str, a: &Value, b: &Value) -> Option<(String, Value, Value)> {
-    let join = |key: &str| if place.is_empty() { key.to_owned() } else { format!("{place}.{key}") };
-    match (a, b) {
-        _ if a == b => None,
-        (Value::Object(x), Value::Object(y)) => {
-            let keys = x.keys().chain(y.keys().filter(|k| !x.contains_key(*k)));
-            let null = Value::Null;
-            keys.into_iter()
-                .find_map(|k| first_difference(&join(k), x.get(k).unwrap_or(&null), y.get(k).unwrap_or(&null)))
-        }
-        (Value::Array(x), Value::Array(y)) if x.len() == y.len() => {
-            x.iter().zip(y).enumerate().find_map(|(i, (x, y))| first_difference(&join(&i.to_string()), x, y))
-        }
-        _ => Some((place.to_owned(), a.clone(), b.clone())),
-    }
 }
 
 impl FrameSummary {

@@ -206,6 +206,11 @@ impl Twin {
         read::twin(path, settings)
     }
 
+    /// Reads a file with a list of obstacles, in the form of a twin's `colliders`.
+    pub fn read_obstacles(path: &Path) -> Result<Vec<Obstacle>> {
+        read::obstacle_list(path)
+    }
+
     /// Writes the twin, atomically.
     pub fn write(&self, path: &Path) -> Result<()> {
         crate::atomic::write_json(path, self)

@@ -46,6 +46,15 @@ pub(super) fn twin(path: &Path, settings: &[Setting]) -> Result<Twin> {
     from_value(path, &value)
 }
 
+fn json(path: &Path) -> Result<Value> {
+    let text = std::fs::read_to_string(path).map_err(Error::read(path))?;
+    serde_json::from_str(&text).map_err(|source| Error::Syntax {
+        path: path.to_owned(),
+        format: "JSON",
+        source: source.into(),
+    })
+}
+
 fn from_value(file: &Path, value: &Value) -> Result<Twin> {
     let top = Object::new(file, "", value)?;
     top.allow_only(TOP_KEYS)?;
@@ -178,6 +187,11 @@ fn shape(s: &Object) -> Result<Shape> {
         centre_m: s.vector("centre_m")?.unwrap_or_default(),
         rotation_deg: s.vector("rotation_deg")?.unwrap_or_default(),
     })
+}
+
+pub(super) fn obstacle_list(path: &Path) -> Result<Vec<Obstacle>> {
+    let list: Value = json(path)?;
+    obstacles(path, &Object::new(path, "", &serde_json::json!({ "colliders": list }))?)
 }
 
 fn obstacles(file: &Path, top: &Object) -> Result<Vec<Obstacle>> {

@@ -1,0 +1,98 @@
+//! `gic run` and its stages.
+
+use std::path::Path;
+
+use gic::pipeline::{Run, Stage};
+
+use super::Context;
+use super::args::{ExportArgs, FillArgs, IdentifyArgs, ReconstructArgs, RunArgs};
+use super::flags::{Flags, SettingsFlags};
+
+pub(crate) fn run(args: &RunArgs, context: &Context) -> anyhow::Result<()> {
+    let flags = Flags {
+        scene_path: Some(&args.place.scene_path),
+        scene: Some(&args.scene),
+        reconstruct: Some(&args.reconstruct),
+        fill: Some(&args.fill),
+        identify: Some(&args.identify),
+    };
+    let run = open(&args.place.out, &flags, &args.settings, context)?;
+    finish(&run, context)
+}
+
+/// Brings a run up to date and prints its estimate.
+pub(crate) fn finish(run: &Run, context: &Context) -> anyhow::Result<()> {
+    run.bring_up_to_date(Stage::Predict)?;
+    super::results::write_report(run, context)?;
+    print_estimate(run, context)
+}
+
+pub(crate) fn reconstruct(args: &ReconstructArgs, context: &Context) -> anyhow::Result<()> {
+    let flags = Flags {
+        scene_path: Some(&args.place.scene_path),
+        scene: Some(&args.scene),
+        reconstruct: Some(&args.reconstruct),
+        ..Flags::default()
+    };
+    let run = open(&args.place.out, &flags, &args.settings, context)?;
+    run.bring_up_to_date(Stage::Reconstruct)?;
+    context.print(format!("Gaussians in {}", run.folder().join("gaussians").display()));
+    Ok(())
+}
+
+pub(crate) fn fill(args: &FillArgs, context: &Context) -> anyhow::Result<()> {
+    let flags = Flags { fill: Some(&args.fill), ..Flags::default() };
+    let run = open(&args.run, &flags, &args.settings, context)?;
+    run.bring_up_to_date(Stage::Fill)?;
+    let summary = run.continuum()?.summary;
+    let mean = summary.mask_iou.iter().sum::<f64>() / summary.mask_iou.len().max(1) as f64;
+    context.print(format!(
+        "{} particles {:.2} mm apart in {}; masks agree to {mean:.4} (mean IoU of {} cameras at the first frame)",
+        summary.particles,
+        1e3 * summary.particle_spacing_m,
+        run.folder().join("continuum.ply").display(),
+        summary.mask_iou.len()
+    ));
+    Ok(())
+}
+
+pub(crate) fn identify(args: &IdentifyArgs, context: &Context) -> anyhow::Result<()> {
+    let flags = Flags { identify: Some(&args.identify), ..Flags::default() };
+    let run = open(&args.run, &flags, &args.settings, context)?;
+    run.bring_up_to_date(Stage::Identify)?;
+    print_estimate(&run, context)
+}
+
+pub(crate) fn export(args: &ExportArgs, context: &Context) -> anyhow::Result<()> {
+    let run = open(&args.run, &Flags::default(), &SettingsFlags::default(), context)?;
+    let path = args.out.clone().unwrap_or_else(|| args.run.join(args.format.default_file()));
+    let written = run.export(args.format, &path)?;
+    context.print(format!("{written} in {}", path.display()));
+    Ok(())
+}
+
+fn open<'a>(folder: &Path, flags: &Flags, settings: &SettingsFlags, context: &'a Context) -> anyhow::Result<Run<'a>> {
+    Ok(Run::open(folder, flags.layers(settings)?, &context.events, &context.interrupt)?)
+}
+
+fn print_estimate(run: &Run, context: &Context) -> anyhow::Result<()> {
+    let found = run.identified()?;
+    context.print(format!("{:<28} {:>12}  {:>25}", found.model, "estimate", "95 % interval"));
+    for e in &found.estimates {
+        let verdict = match (e.fixed, e.identifiable) {
+            (true, _) => "  given",
+            (false, true) => "",
+            (false, false) => "  NOT DETERMINED by this video",
+        };
+        let interval = format!("{:.4e} .. {:.4e}", e.interval_95[0], e.interval_95[1]);
+        context.print(format!("{:<28} {:>12.5e}  {interval:>25}{verdict}", e.name, e.value));
+    }
+    for (axis, letter) in ["x", "y", "z"].iter().enumerate() {
+        let (v, half) = (found.velocity_m_s[axis], found.velocity_interval_95_m_s[axis]);
+        let interval = format!("{:.4} .. {:.4}", v - half, v + half);
+        context.print(format!("{:<28} {v:>12.4}  {interval:>25}", format!("initial_velocity_{letter}_m_s")));
+    }
+    context.print(format!("{} rollouts ({} more on a coarse grid)", found.rollouts, found.coarse_rollouts));
+    context.print(format!("twin in {}", run.folder().join("twin.json").display()));
+    Ok(())
+}

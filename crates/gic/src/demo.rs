@@ -1,0 +1,48 @@
+//! The scene that comes with gic: embedded in the program, so that it works from any folder.
+
+use std::path::Path;
+
+use include_dir::{Dir, include_dir};
+
+use crate::atomic;
+use crate::error::Result;
+
+/// An elastic object, 11 cameras x 14 frames, 200x200, with its ground truth.
+static SCENE: Dir = include_dir!("$CARGO_MANIFEST_DIR/../../examples/demo");
+
+/// Writes the scene into a folder, where it is not there yet.
+///
+/// # Errors
+/// An unwritable folder.
+pub fn unpack(folder: &Path) -> Result<()> {
+    atomic::create_folder(folder)?;
+    write(&SCENE, folder)
+}
+
+fn write(part: &Dir, folder: &Path) -> Result<()> {
+    for inner in part.dirs() {
+        atomic::create_folder(&folder.join(inner.path()))?;
+        write(inner, folder)?;
+    }
+    for file in part.files() {
+        let path = folder.join(file.path());
+        if std::fs::read(&path).ok().as_deref() != Some(file.contents()) {
+            atomic::write(&path, file.contents())?;
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_scene_is_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        unpack(folder.path()).unwrap();
+        let scene = gic_scene::Scene::open(folder.path()).unwrap();
+        assert_eq!((scene.cameras.len(), scene.times.len(), scene.views.len()), (11, 14, 154));
+        assert!(folder.path().join("gt/params.json").exists());
+    }
+}

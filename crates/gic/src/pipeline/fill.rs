@@ -1,0 +1,283 @@
+//! The stage `fill`: Gaussians to matter, for every frame of the video.
+
+use std::path::{Path, PathBuf};
+
+use gic_continuum::{
+    Agreement, Appearance, FillSettings, Filling, GroundPlane, MaskedView, Particles, Placement, Unseen, calibrate,
+    compare_with_masks, fill, sample_particles,
+};
+use gic_motion::DynamicGaussians;
+use gic_scene::{Hull, HullSettings, HullView, Mask};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::{Run, Stage};
+use crate::atomic;
+use crate::config::UnseenChoice;
+use crate::error::{Error, Result};
+use crate::matter::{read_particles, write_particles};
+
+/// Particles across the object's largest side, where no spacing is asked for: 0.01 m for 0.35 m.
+const PARTICLES_ACROSS: f64 = 35.0;
+/// Opacity of a particle of density 1; the scale is then fitted to the masks.
+const OPACITY: f32 = 0.9;
+
+/// `fill.json`: what filling found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FillSummary {
+    /// Largest side of the object's box at the first frame [m].
+    pub object_size_m: f64,
+    /// Side of the finest voxels [m].
+    pub voxel_spacing_m: f64,
+    /// Distance of neighbouring particles [m].
+    pub particle_spacing_m: f64,
+    /// Rest volume of a particle [m^3].
+    pub particle_volume_m3: f64,
+    /// Number of particles.
+    pub particles: usize,
+    /// Standard deviation of a particle's Gaussian, in units of the particle spacing.
+    pub splat_scale: f64,
+    /// Opacity of a particle of density 1.
+    pub splat_opacity: f32,
+    /// Agreement of the re-rendered continuum with the mask of each camera at the first frame, intersection over union.
+    pub mask_iou: Vec<f64>,
+    /// Every frame.
+    pub frames: Vec<FrameFilling>,
+}
+
+/// The filling of one frame.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FrameFilling {
+    /// Number of the frame.
+    pub frame: usize,
+    /// Its time [s].
+    pub time_s: f64,
+    /// Volume of the body [m^3].
+    pub volume_m3: f64,
+    /// Gaussians that counted.
+    pub gaussians: usize,
+    /// Views that had a mask.
+    pub views: usize,
+    /// Points on the surface.
+    pub surface_points: usize,
+}
+
+/// The Gaussian-informed continuum at the first frame, and the surface in every frame.
+pub struct Continuum {
+    /// What filling found.
+    pub summary: FillSummary,
+    /// The particles.
+    pub particles: Particles,
+    /// How they are drawn.
+    pub appearance: Appearance,
+    /// Points on the surface [m] in every frame.
+    pub surfaces: Vec<Vec<DVec3>>,
+}
+
+/// Name of the file of a frame's surface, inside the run folder.
+pub(super) fn surface_file(frame: usize) -> PathBuf {
+    format!("surface/{frame:04}.ply").into()
+}
+
+/// Name of the file of a frame's matter, inside the run folder.
+pub(crate) fn filling_file(frame: usize) -> PathBuf {
+    format!("filling/{frame:04}.ply").into()
+}
+
+impl Run<'_> {
+    pub(super) fn fill(&self) -> Result<()> {
+        let gaussians = self.gaussians()?;
+        let size = self.object_size()?;
+        let settings = self.fill_settings(size);
+        let spacing = self.config.fill.particle_spacing_m.unwrap_or(size / PARTICLES_ACROSS);
+        self.events.note(
+            Stage::Fill.name(),
+            format!(
+                "object {size:.3} m, finest voxels {:.2} mm, particles {:.2} mm apart",
+                1e3 * settings.finest_spacing(),
+                1e3 * spacing
+            ),
+        );
+        for folder in ["surface", "filling"] {
+            atomic::create_folder(&self.path(folder))?;
+        }
+        let mut frames = Vec::new();
+        let mut first = None;
+        let count = self.scene.times.len();
+        for (frame, &time_s) in self.scene.times.iter().enumerate() {
+            self.check_interrupt(Stage::Fill)?;
+            let masks = self.masks(frame)?;
+            let views = self.masked_views(frame, &masks);
+            let filling = self.filling(&gaussians, frame, &views, &settings)?;
+            let particles = sample_particles(&filling, spacing, Placement::Lattice).map_err(self.failed(frame))?;
+            let surface_points = self.write_frame(frame, &filling, &particles)?;
+            frames.push(FrameFilling {
+                frame,
+                time_s,
+                volume_m3: filling.volume(),
+                gaussians: filling.gaussians_used,
+                views: filling.views_used,
+                surface_points,
+            });
+            let values = [("volume_m3", filling.volume()), ("surface_points", surface_points as f64)];
+            self.events.step(Stage::Fill.name(), "", frame as u64 + 1, Some(count as u64), &values);
+            if frame == 0 {
+                let appearance = calibrate(&particles, &views, OPACITY).map_err(self.failed(frame))?;
+                let agreement = compare_with_masks(&particles, &appearance, &views);
+                first = Some((particles, appearance, agreement));
+            }
+        }
+        let Some((particles, appearance, agreement)) = first else {
+            return Err(Error::Usage { problem: "the scene has no frames".into(), hint: None });
+        };
+        self.write_continuum(&particles)?;
+        let mask_iou: Vec<f64> = agreement.iter().flatten().map(|a: &Agreement| a.iou).collect();
+        let mean = mask_iou.iter().sum::<f64>() / mask_iou.len().max(1) as f64;
+        self.events.note(
+            Stage::Fill.name(),
+            format!(
+                "{} particles; re-rendered masks at the first frame agree to {mean:.4} (IoU)",
+                particles.positions.len()
+            ),
+        );
+        let summary = FillSummary {
+            object_size_m: size,
+            voxel_spacing_m: settings.finest_spacing(),
+            particle_spacing_m: particles.spacing,
+            particle_volume_m3: particles.volume,
+            particles: particles.positions.len(),
+            splat_scale: appearance.scale,
+            splat_opacity: appearance.opacity,
+            mask_iou,
+            frames,
+        };
+        atomic::write_json(&self.path("fill.json"), &summary)
+    }
+
+    /// Fills one frame.
+    pub(super) fn filling(
+        &self,
+        gaussians: &DynamicGaussians,
+        frame: usize,
+        views: &[MaskedView],
+        settings: &FillSettings,
+    ) -> Result<Filling> {
+        fill(&gaussians.at(self.scene.times[frame]), views, settings).map_err(self.failed(frame))
+    }
+
+    /// Largest side of the box around the visual hull at the first frame [m].
+    fn object_size(&self) -> Result<f64> {
+        let masks = self.masks(0)?;
+        let views: Vec<HullView> = self
+            .scene
+            .views_at(0)
+            .iter()
+            .zip(&masks)
+            .map(|(view, mask)| HullView { camera: self.scene.camera_of(view), mask })
+            .collect();
+        let hull = Hull::carve(&views, &HullSettings::default()).ok_or_else(|| Error::Usage {
+            problem: "the masks of the first frame have no common visual hull".into(),
+            hint: Some("look at the scene with `gic inspect`: masks are empty, or camera poses do not fit them".into()),
+        })?;
+        let (low, high) = hull.bounds();
+        Ok((high - low).max_element())
+    }
+
+    pub(super) fn fill_settings(&self, size: f64) -> FillSettings {
+        let config = &self.config.fill;
+        let defaults = FillSettings::for_size(size);
+        FillSettings {
+            grid_spacing: config.voxel_spacing_m.unwrap_or(defaults.grid_spacing),
+            levels: config.levels,
+            th_min: config.th_min,
+            th_max: config.th_max,
+            min_opacity: config.min_opacity,
+            unseen: match config.unseen {
+                UnseenChoice::Midway => Unseen::Midway,
+                UnseenChoice::Fill => Unseen::Fill,
+            },
+            ground: self.scene.world.ground.map(|plane| GroundPlane { point: plane.point, normal: plane.normal }),
+            ..defaults
+        }
+    }
+
+    fn failed<E>(&self, frame: usize) -> impl FnOnce(E) -> Error
+    where
+        E: Into<Box<dyn std::error::Error + Send + Sync>>,
+    {
+        move |source| Error::Stage {
+            stage: "filling",
+            hint: Some(format!("this is frame {frame}; look at the scene with `gic inspect`")),
+            source: source.into(),
+        }
+    }
+
+    /// The masks of a frame, in the order of its views.
+    pub(super) fn masks(&self, frame: usize) -> Result<Vec<Mask>> {
+        self.scene.load_masks(self.scene.views_at(frame)).map_err(Error::stage("reading masks"))
+    }
+
+    /// Cameras and masks of a frame.
+    pub(super) fn masked_views<'b>(&'b self, frame: usize, masks: &'b [Mask]) -> Vec<MaskedView<'b>> {
+        let views = self.scene.views_at(frame).iter().zip(masks);
+        views
+            .map(|(view, mask)| MaskedView {
+                camera: self.scene.camera_of(view),
+                mask: (mask.area() > 0.0).then_some(mask.coverage.as_slice()),
+            })
+            .collect()
+    }
+
+    fn write_frame(&self, frame: usize, filling: &Filling, particles: &Particles) -> Result<usize> {
+        let surface = filling.surface_mesh().sample(particles.spacing, self.config.seed);
+        let rows = surface.iter().map(|p| {
+            let ([x, y, z], [nx, ny, nz]) = (p.position.as_vec3().to_array(), p.normal.as_vec3().to_array());
+            [x, y, z, nx, ny, nz]
+        });
+        write_particles(&self.path(surface_file(frame)), ["x", "y", "z", "nx", "ny", "nz"], rows)?;
+        let rows = particles.positions.iter().map(|p| p.as_vec3().to_array());
+        write_particles(&self.path(filling_file(frame)), ["x", "y", "z"], rows)?;
+        Ok(surface.len())
+    }
+
+    fn write_continuum(&self, particles: &Particles) -> Result<()> {
+        let rows = (0..particles.positions.len()).map(|i| {
+            let [x, y, z] = particles.positions[i].as_vec3().to_array();
+            [x, y, z, particles.densities[i], f32::from(particles.surface[i])]
+        });
+        write_particles(&self.path("continuum.ply"), ["x", "y", "z", "density", "surface"], rows)
+    }
+
+    /// The result of filling.
+    ///
+    /// # Errors
+    /// Missing or damaged files.
+    pub fn continuum(&self) -> Result<Continuum> {
+        let summary: FillSummary = read_json(&self.path("fill.json"))?;
+        let ply = read_particles(&self.path("continuum.ply"))?;
+        let particles = Particles {
+            positions: ply.positions,
+            volume: summary.particle_volume_m3,
+            densities: ply.densities,
+            surface: ply.surface.iter().map(|s| *s > 0.5).collect(),
+            spacing: summary.particle_spacing_m,
+        };
+        let appearance = Appearance { scale: summary.splat_scale, opacity: summary.splat_opacity };
+        let surfaces = summary
+            .frames
+            .iter()
+            .map(|frame| read_particles(&self.path(surface_file(frame.frame))).map(|ply| ply.positions))
+            .collect::<Result<_>>()?;
+        Ok(Continuum { summary, particles, appearance, surfaces })
+    }
+}
+
+/// Reads a JSON file that a stage wrote.
+pub(crate) fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
+    let text = std::fs::read_to_string(path).map_err(Error::read(path))?;
+    serde_json::from_str(&text).map_err(|source| Error::Syntax {
+        path: path.to_owned(),
+        format: "a stage's result",
+        source: source.into(),
+    })
+}

@@ -1,0 +1,306 @@
+//! The stage `identify`: matter to material; writes the twin.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use gic_identify::{
+    Identification, Input, Observation, Optimizer, Settings, Stage as IdentifyStage, Step, Target, View, identify,
+};
+use serde::{Deserialize, Serialize};
+
+use super::fill::read_json;
+use super::{Continuum, Run, Stage};
+use crate::atomic;
+use crate::config::{Model, OptimizerChoice, TargetChoice};
+use crate::error::{Error, Result};
+use crate::twin::{self, ContactKind, Obstacle, ObstacleShape, Twin};
+
+/// Length of a substep on a grid of [`REFERENCE_GRID_M`]: 200 for a frame at 24 frames a second, as in the published simulator.
+const REFERENCE_SUBSTEP_S: f64 = 1.0 / 24.0 / 200.0;
+const REFERENCE_GRID_M: f64 = 0.02;
+
+/// `identify.json`: the estimate and how it was found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct IdentifyRecord {
+    /// The material's model.
+    pub model: String,
+    /// The parameters.
+    pub estimates: Vec<EstimateRecord>,
+    /// Initial velocity [m/s].
+    pub velocity_m_s: [f64; 3],
+    /// Half-width of its 95 % interval [m/s].
+    pub velocity_interval_95_m_s: [f64; 3],
+    /// Initial angular velocity [rad/s].
+    pub angular_velocity_rad_s: [f64; 3],
+    /// Leading frames in which nothing is touched.
+    pub free_frames: usize,
+    /// Mean chamfer distance of the surfaces [m].
+    pub chamfer_m: f64,
+    /// Mean absolute difference of re-rendered and observed masks.
+    pub mask_l1: f64,
+    /// Pixels that differ, as a share of the object's.
+    pub mask_error: f64,
+    /// Rollouts on the full grid.
+    pub rollouts: usize,
+    /// Rollouts on the coarse grid of the search.
+    pub coarse_rollouts: usize,
+    /// Seconds of each stage of identification.
+    pub seconds: Vec<(String, f64)>,
+    /// Factor on the Gaussians' standard deviations that fits the first masks.
+    pub splat_factor: f64,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+    /// Every step.
+    pub trace: Vec<StepRecord>,
+}
+
+/// One estimated parameter.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EstimateRecord {
+    /// Its key in `twin.json`.
+    pub name: String,
+    /// Its value.
+    pub value: f64,
+    /// 95 % interval.
+    pub interval_95: [f64; 2],
+    /// Whether the video determines it.
+    pub identifiable: bool,
+    /// Whether it was given.
+    pub fixed: bool,
+    /// How far it moves when the simulation grid is refined.
+    pub resolution_shift: Option<f64>,
+}
+
+/// One step of identification.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct StepRecord {
+    /// Stage of identification.
+    pub stage: String,
+    /// Count within the stage.
+    pub iteration: usize,
+    /// The stage's own objective.
+    pub objective: f64,
+    /// Parameters, in the order of the estimates.
+    pub values: Vec<f64>,
+    /// Initial velocity [m/s].
+    pub velocity_m_s: [f64; 3],
+    /// Rollouts so far.
+    pub rollouts: usize,
+}
+
+impl Run<'_> {
+    pub(super) fn identify(&self) -> Result<()> {
+        let model = self.model()?;
+        let continuum = self.continuum()?;
+        let obstacles = self.obstacles()?;
+        let input = self.identify_input(&continuum, &obstacles)?;
+        let names: Vec<&str> = model.kind().parameters().iter().map(|p| p.name).collect();
+        let settings = self.identify_settings();
+        let found = identify(&input, model.kind(), &settings, &mut |step| self.tell_step(&names, step))
+            .map_err(Error::stage("identification"))?;
+        for warning in &found.warnings {
+            self.events.warn(Stage::Identify.name(), warning);
+        }
+        let record = record(model.name(), &found);
+        atomic::write_json(&self.path("identify.json"), &record)?;
+        self.twin(&input, obstacles, &found, &record).write(&self.path("twin.json"))
+    }
+
+    /// The material's model.
+    pub(super) fn model(&self) -> Result<Model> {
+        self.config.identify.material.ok_or_else(|| Error::Usage {
+            problem: "the material's model is not known".into(),
+            hint: Some("add --material elastic, plasticine, sand, newtonian or non-newtonian".into()),
+        })
+    }
+
+    fn tell_step(&self, names: &[&str], step: &Step) {
+        let mut values = vec![("objective", step.objective), ("rollouts", step.rollouts as f64)];
+        values.extend(names.iter().copied().zip(step.values.iter().copied()));
+        let axes = ["velocity_x_m_s", "velocity_y_m_s", "velocity_z_m_s"];
+        values.extend(axes.into_iter().zip(step.velocity_m_s.to_array()));
+        self.events.step(Stage::Identify.name(), stage_name(step.stage), step.iteration as u64, None, &values);
+    }
+
+    /// Obstacles: from a file, else the scene's ground.
+    fn obstacles(&self) -> Result<Vec<Obstacle>> {
+        if let Some(path) = &self.config.identify.colliders {
+            return Twin::read_obstacles(path);
+        }
+        match self.scene.world.ground {
+            Some(plane) => {
+                let shape = ObstacleShape::HalfSpace { point_m: plane.point.into(), normal: plane.normal.into() };
+                Ok(vec![Obstacle::new(shape, ContactKind::Sticky)])
+            }
+            None => {
+                let text = "the scene does not say where its ground is, so the object falls through nothing; give --colliders FILE";
+                self.events.warn(Stage::Identify.name(), text);
+                Ok(Vec::new())
+            }
+        }
+    }
+
+    fn identify_input(&self, continuum: &Continuum, obstacles: &[Obstacle]) -> Result<Input> {
+        let config = &self.config.identify;
+        let Some(frame_rate_hz) = self.scene.frame_rate else {
+            return Err(Error::Usage {
+                problem: "the frames of the scene are not evenly spaced in time".into(),
+                hint: Some("give the frame rate with --frame-rate-hz".into()),
+            });
+        };
+        let particles = &continuum.particles;
+        let spacing = particles.volume.cbrt();
+        let grid_spacing_m = config.grid_spacing_m.unwrap_or(2.0 * spacing);
+        let wanted = REFERENCE_GRID_M / grid_spacing_m / (frame_rate_hz * REFERENCE_SUBSTEP_S);
+        let substeps_per_frame = config.substeps_per_frame.unwrap_or(wanted.ceil() as usize);
+        let gravity = config.gravity_m_s2.map(Into::into).or(self.scene.world.gravity);
+        let scale = (continuum.appearance.scale * particles.spacing) as f32;
+        self.events.note(
+            Stage::Identify.name(),
+            format!("grid {:.2} mm, {substeps_per_frame} substeps a frame", 1e3 * grid_spacing_m),
+        );
+        let mut observations = Vec::new();
+        for (frame, &time_s) in self.scene.times.iter().enumerate() {
+            let masks = self.masks(frame)?;
+            let views = self.scene.views_at(frame).iter().zip(masks);
+            observations.push(Observation {
+                time_s,
+                surface: continuum.surfaces[frame].clone(),
+                views: views.map(|(view, mask)| View { camera: view.camera, mask: mask.coverage }).collect(),
+            });
+        }
+        Ok(Input {
+            positions: particles.positions.clone(),
+            particle_volume_m3: particles.volume,
+            opacities: particles.densities.iter().map(|d| continuum.appearance.opacity * d).collect(),
+            scales: vec![scale; particles.positions.len()],
+            on_surface: particles.surface.clone(),
+            cameras: self.scene.cameras.clone(),
+            observations,
+            frame_rate_hz,
+            gravity_m_s2: gravity.unwrap_or(glam::DVec3::new(0.0, -9.8, 0.0)),
+            colliders: obstacles.iter().map(Obstacle::to_collider).collect(),
+            density_kg_m3: config.density_kg_m3,
+            grid_spacing_m,
+            substeps_per_frame,
+        })
+    }
+
+    fn identify_settings(&self) -> Settings {
+        let config = &self.config.identify;
+        Settings {
+            target: match config.target {
+                TargetChoice::Both => Target::Both,
+                TargetChoice::Surfaces => Target::Surfaces,
+                TargetChoice::Masks => Target::Masks,
+            },
+            optimizer: match config.optimizer {
+                OptimizerChoice::LevenbergMarquardt => Optimizer::LevenbergMarquardt,
+                OptimizerChoice::Adam => Optimizer::Adam { iterations: config.adam_iterations },
+            },
+            fixed: config.fix.iter().map(|(name, value)| (name.clone(), *value)).collect(),
+            start: config.start.clone(),
+            velocity_m_s: config.velocity_m_s.map(Into::into),
+            rotation: config.rotation,
+            iterations: config.iterations,
+            frames: config.frames,
+            resolution_check: (config.resolution_check > 0.0).then_some(config.resolution_check),
+            seed: self.config.seed,
+        }
+    }
+
+    fn twin(&self, input: &Input, obstacles: Vec<Obstacle>, found: &Identification, record: &IdentifyRecord) -> Twin {
+        let mut intervals_95: BTreeMap<String, [f64; 2]> =
+            record.estimates.iter().map(|e| (e.name.clone(), e.interval_95)).collect();
+        for (axis, letter) in ["x", "y", "z"].iter().enumerate() {
+            let (v, half) = (record.velocity_m_s[axis], record.velocity_interval_95_m_s[axis]);
+            intervals_95.insert(format!("initial_velocity_{letter}_m_s"), [v - half, v + half]);
+        }
+        let mut seconds: BTreeMap<String, f64> =
+            self.stage_seconds().into_iter().map(|(stage, s)| (stage.name().to_owned(), s)).collect();
+        for (stage, s) in &record.seconds {
+            *seconds.entry(stage.clone()).or_default() += s;
+        }
+        let total = seconds.values().sum();
+        seconds.insert("total".into(), total);
+        Twin {
+            intervals_95,
+            identifiable: record.estimates.iter().map(|e| (e.name.clone(), e.identifiable)).collect(),
+            initial_velocity_m_s: record.velocity_m_s,
+            initial_angular_velocity_rad_s: record.angular_velocity_rad_s,
+            density_kg_m3: input.density_kg_m3,
+            gravity_m_s2: input.gravity_m_s2.into(),
+            colliders: obstacles,
+            grid_spacing_m: Some(input.grid_spacing_m),
+            particle_spacing_m: Some(input.particle_volume_m3.cbrt()),
+            frame_rate_hz: input.frame_rate_hz,
+            frames: self.frames_to_simulate(),
+            substeps_per_frame: Some(input.substeps_per_frame),
+            loss: Some(found.loss.chamfer_m + found.loss.mask_l1),
+            seed: self.config.seed,
+            gic_version: Some(crate::VERSION.into()),
+            seconds,
+            ..Twin::new(found.material, twin::Continuum::File(PathBuf::from("continuum.ply")))
+        }
+    }
+
+    /// Frames at the scene's rate up to its last time, the first included.
+    pub(super) fn frames_to_simulate(&self) -> usize {
+        let last = self.scene.times.last().copied().unwrap_or(0.0);
+        (last * self.scene.frame_rate.unwrap_or(24.0)).round().max(0.0) as usize + 1
+    }
+
+    /// The result of identification.
+    ///
+    /// # Errors
+    /// A missing or damaged file.
+    pub fn identified(&self) -> Result<IdentifyRecord> {
+        read_json(&self.path("identify.json"))
+    }
+}
+
+fn record(model: &str, found: &Identification) -> IdentifyRecord {
+    let step = |step: &Step| StepRecord {
+        stage: stage_name(step.stage).into(),
+        iteration: step.iteration,
+        objective: step.objective,
+        values: step.values.clone(),
+        velocity_m_s: step.velocity_m_s.into(),
+        rollouts: step.rollouts,
+    };
+    let estimate = |e: &gic_identify::Estimate| EstimateRecord {
+        name: e.parameter.name.into(),
+        value: e.value,
+        interval_95: e.interval_95.into(),
+        identifiable: e.identifiable,
+        fixed: e.fixed,
+        resolution_shift: e.resolution_shift,
+    };
+    IdentifyRecord {
+        model: model.into(),
+        estimates: found.estimates.iter().map(estimate).collect(),
+        velocity_m_s: found.velocity_m_s.into(),
+        velocity_interval_95_m_s: found.velocity_interval_95.into(),
+        angular_velocity_rad_s: found.angular_velocity_rad_s.into(),
+        free_frames: found.free_frames,
+        chamfer_m: found.loss.chamfer_m,
+        mask_l1: found.loss.mask_l1,
+        mask_error: found.loss.mask_error,
+        rollouts: found.rollouts,
+        coarse_rollouts: found.coarse_rollouts,
+        seconds: found.seconds.iter().map(|(stage, s)| (stage_name(*stage).to_owned(), *s)).collect(),
+        splat_factor: found.splat_factor,
+        warnings: found.warnings.clone(),
+        trace: found.trace.iter().map(step).collect(),
+    }
+}
+
+fn stage_name(stage: IdentifyStage) -> &'static str {
+    match stage {
+        IdentifyStage::Velocity => "velocity",
+        IdentifyStage::Search => "search",
+        IdentifyStage::Material => "material",
+        IdentifyStage::Joint => "joint",
+        IdentifyStage::Intervals => "intervals",
+    }
+}

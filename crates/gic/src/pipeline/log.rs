@@ -1,0 +1,41 @@
+//! `log.jsonl`: every event as a line of JSON, with the seconds since the command began.
+
+use std::fs::{File, OpenOptions};
+use std::io::{BufWriter, Write};
+use std::path::Path;
+use std::time::Instant;
+
+use serde::Serialize;
+
+use crate::error::{Error, Result};
+use crate::events::{Event, Sink};
+
+pub(super) struct Log {
+    file: BufWriter<File>,
+    start: Instant,
+}
+
+#[derive(Serialize)]
+struct Line<'a> {
+    seconds: f64,
+    #[serde(flatten)]
+    event: &'a Event,
+}
+
+impl Log {
+    /// Appends to what earlier commands wrote.
+    pub(super) fn open(path: &Path) -> Result<Self> {
+        let file = OpenOptions::new().create(true).append(true).open(path).map_err(Error::write(path))?;
+        Ok(Self { file: BufWriter::new(file), start: Instant::now() })
+    }
+}
+
+impl Sink for Log {
+    fn receive(&mut self, event: &Event) {
+        let seconds = (self.start.elapsed().as_secs_f64() * 1000.0).round() / 1000.0;
+        // A full disk shows up where results are written; the log must not end the run.
+        if let Ok(text) = serde_json::to_string(&Line { seconds, event }) {
+            let _ = writeln!(self.file, "{text}").and_then(|()| self.file.flush());
+        }
+    }
+}

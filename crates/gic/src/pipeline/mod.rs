@@ -1,0 +1,245 @@
+//! A run: a folder, its settings, and the stages from video to twin.
+//!
+//! Every stage writes its results into the folder, and a stamp of what they were made from. [`Run::bring_up_to_date`] runs the
+//! stages whose results are missing or whose stamp no longer fits, and says why.
+
+mod export;
+mod fill;
+mod gaussians;
+mod identify;
+mod log;
+mod predict;
+mod stamp;
+
+use std::path::{Path, PathBuf};
+
+use gic_scene::{Masks, OpenOptions, Scene};
+use sha2::{Digest, Sha256};
+
+use crate::atomic;
+use crate::config::{Config, Layer, MaskChoice};
+use crate::error::{Error, Result};
+use crate::events::{Event, Events};
+use crate::interrupt::Interrupt;
+use crate::usage::Meter;
+pub use export::Export;
+pub use fill::{Continuum, FillSummary, FrameFilling};
+pub(crate) use fill::{filling_file, read_json};
+pub use identify::{EstimateRecord, IdentifyRecord, StepRecord};
+use stamp::Stamp;
+
+/// The stages, in the order of the data.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Stage {
+    /// Pictures to moving Gaussians.
+    Reconstruct,
+    /// Gaussians to matter.
+    Fill,
+    /// Matter to material: the twin.
+    Identify,
+    /// The twin's motion, over the frames of the video.
+    Predict,
+}
+
+impl Stage {
+    const ALL: [Self; 4] = [Self::Reconstruct, Self::Fill, Self::Identify, Self::Predict];
+
+    /// Its name in events, messages and files.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Reconstruct => "reconstruct",
+            Self::Fill => "fill",
+            Self::Identify => "identify",
+            Self::Predict => "predict",
+        }
+    }
+
+    /// Files and folders that it leaves.
+    fn outputs(self) -> &'static [&'static str] {
+        match self {
+            Self::Reconstruct => &["gaussians/canonical.ply"],
+            Self::Fill => &["continuum.ply", "fill.json", "surface", "filling"],
+            Self::Identify => &["twin.json", "identify.json"],
+            Self::Predict => &["prediction/trajectory.json"],
+        }
+    }
+}
+
+/// A run folder, open.
+pub struct Run<'a> {
+    folder: PathBuf,
+    /// The settings.
+    pub config: Config,
+    scene: Scene,
+    scene_hash: String,
+    events: &'a Events,
+    interrupt: &'a Interrupt,
+}
+
+impl<'a> Run<'a> {
+    /// Opens or makes a run folder: settings are the defaults, changed by what the folder holds, then by `layers`.
+    ///
+    /// # Errors
+    /// Unusable settings, an unreadable scene, an unwritable folder.
+    pub fn open(folder: &Path, layers: Vec<Layer>, events: &'a Events, interrupt: &'a Interrupt) -> Result<Self> {
+        let file = folder.join("config.toml");
+        let mut all = Vec::new();
+        if file.exists() {
+            all.push(Layer::read(&file)?);
+        }
+        all.extend(layers);
+        let config = Config::resolve(all)?;
+        let scene = open_scene(&config)?;
+        atomic::create_folder(&folder.join("stamps"))?;
+        config.write(&file)?;
+        events.add(log::Log::open(&folder.join("log.jsonl"))?);
+        let command = std::env::args().collect::<Vec<_>>().join(" ");
+        events.send(&Event::Started { command, gic_version: crate::VERSION.into() });
+        for problem in &scene.warnings {
+            events.warn("scene", problem.to_string());
+        }
+        let scene_hash = hash_scene(&scene)?;
+        Ok(Self { folder: folder.to_owned(), config, scene, scene_hash, events, interrupt })
+    }
+
+    /// The folder.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// The scene.
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    /// Where the events go.
+    pub fn events(&self) -> &Events {
+        self.events
+    }
+
+    fn path(&self, name: impl AsRef<Path>) -> PathBuf {
+        self.folder.join(name)
+    }
+
+    /// Runs every stage up to `last` whose result is missing or outdated.
+    ///
+    /// # Errors
+    /// Those of the stages; what was finished before is kept.
+    pub fn bring_up_to_date(&self, last: Stage) -> Result<()> {
+        if last >= Stage::Identify {
+            // Not after the minutes that the stages before it take.
+            self.model()?;
+        }
+        for stage in Stage::ALL.into_iter().filter(|stage| *stage <= last) {
+            self.bring(stage)?;
+        }
+        Ok(())
+    }
+
+    fn bring(&self, stage: Stage) -> Result<()> {
+        let stamp = self.stamp(stage)?;
+        let file = self.path(format!("stamps/{}.json", stage.name()));
+        let complete = stage.outputs().iter().all(|output| self.path(output).exists());
+        let outdated = Stamp::read(&file).map(|found| found.outdated_for(&stamp));
+        let reason = match outdated {
+            Some(None) if complete => {
+                let reason = "up to date".into();
+                self.events.send(&Event::StageSkipped { stage: stage.name().into(), reason });
+                return Ok(());
+            }
+            Some(Some(difference)) => format!("runs again: {difference}"),
+            Some(None) => "runs again: files are missing".into(),
+            None => "starts".into(),
+        };
+        self.check_interrupt(stage)?;
+        self.events.send(&Event::StageStarted { stage: stage.name().into(), reason });
+        // From here on the old result is no longer whole.
+        if file.exists() {
+            std::fs::remove_file(&file).map_err(Error::write(&file))?;
+        }
+        let meter = Meter::start();
+        match stage {
+            Stage::Reconstruct => self.reconstruct(&stamp)?,
+            Stage::Fill => self.fill()?,
+            Stage::Identify => self.identify()?,
+            Stage::Predict => self.predict()?,
+        }
+        stamp.after(meter.seconds()).write(&file)?;
+        self.events.send(&meter.done(stage.name()));
+        Ok(())
+    }
+
+    fn stamp(&self, stage: Stage) -> Result<Stamp> {
+        let before = |stage: Stage| Ok::<_, Error>((stage.name(), self.stamp(stage)?.hash()));
+        match stage {
+            Stage::Reconstruct => {
+                let settings = serde_json::json!({ "seed": self.config.seed, "reconstruct": self.config.reconstruct });
+                Stamp::new(("scene", self.scene_hash.clone()), &settings)
+            }
+            Stage::Fill => Stamp::new(before(Stage::Reconstruct)?, &serde_json::json!({ "fill": self.config.fill })),
+            Stage::Identify => {
+                let colliders = match &self.config.identify.colliders {
+                    Some(path) => hash(std::fs::read(path).map_err(Error::read(path))?),
+                    None => String::new(),
+                };
+                let settings = serde_json::json!({ "identify": self.config.identify, "colliders": colliders });
+                Stamp::new(before(Stage::Fill)?, &settings)
+            }
+            Stage::Predict => Stamp::new(before(Stage::Identify)?, &()),
+        }
+    }
+
+    /// Seconds that each finished stage took.
+    fn stage_seconds(&self) -> Vec<(Stage, f64)> {
+        let stamp = |stage: &Stage| Stamp::read(&self.path(format!("stamps/{}.json", stage.name())));
+        Stage::ALL.into_iter().filter_map(|stage| Some((stage, stamp(&stage)?.seconds))).collect()
+    }
+
+    fn check_interrupt(&self, stage: Stage) -> Result<()> {
+        if self.interrupt.requested() { Err(self.interrupted(&format!("before {}", stage.name()))) } else { Ok(()) }
+    }
+
+    fn interrupted(&self, after: &str) -> Error {
+        Error::Interrupted { after: after.into(), resume: "run the same command again to go on from there".into() }
+    }
+}
+
+/// Opens the scene that a configuration names.
+///
+/// # Errors
+/// No scene named, or everything that is wrong with it.
+pub fn open_scene(config: &Config) -> Result<Scene> {
+    let Some(path) = &config.scene.path else {
+        return Err(Error::Usage {
+            problem: "the run does not know its scene".into(),
+            hint: Some("start it with `gic run SCENE -o RUN` or `gic reconstruct SCENE -o RUN`".into()),
+        });
+    };
+    let masks = match (&config.scene.matting, config.scene.masks) {
+        (Some(network), _) => Masks::Network(network.clone()),
+        (None, MaskChoice::Auto) => Masks::Auto,
+        (None, MaskChoice::Difference) => Masks::Difference,
+    };
+    let options = OpenOptions { masks, frame_rate: config.scene.frame_rate_hz, set: config.scene.set.clone() };
+    Scene::open_with(path, &options).map_err(Error::stage("reading the scene"))
+}
+
+/// Hash of everything that the stages see of a scene: pictures, masks, cameras, times.
+fn hash_scene(scene: &Scene) -> Result<String> {
+    let mut all = Sha256::new();
+    all.update(format!("{:?} {:?} {:?} {:?}", scene.format, scene.cameras, scene.times, scene.world));
+    let mut files: Vec<&Path> = Vec::new();
+    for view in &scene.views {
+        files.extend([view.picture.as_path(), view.mask_path()]);
+    }
+    files.extend(scene.backgrounds.iter().flatten().map(PathBuf::as_path));
+    files.dedup();
+    for file in files {
+        all.update(std::fs::read(file).map_err(Error::read(file))?);
+    }
+    Ok(format!("{:x}", all.finalize()))
+}
+
+fn hash(bytes: Vec<u8>) -> String {
+    format!("{:x}", Sha256::digest(bytes))
+}

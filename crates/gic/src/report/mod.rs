@@ -1,0 +1,241 @@
+//! `report.html`: one file that opens offline, with everything that a run found.
+
+mod chart;
+mod overlay;
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::Path;
+
+use crate::atomic;
+use crate::error::{Error, Result};
+use crate::events::{Event, Events};
+use crate::matter::read_particles;
+use crate::pipeline::{IdentifyRecord, Run};
+use chart::{Series, chart, short};
+
+const STAGE: &str = "report";
+
+/// Writes the report of a finished run.
+///
+/// # Errors
+/// Missing results, pictures that cannot be read, an unwritable folder.
+pub fn write(run: &Run, events: &Events) -> Result<()> {
+    let found = run.identified()?;
+    let history = history(&run.folder().join("log.jsonl"))?;
+    let mut page = head(&found.model);
+    page += &estimates(&found);
+    page += &views(run, &found, events)?;
+    page += &format!("<h2>Curves</h2><div class=\"charts\">{}</div>", curves(&found, &history));
+    page += &costs(&history, &found);
+    page += &settings(run)?;
+    page += "</body></html>\n";
+    let path = run.folder().join("report.html");
+    atomic::write(&path, page.as_bytes())?;
+    events.note(STAGE, format!("open {} in a browser", path.display()));
+    Ok(())
+}
+
+pub(crate) fn escape(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}
+
+fn head(model: &str) -> String {
+    format!(
+        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>gic: {0} twin</title><style>{1}</style></head>\
+         <body><h1>Digital twin: {0}</h1>",
+        escape(model),
+        include_str!("style.css")
+    )
+}
+
+fn estimates(found: &IdentifyRecord) -> String {
+    let mut text = String::from(
+        "<h2>Estimate</h2><table><tr><th>parameter</th><th>estimate</th><th>95 % interval</th><th>on a finer grid</th><th></th></tr>",
+    );
+    for e in &found.estimates {
+        let verdict = match (e.fixed, e.identifiable) {
+            (true, _) => "given",
+            (false, true) => "determined",
+            (false, false) => "<b>not determined by this video</b>",
+        };
+        let shift = e
+            .resolution_shift
+            .map_or("-".into(), |shift| format!("{}{}", if shift < 0.0 { "" } else { "+" }, short(shift)));
+        let _ = write!(
+            text,
+            "<tr><td>{}</td><td>{:.5e}</td><td>{:.4e} .. {:.4e}</td><td>{shift}</td><td>{verdict}</td></tr>",
+            escape(&e.name),
+            e.value,
+            e.interval_95[0],
+            e.interval_95[1]
+        );
+    }
+    for (axis, letter) in ["x", "y", "z"].iter().enumerate() {
+        let (v, half) = (found.velocity_m_s[axis], found.velocity_interval_95_m_s[axis]);
+        let _ = write!(
+            text,
+            "<tr><td>initial velocity {letter} [m/s]</td><td>{v:.4}</td><td>{:.4} .. {:.4}</td><td></td><td></td></tr>",
+            v - half,
+            v + half
+        );
+    }
+    let [x, y, z] = found.angular_velocity_rad_s;
+    let _ = write!(
+        text,
+        "</table><p>Initial angular velocity ({x:.3}, {y:.3}, {z:.3}) rad/s. Mean distance of surfaces {:.2} mm; masks differ in {:.2} % \
+         of the object's pixels; nothing is touched in the first {} frames.</p>",
+        1e3 * found.chamfer_m,
+        100.0 * found.mask_error,
+        found.free_frames
+    );
+    for warning in &found.warnings {
+        let _ = write!(text, "<p class=\"warning\">{}</p>", escape(warning));
+    }
+    text
+}
+
+fn views(run: &Run, found: &IdentifyRecord, events: &Events) -> Result<String> {
+    let scene = run.scene();
+    let continuum = run.continuum()?;
+    let frame_rate = scene.frame_rate.unwrap_or(24.0);
+    let mut by_camera: Vec<Vec<_>> = scene.cameras.iter().map(|_| Vec::new()).collect();
+    for (frame, time) in scene.times.iter().enumerate() {
+        let simulated = (time * frame_rate).round() as usize;
+        let file = run.folder().join(format!("prediction/particles_{simulated:04}.ply"));
+        let positions = read_particles(&file)?.positions;
+        let overlays = overlay::overlays(run, &continuum, found.splat_factor, &positions, frame)?;
+        for (camera, overlay) in overlays.into_iter().enumerate() {
+            by_camera[camera].push(overlay);
+        }
+        events.step(STAGE, "", frame as u64 + 1, Some(scene.times.len() as u64), &[]);
+    }
+    let embed = Error::stage("writing the report");
+    let embedded = (|| Ok((serde_json::to_string(&scene.times)?, serde_json::to_string(&by_camera)?)))();
+    let (times, pictures) = embedded.map_err(|e: serde_json::Error| embed(e))?;
+    let mut text = format!(
+        "<h2>The twin over the video</h2><p><span class=\"observed\">green</span>: outline of the observed mask; \
+         <span class=\"twin\">red</span>: outline of the simulated twin.</p>\
+         <p><button id=\"play\">play / stop</button> <input id=\"frame\" type=\"range\" min=\"0\" max=\"{}\" value=\"0\"> <span id=\"time\"></span></p>\
+         <div class=\"views\">",
+        scene.times.len().saturating_sub(1)
+    );
+    for name in &scene.camera_names {
+        let _ = write!(
+            text,
+            "<figure><img alt=\"\"><figcaption>camera {}: <span></span></figcaption></figure>",
+            escape(name)
+        );
+    }
+    let _ = write!(
+        text,
+        "</div><script>const TIMES = {times}; const VIEWS = {pictures};\n{}</script>",
+        include_str!("script.js")
+    );
+    Ok(text)
+}
+
+/// Values of steps by phase and number, ascending in number within a phase.
+type Steps = BTreeMap<(String, u64), BTreeMap<String, f64>>;
+
+/// What the log says about the last time that each stage ran.
+#[derive(Default)]
+struct History {
+    /// Per stage.
+    steps: BTreeMap<String, Steps>,
+    /// Per stage: wall-clock seconds, CPU seconds, peak memory [bytes].
+    costs: BTreeMap<String, (f64, Option<f64>, Option<u64>)>,
+}
+
+fn history(path: &Path) -> Result<History> {
+    let text = std::fs::read_to_string(path).map_err(Error::read(path))?;
+    let mut history = History::default();
+    // A line that was cut off by a crash says nothing.
+    for event in text.lines().filter_map(|line| serde_json::from_str::<Event>(line).ok()) {
+        match event {
+            Event::Step { stage, phase, step, values, .. } => {
+                history.steps.entry(stage).or_default().insert((phase, step), values);
+            }
+            Event::StageStarted { stage, reason } if reason.starts_with("runs again") => {
+                history.steps.remove(&stage);
+            }
+            Event::StageDone { stage, seconds, cpu_seconds, peak_memory_bytes } => {
+                history.costs.insert(stage, (seconds, cpu_seconds, peak_memory_bytes));
+            }
+            _ => (),
+        }
+    }
+    Ok(history)
+}
+
+fn curves(found: &IdentifyRecord, history: &History) -> String {
+    let mut text = String::new();
+    if let Some(steps) = history.steps.get("reconstruct") {
+        for (key, caption, logarithmic) in [
+            ("loss", "reconstruction: loss over steps", true),
+            ("psnr_db", "reconstruction: PSNR [dB] over steps", false),
+            ("held_out_psnr_db", "reconstruction: PSNR [dB] of held-out views", false),
+        ] {
+            let mut points: Vec<(f64, f64)> =
+                steps.iter().filter_map(|((_, step), values)| Some((*step as f64, *values.get(key)?))).collect();
+            points.sort_by(|a, b| a.0.total_cmp(&b.0));
+            text += &chart(caption, &[Series { name: key.into(), points }], logarithmic);
+        }
+    }
+    let mut stages: Vec<&str> = Vec::new();
+    for step in &found.trace {
+        if !stages.contains(&step.stage.as_str()) {
+            stages.push(&step.stage);
+        }
+    }
+    for stage in stages {
+        let steps = || found.trace.iter().enumerate().filter(move |(_, s)| s.stage == stage);
+        let points = steps().map(|(i, s)| (i as f64, s.objective)).collect();
+        text += &chart(
+            &format!("identification, {stage}: objective over steps"),
+            &[Series { name: stage.into(), points }],
+            true,
+        );
+    }
+    for (i, e) in found.estimates.iter().enumerate() {
+        let points = found.trace.iter().enumerate().filter_map(|(n, s)| Some((n as f64, *s.values.get(i)?))).collect();
+        let logarithmic = e.name != "poisson_ratio" && e.name != "friction_angle_deg";
+        text += &chart(&format!("{} over steps", e.name), &[Series { name: e.name.clone(), points }], logarithmic);
+    }
+    let axis = |i: usize| found.trace.iter().enumerate().map(move |(n, s)| (n as f64, s.velocity_m_s[i])).collect();
+    let velocity: Vec<Series> =
+        ["x", "y", "z"].iter().enumerate().map(|(i, name)| Series { name: (*name).into(), points: axis(i) }).collect();
+    text + &chart("initial velocity [m/s] over steps", &velocity, false)
+}
+
+fn costs(history: &History, found: &IdentifyRecord) -> String {
+    let mut text = String::from(
+        "<h2>Times and memory</h2><table><tr><th>stage</th><th>seconds</th><th>CPU seconds</th><th>peak memory [MiB]</th></tr>",
+    );
+    for stage in ["reconstruct", "fill", "identify", "predict"] {
+        if let Some((seconds, cpu, memory)) = history.costs.get(stage) {
+            let cpu = cpu.map_or("-".into(), |s| format!("{s:.1}"));
+            let memory = memory.map_or("-".into(), |bytes| format!("{}", bytes >> 20));
+            let _ = write!(text, "<tr><td>{stage}</td><td>{seconds:.1}</td><td>{cpu}</td><td>{memory}</td></tr>");
+        }
+    }
+    let parts: Vec<String> = found.seconds.iter().map(|(stage, s)| format!("{stage} {s:.1} s")).collect();
+    let _ = write!(
+        text,
+        "</table><p>Identification: {}; {} rollouts, and {} on a coarse grid.</p>",
+        escape(&parts.join(", ")),
+        found.rollouts,
+        found.coarse_rollouts
+    );
+    text
+}
+
+fn settings(run: &Run) -> Result<String> {
+    let path = run.folder().join("config.toml");
+    let text = std::fs::read_to_string(&path).map_err(Error::read(&path))?;
+    Ok(format!(
+        "<h2>Settings</h2><details><summary>config.toml</summary><pre>{}</pre></details><p>gic {}</p>",
+        escape(&text),
+        crate::VERSION
+    ))
+}

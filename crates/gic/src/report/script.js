@@ -1,0 +1,21 @@
+const slider = document.getElementById("frame");
+const label = document.getElementById("time");
+const figures = [...document.querySelectorAll(".views figure")];
+function show() {
+  const f = Number(slider.value);
+  label.textContent = `frame ${f}, ${TIMES[f].toFixed(3)} s`;
+  figures.forEach((figure, camera) => {
+    const view = VIEWS[camera][f];
+    figure.querySelector("img").src = view ? "data:image/jpeg;base64," + view.jpeg : "";
+    figure.querySelector("span").textContent = view ? `IoU ${view.iou.toFixed(3)}` : "no picture";
+  });
+}
+if (slider) {
+  slider.addEventListener("input", show);
+  let timer = null;
+  document.getElementById("play").addEventListener("click", () => {
+    if (timer) { clearInterval(timer); timer = null; return; }
+    timer = setInterval(() => { slider.value = (Number(slider.value) + 1) % TIMES.length; show(); }, 150);
+  });
+  show();
+}

@@ -1,0 +1,123 @@
+//! The commands around a run, from outside, as far as they need no minutes of training.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+fn gic(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_gic")).args(args).output().expect("the binary starts")
+}
+
+fn demo() -> String {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/demo").to_str().unwrap().to_owned()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+#[test]
+fn inspect_tells_what_was_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let sheet = folder.path().join("sheet.png");
+    let output = gic(&["inspect", &demo(), "--sheet", sheet.to_str().unwrap()]);
+    assert!(output.status.success(), "{output:?}");
+    let report = text(&output.stdout);
+    assert!(report.contains("PAC-NeRF") && report.contains("11"), "{report}");
+    assert!(sheet.exists());
+    let json = gic(&["inspect", &demo(), "--json"]);
+    let json: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
+    assert_eq!((json["camera_count"].as_u64(), json["frame_count"].as_u64()), (Some(11), Some(14)));
+}
+
+#[test]
+fn a_run_without_material_says_so_before_it_trains() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    let output = gic(&["run", &demo(), "-o", run.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("--material"), "{output:?}");
+    assert!(!run.join("gaussians").exists());
+}
+
+#[test]
+fn every_setting_is_written_and_read_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    let args =
+        ["--steps", "7", "--held-out", "3,5", "--set", "reconstruct.loss.scale=0.25", "--fix", "poisson_ratio=0.3"];
+    // Without a material the run stops after its settings are known.
+    gic(&[&["run", &demo(), "-o", run.to_str().unwrap()], &args[..]].concat());
+    let settings = fs::read_to_string(run.join("config.toml")).unwrap();
+    for line in ["steps = 7", "held_out = [3, 5]", "scale = 0.25", "poisson_ratio = 0.3", "density_kg_m3 = 1000.0"] {
+        assert!(settings.contains(line), "`{line}` is missing in:\n{settings}");
+    }
+    let other = folder.path().join("other");
+    gic(&["run", &demo(), "-o", other.to_str().unwrap(), "--config", run.join("config.toml").to_str().unwrap()]);
+    assert_eq!(settings, fs::read_to_string(other.join("config.toml")).unwrap());
+}
+
+#[test]
+fn a_misspelled_setting_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    let output = gic(&["run", &demo(), "-o", run.to_str().unwrap(), "--set", "reconstruct.stepz=1"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("stepz"), "{output:?}");
+}
+
+#[test]
+fn a_run_folder_without_scene_says_how_to_start() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = gic(&["identify", folder.path().to_str().unwrap(), "--material", "sand"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("gic run SCENE"), "{output:?}");
+}
+
+#[test]
+fn a_scene_that_is_none_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let empty = folder.path().to_str().unwrap();
+    let output = gic(&["inspect", empty]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains(empty), "{output:?}");
+}
+
+#[test]
+fn a_suite_without_scenes_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().to_str().unwrap();
+    let output = gic(&["bench", path, "-o", path]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("gt/params.json"), "{output:?}");
+}
+
+/// The whole road, on the scene that comes with gic, with few training steps: minutes, so run it with
+/// `cargo test -p gic --test pipeline -- --ignored`.
+#[test]
+#[ignore = "takes minutes"]
+fn a_run_goes_from_video_to_report_and_reruns_only_what_changed() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    let start = ["run", &demo(), "-o", run.to_str().unwrap(), "--material", "elastic", "--steps", "400"];
+    let output = gic(&start);
+    assert!(output.status.success(), "{output:?}");
+    for file in ["config.toml", "log.jsonl", "continuum.ply", "twin.json", "prediction/trajectory.json", "report.html"]
+    {
+        assert!(run.join(file).is_file(), "{file} is missing");
+    }
+    let page = fs::read_to_string(run.join("report.html")).unwrap();
+    assert!(!page.contains("http://") && !page.contains("https://"), "the report must open offline");
+    let twin = fs::read(run.join("twin.json")).unwrap();
+    let again = text(&gic(&start).stderr);
+    for stage in ["reconstruct", "fill", "identify", "predict"] {
+        assert!(again.contains(&format!("{stage}: up to date")), "{again}");
+    }
+    assert_eq!(twin, fs::read(run.join("twin.json")).unwrap());
+    let changed = text(&gic(&[&start[..], &["--density", "1200"]].concat()).stderr);
+    assert!(changed.contains("fill: up to date"), "{changed}");
+    assert!(changed.contains("identify: runs again: identify.density_kg_m3 was 1000.0 and is now 1200.0"), "{changed}");
+    let truth = Path::new(&demo()).join("gt");
+    let table = gic(&["eval", run.to_str().unwrap(), "--truth", truth.to_str().unwrap()]);
+    assert!(text(&table.stdout).contains("youngs_modulus_pa"), "{table:?}");
+}
