@@ -2,7 +2,6 @@
 
 mod collider;
 mod contact;
-#[allow(dead_code)]
 mod eigen;
 mod error;
 mod fast;
@@ -10,7 +9,6 @@ mod gradcheck;
 mod gradient;
 mod grid;
 mod jacobian;
-#[allow(dead_code)]
 mod law;
 mod mat3;
 mod material;

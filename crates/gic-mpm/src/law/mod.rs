@@ -80,19 +80,6 @@ pub(crate) trait Law<R: Real>: Copy + Send + Sync {
     fn update_adjoint(&self, dt: R, c: &Mat3<R>, f: &Mat3<R>, f_new_bar: &Mat3<R>, tau_bar: &Mat3<R>) -> LawAdjoint<R>;
 }
 
-/// The Kirchhoff stress [Pa] of a state as it is (F after a return map, velocity gradient C), for output.
-pub(crate) fn stress<R: Real>(law: &impl Law<R>, c: &Mat3<R>, f: &Mat3<R>) -> Mat3<R> {
-    // So short that neither the trial nor viscous flow changes anything.
-    let dt = R::splat(1e-12);
-    law.update(dt, c, f).tau
-}
-
-/// The von Mises equivalent of the Cauchy stress `tau / J` [Pa]: `sqrt(3/2) |dev tau| / J`.
-pub(crate) fn von_mises_stress(tau: &Mat3<f64>, j: f64) -> f64 {
-    let deviator = tau.add_diagonal(-tau.trace() / 3.0);
-    (1.5 * deviator.double_dot(&deviator)).sqrt() / j
-}
-
 /// `(I + dt C) F`.
 #[inline(always)]
 fn trial<R: Real>(dt: R, c: &Mat3<R>, f: &Mat3<R>) -> Mat3<R> {

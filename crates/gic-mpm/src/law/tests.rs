@@ -321,7 +321,6 @@ fn uniaxial_hencky_stress_is_linear_in_the_logarithmic_strain() {
     let f = Mat3::diagonal([e, -nu * e, -nu * e].map(f64::exp));
     let tau = plasticine().update(DT, &zero(), &f).tau;
     assert_close(&tau, &Mat3::diagonal([young * e, 0.0, 0.0]), 1e-9 * young, "uniaxial stress");
-    assert!((von_mises_stress(&tau, f.det()) - young * e / f.det()).abs() < 1e-9 * young);
 }
 
 #[test]
