@@ -113,7 +113,7 @@ impl DensityField {
         // The centre of fine voxel i lies a quarter of a coarse voxel from the centre of its parent i / 2.
         let parents = |i: usize, n: usize| {
             let parent = (i / 2) as i64;
-            (clamp(parent, n), clamp(if i % 2 == 0 { parent - 1 } else { parent + 1 }, n))
+            (clamp(parent, n), clamp(if i.is_multiple_of(2) { parent - 1 } else { parent + 1 }, n))
         };
         let mut values = vec![0.0; size[0] * size[1] * size[2]];
         values.par_chunks_exact_mut(size[0] * size[1]).enumerate().for_each(|(z, slice)| {

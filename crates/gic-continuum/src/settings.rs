@@ -44,7 +44,9 @@ pub struct FillSettings {
     pub th_max: f64,
     /// Gaussians with less opacity do not count.
     pub min_opacity: f32,
-    /// How far the centres of the Gaussians lie below the true surface, in units of their median standard deviation.
+    /// How far the centres of the Gaussians lie below the true surface, in units of their median standard deviation. What
+    /// `gic-motion` trains has its centres about 2 standard deviations down: the alpha of overlapping Gaussians at an outline
+    /// falls to one half there, and the emptiest of several noisy depth maps takes away a little more.
     pub depth_inset: f64,
     /// How many views must see in front of the surface at a point before it counts as empty for certain. A point that fewer
     /// views (but at least one) call empty is left to the density field: a hole between Gaussians in one view does not dig a tunnel.
@@ -67,8 +69,8 @@ impl FillSettings {
             th_min: 0.5,
             th_max: 0.8,
             min_opacity: 0.02,
-            depth_inset: 0.5,
-            depth_votes: 2,
+            depth_inset: 2.0,
+            depth_votes: 3,
             filter_rounds: 2,
             unseen: Unseen::Midway,
             ground: None,

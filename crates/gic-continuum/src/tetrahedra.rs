@@ -85,7 +85,8 @@ impl Lattice {
             DVec3::from_array(field.size.map(|n| n as f64)) * field.spacing + 2.0 * (field.spacing + 0.5 * edge);
         let cells = (extent / edge).ceil();
         let points = 8.0 * (cells.x + 1.0) * (cells.y + 1.0) * (cells.z + 1.0);
-        if !(points <= MAX_VOXELS) {
+        let fits = points <= MAX_VOXELS;
+        if !fits {
             return Err(ContinuumError::TooManyVoxels { voxels: points, limit: MAX_VOXELS });
         }
         let size = 2 * cells.as_i64vec3() + 1;

@@ -143,13 +143,16 @@ pub fn surface_points(body: &Body, spacing: f64) -> Vec<DVec3> {
     points
 }
 
-/// Gaussians as training leaves them: centres half a standard deviation below the surface.
+/// How far the centres of [`perfect_gaussians`] lie below the surface, in standard deviations.
+pub const INSET: f64 = 0.5;
+
+/// Opaque Gaussians all over the surface.
 pub fn perfect_gaussians(body: &Body) -> Gaussians {
     let spacing = 0.008;
     let scale = 0.007;
     let positions: Vec<[f32; 3]> = surface_points(body, spacing)
         .into_iter()
-        .map(|p| (p - 0.5 * scale * normal(body, p)).as_vec3().to_array())
+        .map(|p| (p - INSET * scale * normal(body, p)).as_vec3().to_array())
         .collect();
     let n = positions.len();
     Gaussians {
