@@ -14,7 +14,8 @@
 //!
 //! A kernel is fast only if all of its code is inlined into the function that has the level's instructions enabled: mark
 //! `run` and what it calls `#[inline(always)]`, and call [`dispatch`] inside each thread's task, not around a parallel iterator (closures
-//! that another crate calls are compiled on their own, without the instructions).
+//! that another crate calls are compiled on their own, without the instructions). For the same reason keep lanes out of closures handed to
+//! std, as in `array.map`.
 
 mod lanes;
 mod level;

@@ -148,9 +148,12 @@ impl Vector for float32x4_t {
         }
     }
     #[inline(always)]
-    unsafe fn store_group_sums(rows: [Self; 4], to: *mut f32) {
-        for (q, row) in rows.into_iter().enumerate() {
-            unsafe { row.store(to.add(4 * q)) }
+    unsafe fn store_group_sums([a, b, c, d]: [Self; 4], to: *mut f32) {
+        unsafe {
+            a.store(to);
+            b.store(to.add(4));
+            c.store(to.add(8));
+            d.store(to.add(12));
         }
     }
     #[inline(always)]

@@ -222,13 +222,15 @@ impl<V: Vector> Lanes for Packed<V> {
         Packed(unsafe { V::strided_quads(from, stride) })
     }
     #[inline(always)]
-    fn transpose(rows: [Self; 4]) -> [Self; 4] {
-        V::transpose(rows.map(|row| row.0)).map(Packed)
+    fn transpose([a, b, c, d]: [Self; 4]) -> [Self; 4] {
+        // Not std's `map`: it would compile its closure on its own, without the level's instructions.
+        let [a, b, c, d] = V::transpose([a.0, b.0, c.0, d.0]);
+        [Packed(a), Packed(b), Packed(c), Packed(d)]
     }
     #[inline(always)]
-    unsafe fn store_group_sums_at(rows: [Self; 4], to: *mut V::Scalar) {
+    unsafe fn store_group_sums_at([a, b, c, d]: [Self; 4], to: *mut V::Scalar) {
         // SAFETY: the caller keeps the same contract.
-        unsafe { V::store_group_sums(rows.map(|row| row.0), to) }
+        unsafe { V::store_group_sums([a.0, b.0, c.0, d.0], to) }
     }
     #[inline(always)]
     fn broadcast_fourth(self) -> Self {
