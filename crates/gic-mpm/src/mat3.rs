@@ -85,7 +85,7 @@ impl<R: Real> Mat3<R> {
     /// `self * v`.
     #[inline(always)]
     pub(crate) fn times_vec(&self, v: [R; 3]) -> [R; 3] {
-        [0, 1, 2].map(|i| dot(self.row(i), v))
+        [dot(self.row(0), v), dot(self.row(1), v), dot(self.row(2), v)]
     }
 
     /// `self + scale * other`.
@@ -186,6 +186,12 @@ impl<R: Real> Mul<R> for Mat3<R> {
     fn mul(self, scale: R) -> Self {
         Self::from_fn(|i, j| self.at(i, j) * scale)
     }
+}
+
+/// `values.map(f)` for lanes: std's `map` would compile the closure on its own, without the level's instructions.
+#[inline(always)]
+pub(crate) fn each<A: Copy, B>(values: [A; 3], f: impl Fn(A) -> B) -> [B; 3] {
+    [f(values[0]), f(values[1]), f(values[2])]
 }
 
 #[inline(always)]

@@ -1,8 +1,8 @@
 //! Rollouts as users meet them: engines that agree, bits that repeat, states that resume, bounds that hold, errors that help.
 
 use gic_mpm::{
-    Body, Collider, Contact, Frame, Level, Material, MaterialError, Motion, Options, Precision, Primitive, SimulationError,
-    Simulator, Snapshot, Stepping, World, gradcheck_world, rollout,
+    Body, Collider, Contact, Frame, Level, Material, MaterialError, Motion, Options, Precision, Primitive,
+    SimulationError, Simulator, Snapshot, Stepping, World, gradcheck_world, rollout,
 };
 use glam::{DQuat, DVec3};
 use proptest::prelude::*;
@@ -87,7 +87,12 @@ fn every_level_agrees_with_the_f64_twin_after_ten_substeps() {
         for options in levels.chain([Options { twin: true, ..Options::default() }]) {
             let differences = relative_differences(&after(&options), &oracle);
             println!("{} {:?} twin {}: {differences:?}", material.model(), options.level, options.twin);
-            assert!(differences.iter().all(|d| *d <= 1e-5), "{} {:?}: {differences:?}", material.model(), options.level);
+            assert!(
+                differences.iter().all(|d| *d <= 1e-5),
+                "{} {:?}: {differences:?}",
+                material.model(),
+                options.level
+            );
         }
     }
 }
@@ -152,7 +157,10 @@ fn contact_forces_balance_the_change_of_momentum() {
         let weight = world.gravity_m_s2 * mass * pair[1].positions.len() as f64;
         let rate = (momentum(&pair[1]) - momentum(&pair[0])) * world.frame_rate_hz;
         touched |= contact.length() > weight.length();
-        assert!((rate - (weight - contact)).length() <= 1e-6 * (rate.length() + weight.length()), "{rate} {weight} {contact}");
+        assert!(
+            (rate - (weight - contact)).length() <= 1e-6 * (rate.length() + weight.length()),
+            "{rate} {weight} {contact}"
+        );
     }
     assert!(touched);
 }
@@ -208,19 +216,24 @@ fn bad_worlds_are_refused_by_name() {
     assert_eq!(field(&error(|w| w.bodies[0].particle_volume_m3 = f64::NAN)), "bodies[0].particle_volume_m3");
     assert_eq!(field(&error(|w| w.grid_spacing_m = 0.0)), "grid_spacing_m");
     assert_eq!(field(&error(|w| w.stepping = Stepping::Bound { courant: 1.5 })), "stepping.courant");
-    assert_eq!(field(&error(|w| w.colliders[1].primitive = Primitive::Sphere { radius_m: 0.0 })), "colliders[1].radius_m");
+    assert_eq!(
+        field(&error(|w| w.colliders[1].primitive = Primitive::Sphere { radius_m: 0.0 })),
+        "colliders[1].radius_m"
+    );
     let normal = Primitive::HalfSpace { normal: DVec3::new(0.0, 2.0, 0.0) };
     assert_eq!(field(&error(|w| w.colliders[0].primitive = normal)), "colliders[0].normal");
     let nu = error(|w| w.bodies[0].material = Material::Elastic { youngs_modulus_pa: 1e5, poisson_ratio: 0.5 });
-    assert!(matches!(nu, SimulationError::Material { body: 0, source: MaterialError::OutOfRange { name: "poisson_ratio", .. } }));
+    assert!(matches!(
+        nu,
+        SimulationError::Material { body: 0, source: MaterialError::OutOfRange { name: "poisson_ratio", .. } }
+    ));
     let sunk = error(|w| w.bodies[0].positions[3].y = -0.5);
     assert!(matches!(sunk, SimulationError::InsideCollider { particle: 3, collider: 0, .. }), "{sunk}");
 }
 
 #[test]
 fn rollouts_that_cannot_go_on_say_why() {
-    let stiff =
-        error(|w| w.bodies[0].material = Material::Elastic { youngs_modulus_pa: 1e16, poisson_ratio: 0.3 });
+    let stiff = error(|w| w.bodies[0].material = Material::Elastic { youngs_modulus_pa: 1e16, poisson_ratio: 0.3 });
     assert!(matches!(stiff, SimulationError::TooStiff { body: 0, .. }), "{stiff}");
     assert!(stiff.to_string().contains("grid_spacing_m"), "{stiff}");
     let far = error(|w| w.bodies[0].positions[5] = DVec3::new(1e5, 1.0, 0.0));

@@ -1,7 +1,5 @@
 //! Blocks of particles: 16 of them, number by number, so that lanes load what they need in one piece.
 
-use core::array;
-
 use gic_simd::{Lanes, MAX_LANES, Scalar};
 
 use crate::mat3::Mat3;
@@ -38,7 +36,7 @@ impl<T: Scalar> Block<T> {
 
     #[inline(always)]
     fn get_vector<L: Lanes<Scalar = T>>(&self, first: usize, at: usize) -> [L; 3] {
-        array::from_fn(|i| self.get(first + i, at))
+        [self.get(first, at), self.get(first + 1, at), self.get(first + 2, at)]
     }
 
     #[inline(always)]
@@ -50,7 +48,11 @@ impl<T: Scalar> Block<T> {
 
     #[inline(always)]
     fn get_matrix<L: Lanes<Scalar = T>>(&self, first: usize, at: usize) -> Mat3<L> {
-        Mat3(array::from_fn(|i| self.get(first + i, at)))
+        let mut m = Mat3::zero();
+        for i in 0..9 {
+            m.0[i] = self.get(first + i, at);
+        }
+        m
     }
 
     #[inline(always)]

@@ -12,6 +12,7 @@ use core::array;
 use gic_simd::{Lanes, Scalar};
 
 use super::block::BLOCK;
+use crate::mat3::each;
 use crate::stencil;
 
 /// Four numbers per particle, for up to 16 particles, as [`Lanes::transpose`] leaves them. The end is padding: rows are read past a
@@ -137,7 +138,7 @@ impl<T: Scalar> Stencils<T> {
             *base = clamped.to_f64() as usize;
         }
 
-        let [wx, wy, wz] = offset.map(stencil::weights);
+        let [wx, wy, wz] = each(offset, |offset| stencil::weights(offset));
         for i in 0..3 {
             let node = L::splat(i as f64);
             wx[i].store(&mut self.wx[i]);
@@ -156,7 +157,7 @@ impl<T: Scalar> Stencils<T> {
     /// Computes what [`gather_slopes`] needs beside.
     #[inline(always)]
     pub(super) fn set_slopes<L: Lanes<Scalar = T>>(&mut self, offset: [L; 3]) {
-        let [sx, sy, sz] = offset.map(stencil::slopes);
+        let [sx, sy, sz] = each(offset, |offset| stencil::slopes(offset));
         for i in 0..3 {
             sx[i].store(&mut self.sx[i]);
             sy[i].store(&mut self.sy[i]);
@@ -198,7 +199,7 @@ impl<T: Scalar> Gift<T> {
         // SAFETY: a quad has four numbers.
         unsafe {
             let base = L::quad_at(self.base.of::<L>(particle));
-            let along = [0, 1, 2].map(|axis| L::quad_at(self.along[axis].of::<L>(particle)));
+            let along = each([0, 1, 2], |axis: usize| L::quad_at(self.along[axis].of::<L>(particle)));
             (z.mul_add(along[2], base), along[0], along[1])
         }
     }
@@ -313,8 +314,12 @@ impl<T: Scalar> Received<T> {
     #[inline(always)]
     pub(super) fn lanes<L: Lanes<Scalar = T>>(&self, quad: usize) -> [L; 4] {
         // Particles 4 g + q for each q, then transposed.
-        // SAFETY: particle 15, the last that a level has, ends at 16 * BLOCK.
-        L::transpose([0, 1, 2, 3].map(|q| unsafe { L::strided_quads_at(self.0.as_ptr().add(16 * q + 4 * quad), 64) }))
+        let mut rows = [L::zero(); 4];
+        for (q, row) in rows.iter_mut().enumerate() {
+            // SAFETY: particle 15, the last that a level has, ends at 16 * BLOCK.
+            *row = unsafe { L::strided_quads_at(self.0.as_ptr().add(16 * q + 4 * quad), 64) };
+        }
+        L::transpose(rows)
     }
 
     /// The sum of the four numbers of a quad.

@@ -9,7 +9,7 @@ use super::block::{BLOCK, Block};
 use super::rows::{Gift, Pending, Received, Stencils, Window, gather, gather_slopes, scatter};
 use crate::grid::Node;
 use crate::law::{Law, LawAdjoint, MAX_COEFFICIENTS, Rules, Updated};
-use crate::mat3::Mat3;
+use crate::mat3::{Mat3, each};
 use crate::scene::{BodyBars, SceneBody, with_law};
 
 /// Consecutive sorted particles of one body.
@@ -90,7 +90,7 @@ impl Step<'_> {
     fn momenta<L: Lanes>(&self, velocity: [L; 3], c: &Mat3<L>, tau: &Mat3<L>) -> ([L; 3], Mat3<L>) {
         let mass = L::splat(self.body.mass);
         let affine = (*c * L::splat(self.inertia_factor())).add_scaled(L::splat(self.stress_factor()), tau);
-        (velocity.map(|v| v * mass), affine)
+        (each(velocity, |v| v * mass), affine)
     }
 }
 
@@ -178,9 +178,9 @@ impl<T: Scalar> Forward<'_, T> {
         let velocity = [vx, vy, vz];
         let dt = L::splat(self.step.dt);
         let apic = L::splat(self.step.apic_factor());
-        let columns = [1, 2, 3].map(|quad| received.lanes::<L>(quad));
+        let columns = each([1, 2, 3], |quad: usize| received.lanes::<L>(quad));
         let affine = Mat3::from_fn(|i, j| columns[j][i] * apic);
-        block.set_position(at, [0, 1, 2].map(|i| dt.mul_add(velocity[i], position[i])));
+        block.set_position(at, each([0, 1, 2], |i: usize| dt.mul_add(velocity[i], position[i])));
         block.set_velocity(at, velocity);
         block.set_affine(at, &affine);
 
@@ -247,7 +247,7 @@ impl<T: Scalar> Kernel<T> for G2pAdjoint<'_, T> {
                 stencils.set_slopes(offset);
                 let position_bar = adjoint.position::<L>(at);
                 let velocity_bar = adjoint.velocity::<L>(at);
-                let velocity_bar = [0, 1, 2].map(|i| dt.mul_add(position_bar[i], velocity_bar[i]));
+                let velocity_bar = each([0, 1, 2], |i: usize| dt.mul_add(position_bar[i], velocity_bar[i]));
                 let affine_bar = adjoint.affine::<L>(at) * L::splat(self.step.apic_factor());
                 gift.set(velocity_bar, &affine_bar, L::zero(), offset);
                 // SAFETY: slab and slice hold the window's nodes.
@@ -257,9 +257,9 @@ impl<T: Scalar> Kernel<T> for G2pAdjoint<'_, T> {
                 }
                 // The offsets depend on x too, and sum w v_i is the new velocity.
                 let through_offset = affine_bar.transpose().times_vec(self.after[b].velocity(at));
-                let by_slope = [0, 1, 2].map(|axis| received_slopes.sum::<L>(axis));
+                let by_slope = each([0, 1, 2], |axis: usize| received_slopes.sum::<L>(axis));
                 let position_bar =
-                    [0, 1, 2].map(|i| inverse_dx.mul_add(by_slope[i] - through_offset[i], position_bar[i]));
+                    each([0, 1, 2], |i: usize| inverse_dx.mul_add(by_slope[i] - through_offset[i], position_bar[i]));
                 adjoint.set_position(at, position_bar);
             }
         }
@@ -338,15 +338,16 @@ impl<T: Scalar> Pack<'_, T> {
         }
         let [px, py, pz, mass_bar] = received.lanes::<L>(0);
         let momentum_bar = [px, py, pz];
-        let columns = [1, 2, 3].map(|quad| received.lanes::<L>(quad));
+        let columns = each([1, 2, 3], |quad: usize| received.lanes::<L>(quad));
         let affine_bar = Mat3::from_fn(|i, j| columns[j][i]);
 
         let through_offset = affine.transpose().times_vec(momentum_bar);
-        let by_slope = [0, 1, 2].map(|axis| received_slopes.sum::<L>(axis));
+        let by_slope = each([0, 1, 2], |axis: usize| received_slopes.sum::<L>(axis));
         let position_bar = adjoint.position::<L>(at);
-        let position_bar = [0, 1, 2].map(|i| inverse_dx.mul_add(by_slope[i] - through_offset[i], position_bar[i]));
+        let position_bar =
+            each([0, 1, 2], |i: usize| inverse_dx.mul_add(by_slope[i] - through_offset[i], position_bar[i]));
         adjoint.set_position(at, position_bar);
-        adjoint.set_velocity(at, momentum_bar.map(|b| b * mass));
+        adjoint.set_velocity(at, each(momentum_bar, |b| b * mass));
 
         let law_bar = self.step.law_adjoint(&c, &f, &adjoint.deformation(at), &(affine_bar * stress));
         adjoint.set_affine(at, &law_bar.c.add_scaled(inertia, &affine_bar));

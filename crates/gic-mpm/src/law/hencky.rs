@@ -19,7 +19,7 @@ use gic_simd::Real;
 
 use super::{Coefficients, Law, LawAdjoint, MAX_COEFFICIENTS, Rules, Updated, trial, trial_adjoint};
 use crate::eigen::Eigen;
-use crate::mat3::Mat3;
+use crate::mat3::{Mat3, each};
 
 /// Singular values are raised to this before the logarithm, and so in F_new: a crushed or inverted particle recovers.
 const MIN_STRETCH: f64 = 0.05;
@@ -90,7 +90,7 @@ impl<R: Real> Norm<R> {
     #[inline(always)]
     pub(crate) fn adjoint(&self, v: &[R; 3], value_bar: R) -> [R; 3] {
         let factor = value_bar * self.recip;
-        v.map(|x| x * factor)
+        each(*v, |x| x * factor)
     }
 }
 
@@ -140,7 +140,7 @@ impl<R: Real> Principal<R> {
         }
         let trace = log[0] + log[1] + log[2];
         let mean = trace * R::splat(1.0 / 3.0);
-        let strain = Strain { deviator: log.map(|e| e - mean), trace, mean_square_stretch };
+        let strain = Strain { deviator: each(log, |e| e - mean), trace, mean_square_stretch };
         Principal { eigen, stretch_recip, raise, log, strain }
     }
 
@@ -209,14 +209,14 @@ impl<R: Real> Plastic<R> {
         let third = R::splat(1.0 / 3.0);
         let mean_shift = (returned.trace - trace) * third;
         let shorten = returned.scale - R::one();
-        let shift = deviator.map(|e| shorten.mul_add(e, mean_shift));
-        let shrink = shift.map(R::exp);
+        let shift = each(deviator, |e| shorten.mul_add(e, mean_shift));
+        let shrink = each(shift, |e| e.exp());
         Plastic {
             returned,
-            log: deviator.map(|e| returned.scale.mul_add(e, returned.trace * third)),
+            log: each(deviator, |e| returned.scale.mul_add(e, returned.trace * third)),
             shift,
             shrink,
-            stretch: [0, 1, 2].map(|i| shrink[i].mul_add(principal.raise[i], -R::one())),
+            stretch: each([0, 1, 2], |i: usize| shrink[i].mul_add(principal.raise[i], -R::one())),
         }
     }
 
@@ -251,22 +251,23 @@ impl<R: Real, M: ReturnMap<R>> Hencky<R, M> {
         let Strain { deviator, .. } = principal.strain;
         let two_mu = self.mu + self.mu;
         let tau_bar_sum = sum(tau_bar);
-        let log_bar = tau_bar.map(|bar| two_mu * bar);
-        let shift_bar = [0, 1, 2].map(|i| stretch_bar[i] * principal.raise[i] * plastic.shrink[i]);
+        let log_bar = each(tau_bar, |bar| two_mu * bar);
+        let shift_bar = each([0, 1, 2], |i: usize| stretch_bar[i] * principal.raise[i] * plastic.shrink[i]);
 
         let returned_bar = Returned {
-            scale: dot(deviator, [0, 1, 2].map(|i| log_bar[i] + shift_bar[i])),
+            scale: dot(deviator, each([0, 1, 2], |i: usize| log_bar[i] + shift_bar[i])),
             trace: self.lambda.mul_add(tau_bar_sum, (sum(log_bar) + sum(shift_bar)) * third),
         };
         let map = self.map.project_adjoint(dt, &principal.strain, &returned_bar);
 
         let scale = plastic.returned.scale;
         let shorten = scale - R::one();
-        let deviator_bar = [0, 1, 2].map(|i| map.strain.deviator[i] + scale * log_bar[i] + shorten * shift_bar[i]);
+        let deviator_bar =
+            each([0, 1, 2], |i: usize| map.strain.deviator[i] + scale * log_bar[i] + shorten * shift_bar[i]);
         let all_bar = map.strain.trace - (sum(shift_bar) + sum(deviator_bar)) * third;
         let square_bar = map.strain.mean_square_stretch * third;
 
-        let eigenvalue_bar = [0, 1, 2].map(|i| {
+        let eigenvalue_bar = each([0, 1, 2], |i: usize| {
             // d log / d lambda = 1 / (2 lambda), d square / d lambda = 1; where raised, only d raise / d lambda = -raise / (2 lambda).
             let half_recip = principal.stretch_recip[i] * principal.stretch_recip[i] * R::splat(0.5);
             let free = (deviator_bar[i] + all_bar).mul_add(half_recip, square_bar);
@@ -275,7 +276,7 @@ impl<R: Real, M: ReturnMap<R>> Hencky<R, M> {
         });
         let mut coefficients = map.coefficients;
         let log = plastic.log;
-        coefficients[0] += dot(tau_bar, log.map(|e| e + e));
+        coefficients[0] += dot(tau_bar, each(log, |e| e + e));
         coefficients[1] += tau_bar_sum * plastic.returned.trace;
         (eigenvalue_bar, coefficients)
     }
@@ -298,7 +299,7 @@ impl<R: Real, M: ReturnMap<R>> Law<R> for Hencky<R, M> {
         let plastic = Plastic::of(&principal, self.map.project(dt, &principal.strain));
         let pressure_term = self.lambda * plastic.returned.trace;
         let two_mu = self.mu + self.mu;
-        let tau = principal.eigen.compose(plastic.log.map(|e| two_mu.mul_add(e, pressure_term)));
+        let tau = principal.eigen.compose(each(plastic.log, |e| two_mu.mul_add(e, pressure_term)));
         // As an addition: where the return map does nothing, the rounding of Q cannot touch F.
         let f = f_trial + principal.eigen.compose(plastic.stretch).times(&f_trial);
         Updated { f, tau }

@@ -13,6 +13,7 @@ use gic_simd::Real;
 
 use super::hencky::{Hencky, Norm, ReturnAdjoint, ReturnMap, Returned, Strain, dot};
 use super::{Coefficients, MAX_COEFFICIENTS, Rules};
+use crate::mat3::each;
 
 /// Non-Newtonian fluid; coefficients mu, lambda, tau_Y [Pa], eta [Pa s].
 pub(crate) type NonNewtonian<R> = Hencky<R, Viscoplastic<R>>;
@@ -44,7 +45,7 @@ impl<R: Real> Viscoplastic<R> {
     #[inline(always)]
     fn flow(&self, dt: R, strain: &Strain<R>) -> Flow<R> {
         let two_mu = self.mu + self.mu;
-        let stress = strain.deviator.map(|e| two_mu * e);
+        let stress = each(strain.deviator, |e| two_mu * e);
         let norm = Norm::of(&stress, self.rules);
         let q = two_mu * strain.mean_square_stretch * dt;
         Flow {
@@ -95,7 +96,7 @@ impl<R: Real> ReturnMap<R> for Viscoplastic<R> {
         coefficients[3] = eta_bar;
         ReturnAdjoint {
             strain: Strain {
-                deviator: stress_bar.map(|bar| two_mu * bar),
+                deviator: each(stress_bar, |bar| two_mu * bar),
                 trace: bar.trace,
                 mean_square_stretch: q_bar * two_mu * dt,
             },
