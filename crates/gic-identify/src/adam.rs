@@ -59,14 +59,15 @@ fn loss_and_gradient(job: &Job, free: usize, state: &State, unknowns: &[Unknown]
     let simulation = job.simulation(free);
     let (world, from) = simulation.world_and_start(state);
     let last = job.data.moments.last().map_or(0, |moment| moment.frame);
-    let splats =
-        Splats { opacities: &job.input.opacities, scales: &job.input.scales, factor: state.splat.exp() as f32 };
     let share = 1.0 / job.data.moments.len() as f64;
     let mut total = 0.0;
     simulation.count();
     let gradient = gradient(&world, &simulation.options, last + 1 - from, |frame| {
         let moment = job.data.moments.iter().find(|moment| moment.frame == frame.index + from)?;
         let positions: Vec<[f32; 3]> = frame.positions.iter().map(|p| p.as_vec3().to_array()).collect();
+        // The widths' own change with the positions is left out of the gradient.
+        let scales = job.dilution.scales(&frame.positions);
+        let splats = Splats { opacities: &job.input.opacities, scales: &scales, factor: state.splat.exp() as f32 };
         let loss = frame_loss(moment, &job.context, splats, &positions, true);
         total += share * (loss.chamfer_m + loss.mask_l1);
         Some(loss.gradient.iter().map(|g: &DVec3| *g * share).collect())

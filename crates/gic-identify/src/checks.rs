@@ -58,15 +58,14 @@ pub(crate) fn wrong_cameras(input: &Input, target: Target, warnings: &mut Vec<St
 
 /// Warns where the frames after contact are explained much worse than those before: the material or an obstacle is another.
 pub(crate) fn explained(job: &Job, launched: &Launch, fit: &Fit) {
-    let splats =
-        Splats { opacities: &job.input.opacities, scales: &job.input.scales, factor: fit.state.splat.exp() as f32 };
     let misfit: Vec<(f64, f64)> = job
         .data
         .moments
         .iter()
-        .zip(&fit.motion.positions)
-        .map(|(moment, positions)| {
-            let loss = frame_loss(moment, &job.context, splats, positions, false);
+        .enumerate()
+        .map(|(o, moment)| {
+            let splats = fit.motion.splats(o, &job.input.opacities);
+            let loss = frame_loss(moment, &job.context, splats, &fit.motion.positions[o], false);
             (loss.chamfer_m, loss.mask_difference.0 / loss.mask_difference.1.max(1e-9))
         })
         .collect();

@@ -22,8 +22,6 @@ pub(crate) struct Moment {
 pub(crate) struct Data {
     /// In ascending time; the first is frame 0.
     pub moments: Vec<Moment>,
-    /// Image pixels per side of a compared pixel.
-    pub pooling: usize,
 }
 
 impl Data {
@@ -46,7 +44,7 @@ impl Data {
                 Moment { frame, time_s: frame as f64 / input.frame_rate_hz, views, surface }
             })
             .collect();
-        Data { moments, pooling }
+        Data { moments }
     }
 }
 

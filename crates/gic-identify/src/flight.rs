@@ -48,7 +48,7 @@ impl Flight<'_> {
 impl Forward for Flight<'_> {
     fn motion(&self, state: &State, level: &Level) -> Result<Motion, String> {
         let end = level.end.min(self.data.moments.len());
-        let positions = (0..self.data.moments.len())
+        let positions: Vec<Vec<[f32; 3]>> = (0..self.data.moments.len())
             .into_par_iter()
             .map(|o| {
                 if o < level.first || o >= end {
@@ -58,6 +58,7 @@ impl Forward for Flight<'_> {
                 world.iter().map(|p| p.as_vec3().to_array()).collect()
             })
             .collect();
-        Ok(Motion { positions, splat_factor: state.splat.exp() as f32 })
+        let scales = vec![self.input.scales.clone(); positions.len()];
+        Ok(Motion { positions, scales, splat_factor: state.splat.exp() as f32 })
     }
 }

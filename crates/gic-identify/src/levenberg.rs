@@ -13,6 +13,8 @@ pub(crate) struct Limits {
     pub iterations: usize,
     /// Converged when every unknown moves by less than this many finite-difference steps.
     pub step_tolerance: f64,
+    /// Converged when the cost falls by less than this share.
+    pub gain_tolerance: f64,
 }
 
 /// One accepted step, for traces.
@@ -107,7 +109,7 @@ pub(crate) fn minimise(
                     (fit.state, fit.cost, motion) = (state, cost, moved);
                     lambda = if damping > lambda { damping } else { (lambda * 0.1).max(1e-6) };
                     improved = true;
-                    fit.converged = size < limits.step_tolerance || gain < 1e-5;
+                    fit.converged = size < limits.step_tolerance || gain < limits.gain_tolerance;
                     let iterate = Iterate { state: fit.state.clone(), cost };
                     accepted(&iterate);
                     fit.trace.push(iterate);

@@ -4,6 +4,7 @@ mod adam;
 mod checks;
 mod coarse;
 mod data;
+mod dilution;
 mod error;
 mod flight;
 mod input;

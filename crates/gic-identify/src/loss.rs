@@ -5,6 +5,7 @@ use glam::DVec3;
 use crate::Loss;
 use crate::data::{Data, Moment};
 use crate::neighbours::Neighbours;
+use crate::objective::Motion;
 use crate::silhouette::{Splats, alpha, alpha_backward};
 use crate::surface::Context;
 
@@ -17,7 +18,7 @@ pub(crate) struct FrameLoss {
     pub gradient: Vec<DVec3>,
 }
 
-/// Chamfer distance and mask L1 of one observed moment; `scale` multiplies the gradient.
+/// Chamfer distance and mask L1 of one observed moment.
 pub(crate) fn frame_loss(
     moment: &Moment,
     context: &Context,
@@ -89,11 +90,11 @@ fn chamfer(
 }
 
 /// Mean loss over the frames of a motion.
-pub(crate) fn mean_loss(data: &Data, context: &Context, splats: Splats, positions: &[Vec<[f32; 3]>]) -> Loss {
+pub(crate) fn mean_loss(data: &Data, context: &Context, opacities: &[f32], motion: &Motion) -> Loss {
     let mut loss = Loss::default();
     let (mut surfaces, mut masks, mut difference, mut covered) = (0.0f64, 0.0f64, 0.0, 0.0f64);
-    for (moment, positions) in data.moments.iter().zip(positions).skip(1) {
-        let frame = frame_loss(moment, context, splats, positions, false);
+    for (o, moment) in data.moments.iter().enumerate().skip(1) {
+        let frame = frame_loss(moment, context, motion.splats(o, opacities), &motion.positions[o], false);
         if moment.surface.is_some() {
             loss.chamfer_m += frame.chamfer_m;
             surfaces += 1.0;

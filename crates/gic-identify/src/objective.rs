@@ -12,8 +12,17 @@ use crate::state::{State, Unknown};
 pub(crate) struct Motion {
     /// Shape [observations][n][3]; empty for an observation that takes no part.
     pub positions: Vec<Vec<[f32; 3]>>,
-    /// Factor on the Gaussians' standard deviations.
+    /// Standard deviations of the particles' Gaussians [m], shape [observations][n].
+    pub scales: Vec<Vec<f32>>,
+    /// Factor on all of them.
     pub splat_factor: f32,
+}
+
+impl Motion {
+    /// What is drawn at an observation.
+    pub(crate) fn splats<'a>(&'a self, o: usize, opacities: &'a [f32]) -> Splats<'a> {
+        Splats { opacities, scales: &self.scales[o], factor: self.splat_factor }
+    }
 }
 
 /// Which observations take part and how coarsely they are compared.
@@ -32,16 +41,11 @@ pub(crate) struct Level {
 pub(crate) struct Objective<'a> {
     pub data: &'a Data,
     pub opacities: &'a [f32],
-    pub scales: &'a [f32],
     pub surface_context: &'a crate::surface::Context,
     pub weights: Weights,
 }
 
 impl Objective<'_> {
-    fn splats(&self, factor: f32) -> Splats<'_> {
-        Splats { opacities: self.opacities, scales: self.scales, factor }
-    }
-
     /// Half the weighted sum of squares.
     pub(crate) fn cost(&self, motion: &Motion, level: &Level) -> f64 {
         let clusters = self.clusters(motion, &[], &[], level);
@@ -74,7 +78,7 @@ impl Objective<'_> {
     ) -> Cluster {
         let camera = &view.camera;
         let draw = |motion: &Motion| {
-            let full = alpha(&motion.positions[o], self.splats(motion.splat_factor), camera);
+            let full = alpha(&motion.positions[o], motion.splats(o, self.opacities), camera);
             pool(&full, camera.width, camera.height, pooling)
         };
         let observed = pool(&view.mask, camera.width, camera.height, pooling);

@@ -6,6 +6,7 @@ use gic_mpm::{Body, Options, Stepping, World, rollout};
 use glam::DVec3;
 
 use crate::data::Data;
+use crate::dilution::Dilution;
 use crate::flight::{fall, placed, substep};
 use crate::objective::{Forward, Level, Motion};
 use crate::state::State;
@@ -32,6 +33,8 @@ pub(crate) struct Simulation<'a> {
     /// Leading observations that are free flight: computed in closed form, the rollout starts at the last of them.
     pub free: usize,
     pub rollouts: &'a AtomicUsize,
+    /// Widths of the simulated particles' Gaussians.
+    pub dilution: &'a Dilution,
 }
 
 impl Simulation<'_> {
@@ -99,6 +102,7 @@ impl Forward for Simulation<'_> {
         let end = level.end.min(self.data.moments.len());
         let (world, from) = self.world_and_start(state);
         let mut positions = vec![Vec::new(); self.data.moments.len()];
+        let mut scales = vec![self.dilution.rest_scales().to_vec(); self.data.moments.len()];
         let single = |p: &DVec3| p.as_vec3().to_array();
         for (o, moment) in self.data.moments.iter().enumerate().take(end) {
             if o < level.first || moment.frame > from {
@@ -123,6 +127,9 @@ impl Forward for Simulation<'_> {
                 };
                 if frame.index > 0 && o >= level.first && o < end {
                     positions[o] = frame.positions.iter().map(single).collect();
+                    if !self.data.moments[o].views.is_empty() {
+                        scales[o] = self.dilution.scales(&frame.positions);
+                    }
                 }
             })
             .map_err(|error| error.to_string())?;
@@ -130,6 +137,6 @@ impl Forward for Simulation<'_> {
         if positions.iter().flatten().flatten().any(|x| !x.is_finite()) {
             return Err("the rollout is not finite".to_owned());
         }
-        Ok(Motion { positions, splat_factor: state.splat.exp() as f32 })
+        Ok(Motion { positions, scales, splat_factor: state.splat.exp() as f32 })
     }
 }

@@ -12,6 +12,7 @@ use crate::adam::adam;
 use crate::checks;
 use crate::coarse::Coarse;
 use crate::data::Data;
+use crate::dilution::Dilution;
 use crate::flight::Flight;
 use crate::interval::{self, effective_weights, half_width};
 use crate::levenberg::{Fit, Iterate, Limits, minimise, perturbed};
@@ -19,7 +20,6 @@ use crate::loss::mean_loss;
 use crate::normal::{Normal, Weights};
 use crate::objective::{Forward, Level, Motion, Objective, Problem};
 use crate::result::{Estimate, Identification, Loss, Stage, Step};
-use crate::silhouette::Splats;
 use crate::simulation::{Resolution, Simulation};
 use crate::state::{State, Unknown};
 use crate::surface::Context;
@@ -39,6 +39,7 @@ pub(crate) struct Job<'a> {
     pub settings: &'a Settings,
     pub data: Data,
     pub context: Context,
+    pub dilution: Dilution,
     pub weights: Weights,
     pub fine: AtomicUsize,
     pub coarse: AtomicUsize,
@@ -54,8 +55,8 @@ impl Job<'_> {
         self.kind.parameters()
     }
 
-    pub(crate) fn objective<'b>(&'b self, opacities: &'b [f32], scales: &'b [f32]) -> Objective<'b> {
-        Objective { data: &self.data, opacities, scales, surface_context: &self.context, weights: self.weights }
+    pub(crate) fn objective<'b>(&'b self, opacities: &'b [f32]) -> Objective<'b> {
+        Objective { data: &self.data, opacities, surface_context: &self.context, weights: self.weights }
     }
 
     pub(crate) fn all_frames(&self) -> Level {
@@ -80,6 +81,7 @@ impl Job<'_> {
             },
             free,
             rollouts: &self.fine,
+            dilution: &self.dilution,
         }
     }
 
@@ -112,7 +114,13 @@ impl Job<'_> {
         iterations: usize,
     ) -> Result<Fit, String> {
         let problem = Problem { forward, objective, unknowns, parameters: self.parameters(), level };
-        let limits = Limits { iterations, step_tolerance: 0.05 };
+        // The early stages only have to hand over a good start.
+        let gain_tolerance = match stage {
+            Stage::Search => 0.02,
+            Stage::Material => 0.01,
+            _ => 1e-4,
+        };
+        let limits = Limits { iterations, step_tolerance: 0.05, gain_tolerance };
         minimise(&problem, start, limits, &mut |iterate| self.report(stage, iterate))
     }
 }
@@ -159,6 +167,7 @@ pub fn identify(
     let excluded = checks::wrong_cameras(&input, settings.target, &mut warnings);
     let data = Data::new(&input, settings.target, &excluded);
     let context = Context::new(&input, data.moments[0].surface.as_ref());
+    let dilution = Dilution::new(&input.positions, &input.scales, input.particle_volume_m3.cbrt());
     // A tenth of a pixel's alpha and a tenth of a cell, until the data's own noise is known.
     let weights = Weights { mask: 100.0, surface: (0.1 * input.grid_spacing_m).powi(-2) };
     let job = Job {
@@ -167,6 +176,7 @@ pub fn identify(
         settings,
         data,
         context,
+        dilution,
         weights,
         fine: AtomicUsize::new(0),
         coarse: AtomicUsize::new(0),
@@ -215,7 +225,7 @@ impl Job<'_> {
     }
 
     fn base_objective(&self) -> Objective<'_> {
-        self.objective(&self.input.opacities, &self.input.scales)
+        self.objective(&self.input.opacities)
     }
 
     fn launch(&self) -> Result<Launch, IdentifyError> {
@@ -396,8 +406,6 @@ impl Job<'_> {
         velocity_interval_95: DVec3,
         motion: Option<&Motion>,
     ) -> Identification {
-        let splats =
-            Splats { opacities: &self.input.opacities, scales: &self.input.scales, factor: state.splat.exp() as f32 };
         if self.kind != MaterialKind::Sand {
             self.warn(format!(
                 "density is taken as {} kg/m^3: the video determines only the ratios of the moduli, stresses and viscosities to it",
@@ -411,7 +419,7 @@ impl Job<'_> {
             velocity_interval_95,
             angular_velocity_rad_s: state.angular,
             free_frames: launched.free,
-            loss: motion.map_or_else(Loss::default, |m| mean_loss(&self.data, &self.context, splats, &m.positions)),
+            loss: motion.map_or_else(Loss::default, |m| mean_loss(&self.data, &self.context, &self.input.opacities, m)),
             trace: self.trace.borrow().clone(),
             rollouts: self.fine.load(Ordering::Relaxed),
             coarse_rollouts: self.coarse.load(Ordering::Relaxed),
@@ -432,8 +440,12 @@ impl Job<'_> {
             substeps_per_frame: (self.input.substeps_per_frame as f64 / COARSE).ceil() as usize,
         };
         simulation.rollouts = &self.coarse;
+        let thinned: Vec<DVec3> = coarse.ids.iter().map(|i| self.input.positions[*i]).collect();
+        let spacing = COARSE * self.input.particle_volume_m3.cbrt();
+        let dilution = Dilution::new(&thinned, &coarse.scales, spacing);
+        simulation.dilution = &dilution;
         let context = self.context.thinned(&coarse.ids, COARSE);
-        let objective = Objective { surface_context: &context, ..self.objective(&coarse.opacities, &coarse.scales) };
+        let objective = Objective { surface_context: &context, ..self.objective(&coarse.opacities) };
         let candidates = self.candidates(&launched.state);
         let level = Level { pooling: 2, ..self.all_frames() };
         let costs: Vec<Result<f64, String>> = candidates

@@ -41,7 +41,12 @@ pub(crate) fn launch(
     let run = |state: &mut State, unknowns: &[Unknown], end: usize, pooling: usize| -> Result<Fit, String> {
         let level = Level { first: 0, end, pooling };
         let problem = Problem { forward: &flight, objective, unknowns: unknowns.to_vec(), parameters: &[], level };
-        let fit = minimise(&problem, state.clone(), Limits { iterations: 10, step_tolerance: 0.1 }, &mut |_| {})?;
+        let fit = minimise(
+            &problem,
+            state.clone(),
+            Limits { iterations: 10, step_tolerance: 0.1, gain_tolerance: 1e-5 },
+            &mut |_| {},
+        )?;
         *state = fit.state.clone();
         Ok(fit)
     };

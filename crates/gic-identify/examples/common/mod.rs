@@ -9,9 +9,9 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 
 /// What the scene's maker knows.
 #[derive(Clone, Debug)]
-pub struct Truth {
-    pub material: Material,
-    pub velocity_m_s: DVec3,
+pub(crate) struct Truth {
+    pub(crate) material: Material,
+    pub(crate) velocity_m_s: DVec3,
 }
 
 fn number(v: &serde_json::Value) -> f64 {
@@ -22,7 +22,7 @@ fn vector(v: &serde_json::Value) -> DVec3 {
     DVec3::new(number(&v[0]), number(&v[1]), number(&v[2]))
 }
 
-pub fn truth(scene: &Path) -> Truth {
+pub(crate) fn truth(scene: &Path) -> Truth {
     let json: serde_json::Value =
         serde_json::from_slice(&std::fs::read(scene.join("gt/params.json")).expect("params.json")).expect("json");
     let p = &json["params"];
@@ -50,14 +50,14 @@ pub fn truth(scene: &Path) -> Truth {
 }
 
 /// True particles of a frame [m].
-pub fn particles(scene: &Path, frame: usize) -> Vec<DVec3> {
+pub(crate) fn particles(scene: &Path, frame: usize) -> Vec<DVec3> {
     let file = std::fs::File::open(scene.join(format!("gt/particles_{frame}.npz"))).expect("particles");
     let mut npz = npyz::npz::NpzArchive::new(std::io::BufReader::new(file)).expect("npz");
     let x: Vec<f32> = npz.by_name("x").expect("x").expect("x").into_vec().expect("f32");
     x.chunks(3).map(|c| DVec3::new(c[0].into(), c[1].into(), c[2].into())).collect()
 }
 
-pub fn ground() -> Collider {
+pub(crate) fn ground() -> Collider {
     Collider {
         primitive: Primitive::HalfSpace { normal: DVec3::Y },
         motion: Motion::Uniform {
@@ -71,7 +71,7 @@ pub fn ground() -> Collider {
 }
 
 /// Cameras and masks of a scene with the given particles at time 0.
-pub fn input(scene: &Path, positions: Vec<DVec3>, volume: f64) -> Input {
+pub(crate) fn input(scene: &Path, positions: Vec<DVec3>, volume: f64) -> Input {
     let json: serde_json::Value =
         serde_json::from_slice(&std::fs::read(scene.join("all_data.json")).expect("all_data.json")).expect("json");
     let mut cameras: Vec<Option<Camera>> = Vec::new();
@@ -126,7 +126,7 @@ pub fn input(scene: &Path, positions: Vec<DVec3>, volume: f64) -> Input {
 }
 
 /// Indices of the outermost particles of a regular cloud: those with an empty neighbourhood on one side.
-pub fn outer(points: &[DVec3]) -> Vec<usize> {
+pub(crate) fn outer(points: &[DVec3]) -> Vec<usize> {
     let radius = 0.022;
     (0..points.len())
         .filter(|i| {
