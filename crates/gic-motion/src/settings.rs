@@ -80,7 +80,7 @@ pub struct LossWeights {
 
 impl Default for LossWeights {
     fn default() -> Self {
-        LossWeights { color: 0.8, ssim: 0.2, mask: 1.0, scale: 0.01 }
+        LossWeights { color: 0.8, ssim: 0.2, mask: 1.0, scale: 0.03 }
     }
 }
 
@@ -103,7 +103,7 @@ pub struct LearningRates {
 impl Default for LearningRates {
     fn default() -> Self {
         LearningRates {
-            position: (1.0e-3, 1.0e-5),
+            position: (2.0e-3, 5.0e-5),
             feature: (2.0e-2, 2.5e-3),
             opacity: (5.0e-2, 1.0e-2),
             scale: (1.0e-2, 1.0e-3),
@@ -151,14 +151,14 @@ impl Default for TrainSettings {
     fn default() -> Self {
         TrainSettings {
             held_out: Vec::new(),
-            steps: 1500,
-            warm_up_steps: 100,
+            steps: 2500,
+            warm_up_steps: 250,
             growth_steps: 0,
             affine_steps: 40,
             path_steps: 500,
             views_per_step: 4,
             initial: InitialPoints::Auto,
-            initial_spacing_px: 5.0,
+            initial_spacing_px: 3.0,
             gaussians_per_pixel: 0.5,
             sh_degree: None,
             sh_interval: 1000,

@@ -26,7 +26,7 @@ use crate::{
 };
 
 /// Opacity of the first Gaussians.
-const FIRST_OPACITY: f64 = 0.3;
+const FIRST_OPACITY: f64 = 0.7;
 /// Standard deviation of the first Gaussians in units of their spacing.
 const FIRST_SCALE: f64 = 0.6;
 /// Value of the degree-0 harmonic: colour = 0.5 + this * coefficient.

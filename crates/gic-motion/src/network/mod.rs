@@ -95,6 +95,14 @@ struct Block<T> {
     activations: Activations<T>,
 }
 
+/// Gradients that one block of rows contributes.
+struct BlockGradient<T> {
+    /// Of the coefficient network alone.
+    parameters: Vec<T>,
+    bases: Vec<T>,
+    positions: Vec<[T; 3]>,
+}
+
 /// Gradient of a loss on [`Deformation::residuals`].
 pub struct NetworkGradient<T> {
     /// With respect to [`MotionNetwork::parameters`].
@@ -177,7 +185,7 @@ impl<T: Scalar> MotionNetwork<T> {
     /// Gradient of a loss from its derivative with respect to the residuals, shape [n, 4].
     pub fn backward(&self, deformation: &Deformation<T>, d_residuals: &[[T; 4]]) -> NetworkGradient<T> {
         assert_eq!(d_residuals.len(), deformation.residuals.len(), "one derivative per residual");
-        let parts: Vec<(Vec<T>, Vec<T>, Vec<[T; 3]>)> = d_residuals
+        let parts: Vec<BlockGradient<T>> = d_residuals
             .par_chunks(block_rows(d_residuals.len()))
             .zip(&deformation.blocks)
             .map(|(d, block)| self.backward_block(block, &deformation.bases, d))
@@ -185,17 +193,17 @@ impl<T: Scalar> MotionNetwork<T> {
         let mut positions = Vec::with_capacity(d_residuals.len());
         let mut d_bases = vec![T::of(0.0); deformation.bases.len()];
         let mut gradient = vec![T::of(0.0); self.parameters.len()];
-        for (_, bases, rows) in &parts {
-            positions.extend_from_slice(rows);
-            add(&mut d_bases, bases);
+        for part in &parts {
+            positions.extend_from_slice(&part.positions);
+            add(&mut d_bases, &part.bases);
         }
         // The blocks are added in their order for every parameter, whatever thread adds them.
         let first = self.backbone.end();
         const SPAN: usize = 16384;
         gradient[first..].par_chunks_mut(SPAN).enumerate().for_each(|(i, span)| {
             let start = i * SPAN;
-            for (part, ..) in &parts {
-                add(span, &part[start..start + span.len()]);
+            for part in &parts {
+                add(span, &part.parameters[start..start + span.len()]);
             }
         });
         let time = &deformation.time_encoded;
@@ -203,8 +211,7 @@ impl<T: Scalar> MotionNetwork<T> {
         NetworkGradient { parameters: gradient, positions }
     }
 
-    /// Gradients of one block: of the coefficient network's parameters, the bases and the positions.
-    fn backward_block(&self, block: &Block<T>, bases: &[T], d: &[[T; 4]]) -> (Vec<T>, Vec<T>, Vec<[T; 3]>) {
+    fn backward_block(&self, block: &Block<T>, bases: &[T], d: &[[T; 4]]) -> BlockGradient<T> {
         let mut d_bases = vec![T::of(0.0); bases.len()];
         let mut d_coefficients = vec![T::of(0.0); block.coefficients.len()];
         let rows = block
@@ -241,7 +248,7 @@ impl<T: Scalar> MotionNetwork<T> {
                 })
             })
             .collect();
-        (gradient, d_bases, positions)
+        BlockGradient { parameters: gradient, bases: d_bases, positions }
     }
 }
 
