@@ -278,6 +278,9 @@ mod tests {
 
     use super::*;
 
+    /// Adds a step to one number of the parameters or residuals.
+    type Nudge = dyn Fn(&mut Parameters, &mut [[f32; 4]], usize, f32);
+
     fn random_parameters(n: usize, sh_degree: usize, rng: &mut ChaCha8Rng) -> Parameters {
         let mut number = |low: f32, high: f32| rng.random_range(low..high);
         Parameters {
@@ -322,7 +325,7 @@ mod tests {
         let (mut gradient, mut d_residuals) = (Gradient::zeros(&p), vec![[0.0; 4]; n]);
         p.pull_back(&drawn, &slope, &mut gradient, &mut d_residuals);
         let h = 1e-2f32;
-        let mut check = |got: &[f32], name: &str, field: &dyn Fn(&mut Parameters, &mut [[f32; 4]], usize, f32)| {
+        let mut check = |got: &[f32], name: &str, field: &Nudge| {
             for (i, got) in got.iter().enumerate() {
                 field(&mut p, &mut residuals, i, h);
                 let above = loss(&p, &residuals);
