@@ -7,8 +7,8 @@
 use gic_scene::Camera;
 use glam::DVec2;
 
-/// Gaussians end where they fall below exp(-4.5), at three standard deviations.
-const CUTOFF_SIGMAS: f32 = 3.0;
+/// Gaussians end where they fall below exp(-8), at four standard deviations: an earlier end is a step that finite differences see.
+const CUTOFF_SIGMAS: f32 = 4.0;
 
 /// Blur of the pixel itself, in pixels^2, added to the projected variance (a box of one pixel has variance 1/12).
 const PIXEL_VARIANCE: f32 = 1.0 / 12.0;

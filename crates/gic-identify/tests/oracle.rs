@@ -40,6 +40,16 @@ fn block() -> (Vec<DVec3>, Vec<bool>) {
     (positions, surface)
 }
 
+/// Particles whose neighbours lie to one side. Which ones these are changes as sand spreads, so it is decided anew in each frame.
+fn outer(points: &[DVec3]) -> Vec<DVec3> {
+    let radius = 1.1 * SPACING;
+    let lopsided = |p: &DVec3| {
+        let near: Vec<DVec3> = points.iter().map(|q| *p - *q).filter(|d| d.length() < radius).collect();
+        (near.iter().sum::<DVec3>() / near.len() as f64).length() > 0.2 * radius
+    };
+    points.iter().copied().filter(lopsided).collect()
+}
+
 /// What a perfect reconstruction would see of the block made of `material`.
 fn observed(material: Material, velocity: DVec3, frames: usize) -> Input {
     let (positions, on_surface) = block();
@@ -61,7 +71,7 @@ fn observed(material: Material, velocity: DVec3, frames: usize) -> Input {
     };
     let mut observations = Vec::new();
     rollout(&world, &Options::default(), frames, |frame| {
-        let surface = frame.positions.iter().zip(&on_surface).filter(|(_, s)| **s).map(|(p, _)| *p).collect();
+        let surface = outer(&frame.positions);
         observations.push(Observation { time_s: frame.index as f64 / RATE, surface, views: Vec::new() });
     })
     .expect("the truth can be simulated");
