@@ -64,7 +64,7 @@ pub struct FillConfig {
     /// Side of the voxels of the first level [m]; by default from the object's size.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub voxel_spacing_m: Option<f64>,
-    /// Distance of neighbouring particles [m]; by default 1/35 of the object's largest side.
+    /// Distance of neighbouring particles [m]; by default 1/35 of the object's largest side, or less for at least 5,500 particles.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub particle_spacing_m: Option<f64>,
     /// Number of levels, the paper's n_u.

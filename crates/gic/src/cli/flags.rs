@@ -24,7 +24,7 @@ pub(crate) struct SceneFlags {
     #[serde(skip_serializing_if = "Option::is_none")]
     frame_rate_hz: Option<f64>,
     /// Which of several sets in the folder
-    #[arg(long = "scene-set", value_name = "NAME")]
+    #[arg(id = "scene_set", long = "scene-set", value_name = "NAME")]
     #[serde(skip_serializing_if = "Option::is_none")]
     set: Option<String>,
 }
@@ -61,7 +61,7 @@ enum Schedule {
 #[derive(Debug, Default, Args, Serialize)]
 #[command(next_help_heading = "Filling")]
 pub(crate) struct FillFlags {
-    /// Distance of neighbouring particles [m] [default: 1/35 of the object's largest side]
+    /// Distance of neighbouring particles [m] [default: from the object's size and volume]
     #[arg(long, value_name = "M")]
     #[serde(skip_serializing_if = "Option::is_none")]
     particle_spacing_m: Option<f64>,

@@ -17,8 +17,10 @@ use crate::config::UnseenChoice;
 use crate::error::{Error, Result};
 use crate::matter::{read_particles, write_particles};
 
-/// Particles across the object's largest side, where no spacing is asked for: 0.01 m for 0.35 m.
+/// Particles across the object's largest side at least, where no spacing is asked for: 0.01 m for 0.35 m.
 const PARTICLES_ACROSS: f64 = 35.0;
+/// Particles at least, where no spacing is asked for: what an object with thin parts needs beside the former.
+const LEAST_PARTICLES: f64 = 5500.0;
 /// Opacity of a particle of density 1; the scale is then fitted to the masks.
 const OPACITY: f32 = 0.9;
 
@@ -89,15 +91,7 @@ impl Run<'_> {
         let gaussians = self.gaussians()?;
         let size = self.object_size()?;
         let settings = self.fill_settings(size);
-        let spacing = self.config.fill.particle_spacing_m.unwrap_or(size / PARTICLES_ACROSS);
-        self.events.note(
-            Stage::Fill.name(),
-            format!(
-                "object {size:.3} m, finest voxels {:.2} mm, particles {:.2} mm apart",
-                1e3 * settings.finest_spacing(),
-                1e3 * spacing
-            ),
-        );
+        let mut spacing = self.config.fill.particle_spacing_m;
         for folder in ["surface", "filling"] {
             atomic::create_folder(&self.path(folder))?;
         }
@@ -109,7 +103,8 @@ impl Run<'_> {
             let masks = self.masks(frame)?;
             let views = self.masked_views(frame, &masks);
             let filling = self.filling(&gaussians, frame, &views, &settings)?;
-            let particles = sample_particles(&filling, spacing, Placement::Lattice).map_err(self.failed(frame))?;
+            let spacing = *spacing.get_or_insert_with(|| self.particle_spacing(size, &filling));
+            let particles = sample_particles(&filling, spacing, Placement::Layered).map_err(self.failed(frame))?;
             let surface_points = self.write_frame(frame, &filling, &particles)?;
             frames.push(FrameFilling {
                 frame,
@@ -152,6 +147,15 @@ impl Run<'_> {
             frames,
         };
         atomic::write_json(&self.path("fill.json"), &summary)
+    }
+
+    /// Distance of neighbouring particles [m] for an object of a largest side [m], filled at the first frame.
+    fn particle_spacing(&self, size: f64, filling: &Filling) -> f64 {
+        let spacing = (size / PARTICLES_ACROSS).min((filling.volume() / LEAST_PARTICLES).cbrt());
+        let voxels = 1e3 * filling.field.spacing;
+        let text = format!("object {size:.3} m, finest voxels {voxels:.2} mm, particles {:.2} mm apart", 1e3 * spacing);
+        self.events.note(Stage::Fill.name(), text);
+        spacing
     }
 
     /// Fills one frame.
