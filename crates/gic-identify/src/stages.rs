@@ -29,6 +29,12 @@ use crate::{IdentifyError, Input, MaterialKind, Optimizer, Parameter, Settings};
 /// Factor between the grid of the search and that of the estimate.
 const COARSE: f64 = 2.0;
 
+/// Points of the grid of starts that are compared on the full grid.
+const FULL_GRID_POINTS: usize = 16;
+
+/// Starts from which the material is fitted on the full grid.
+const FULL_GRID_FITS: usize = 3;
+
 /// Starts that are improved on the coarse grid.
 const COARSE_FITS: usize = 3;
 
@@ -456,14 +462,16 @@ impl Job<'_> {
             costs.iter().zip(&candidates).filter_map(|(cost, state)| Some((*cost.as_ref().ok()?, state))).collect();
         ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut found: Vec<(f64, State)> = Vec::new();
-        for (_, start) in ranked.into_iter().take(COARSE_FITS) {
+        for (_, start) in ranked.iter().take(COARSE_FITS) {
             let unknowns = self.free_materials();
             if let Ok(fit) =
-                self.minimise(Stage::Search, &simulation, objective, unknowns, level.clone(), start.clone(), 5)
+                self.minimise(Stage::Search, &simulation, objective, unknowns, level.clone(), (*start).clone(), 5)
             {
                 found.push((fit.cost, fit.state));
             }
         }
+        // The coarse grid may lead astray: its best points go to the full grid as they are, too.
+        found.extend(ranked.iter().take(FULL_GRID_POINTS).map(|(cost, state)| (*cost, (*state).clone())));
         if found.is_empty() {
             let reason = costs.into_iter().find_map(Result::err).unwrap_or_default();
             return Err(IdentifyError::NoStart { starts: candidates.len(), reason });
@@ -497,7 +505,12 @@ impl Job<'_> {
         let Some(best) = ranked.first().map(|r| r.0) else {
             return Err(IdentifyError::NoStart { starts: 1, reason: "no start runs on the full grid".to_owned() });
         };
-        Ok(ranked.into_iter().filter(|(cost, _)| *cost < 2.0 * best).take(2).map(|(_, state)| state).collect())
+        Ok(ranked
+            .into_iter()
+            .filter(|(cost, _)| *cost < 3.0 * best)
+            .take(FULL_GRID_FITS)
+            .map(|(_, state)| state)
+            .collect())
     }
 
     /// Points of the grid of starts: over the whole range of each parameter, plus the start that was given.

@@ -174,7 +174,6 @@ fn every_material_is_recovered_from_ten_starts() {
 }
 
 #[test]
-#[ignore = "a minute: cargo test --release -p gic-identify --test oracle -- --ignored --nocapture"]
 fn plastic_materials_are_recovered() {
     recovers(PLASTICINE, 7, 1);
     recovers(NON_NEWTONIAN, 7, 1);
