@@ -103,7 +103,8 @@ impl Input {
                 "give at least two, better ten",
             ));
         }
-        if !(self.observations[0].time_s.abs() < 0.25 / self.frame_rate_hz) {
+        let starts_at_zero = self.observations[0].time_s.abs() < 0.25 / self.frame_rate_hz;
+        if !starts_at_zero {
             return Err(IdentifyError::input("frames", "the first is not at time 0", "subtract its time from all"));
         }
         for (f, pair) in self.observations.windows(2).enumerate() {

@@ -97,14 +97,14 @@ pub(crate) fn minimise(
         let mut improved = false;
         while lambda < 1e6 {
             // Two dampings at once: the second core would idle otherwise.
-            let trials: Vec<Option<(State, f64, Motion, f64, f64)>> = [lambda, lambda * 30.0]
+            let trials: Vec<Option<Trial>> = [lambda, lambda * 30.0]
                 .into_par_iter()
                 .map(|damping| try_step(problem, &fit.state, &normal, damping))
                 .collect();
             fit.motions += trials.len();
-            let best = trials.into_iter().flatten().min_by(|a, b| a.1.total_cmp(&b.1));
+            let best = trials.into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost));
             match best {
-                Some((state, cost, moved, damping, size)) if cost < fit.cost => {
+                Some(Trial { state, cost, motion: moved, damping, size }) if cost < fit.cost => {
                     let gain = (fit.cost - cost) / fit.cost.max(f64::MIN_POSITIVE);
                     (fit.state, fit.cost, motion) = (state, cost, moved);
                     lambda = if damping > lambda { damping } else { (lambda * 0.1).max(1e-6) };
@@ -129,8 +129,17 @@ pub(crate) fn minimise(
     Ok(fit)
 }
 
-/// State, cost, motion, damping and size (in difference steps) of a damped step that could be simulated.
-fn try_step(problem: &Problem, state: &State, normal: &Normal, damping: f64) -> Option<(State, f64, Motion, f64, f64)> {
+/// A damped step that could be simulated.
+struct Trial {
+    state: State,
+    cost: f64,
+    motion: Motion,
+    damping: f64,
+    /// Largest move of an unknown in finite-difference steps.
+    size: f64,
+}
+
+fn try_step(problem: &Problem, state: &State, normal: &Normal, damping: f64) -> Option<Trial> {
     let mut delta = normal.step(damping)?;
     // The direction is kept when one coordinate asks for more than its largest step.
     let shrink = problem.unknowns.iter().zip(delta.iter()).fold(1.0f64, |s, (unknown, d)| {
@@ -145,5 +154,5 @@ fn try_step(problem: &Problem, state: &State, normal: &Normal, damping: f64) -> 
         .fold(0.0, f64::max);
     let motion = problem.forward.motion(&moved, &problem.level).ok()?;
     let cost = problem.objective.cost(&motion, &problem.level);
-    cost.is_finite().then_some((moved, cost, motion, damping, size))
+    cost.is_finite().then_some(Trial { state: moved, cost, motion, damping, size })
 }

@@ -159,7 +159,8 @@ pub fn identify(
     if let Some(frames) = settings.frames {
         input.observations.truncate(frames.max(2));
     }
-    if !(clearance(&input, &input.positions, 0) > 0.0) {
+    let outside = clearance(&input, &input.positions, 0) > 0.0;
+    if !outside {
         return Err(IdentifyError::input(
             "colliders",
             "particles are inside an obstacle at time 0",
