@@ -84,6 +84,15 @@ fn a_scene_that_is_none_is_refused() {
 }
 
 #[test]
+fn a_run_that_is_not_finished_cannot_be_evaluated() {
+    let folder = tempfile::tempdir().unwrap();
+    let truth = Path::new(&demo()).join("gt");
+    let output = gic(&["eval", folder.path().to_str().unwrap(), "--truth", truth.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("finish the run first"), "{output:?}");
+}
+
+#[test]
 fn a_suite_without_scenes_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().to_str().unwrap();
