@@ -32,6 +32,10 @@ const COARSE: f64 = 2.0;
 /// Points of the grid of starts that are compared on the full grid.
 const FULL_GRID_POINTS: usize = 16;
 
+/// Extra pooling of the masks while the outlines may still be far apart: Gauss-Newton steps reach about as far as the pictures are
+/// blurred, and a sharp outline would let it creep.
+const BLUR: usize = 8;
+
 /// Starts from which the material is fitted on the full grid.
 const FULL_GRID_FITS: usize = 3;
 
@@ -265,14 +269,21 @@ impl Job<'_> {
         let mut best: Option<(f64, State)> = None;
         let (mut reason, tried) = (String::new(), starts.len());
         for start in starts {
-            let (unknowns, level) = (self.free_materials(), self.all_frames());
+            let (unknowns, level) = (self.free_materials(), Level { pooling: BLUR, ..self.all_frames() });
             match self.minimise(Stage::Material, &simulation, self.base_objective(), unknowns, level, start, 6) {
                 Ok(fit) if best.as_ref().is_none_or(|(cost, _)| fit.cost < *cost) => best = Some((fit.cost, fit.state)),
                 Ok(_) => {}
                 Err(error) => reason = error,
             }
         }
-        best.map(|(_, state)| state).ok_or(IdentifyError::NoStart { starts: tried, reason })
+        let (_, state) = best.ok_or(IdentifyError::NoStart { starts: tried, reason })?;
+        if !self.settings.target.masks() {
+            return Ok(state);
+        }
+        let (unknowns, level) = (self.free_materials(), Level { pooling: 2, ..self.all_frames() });
+        self.minimise(Stage::Material, &simulation, self.base_objective(), unknowns, level, state, 3)
+            .map(|fit| fit.state)
+            .map_err(|reason| IdentifyError::NoStart { starts: tried, reason })
     }
 
     fn joint_unknowns(&self, launched: &Launch) -> Vec<Unknown> {
@@ -454,7 +465,7 @@ impl Job<'_> {
         let context = self.context.thinned(&coarse.ids, COARSE);
         let objective = Objective { surface_context: &context, ..self.objective(&coarse.opacities) };
         let candidates = self.candidates(&launched.state);
-        let level = Level { pooling: 2, ..self.all_frames() };
+        let level = Level { pooling: BLUR, ..self.all_frames() };
         let costs: Vec<Result<f64, String>> = candidates
             .par_iter()
             .map(|state| simulation.motion(state, &level).map(|motion| objective.cost(&motion, &level)))
@@ -493,7 +504,8 @@ impl Job<'_> {
         if distinct.len() == 1 {
             return Ok(distinct);
         }
-        let (simulation, level) = (self.simulation(launched.free), self.all_frames());
+        let level = Level { pooling: BLUR, ..self.all_frames() };
+        let simulation = self.simulation(launched.free);
         let objective = self.base_objective();
         let mut ranked: Vec<(f64, State)> = distinct
             .into_par_iter()
