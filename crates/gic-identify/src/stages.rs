@@ -32,6 +32,10 @@ const COARSE: f64 = 2.0;
 /// Points of the grid of starts that are compared on the full grid.
 const FULL_GRID_POINTS: usize = 16;
 
+/// Iterations from each start, and from the best of them.
+const SHORT_FIT: usize = 3;
+const LONG_FIT: usize = 5;
+
 /// Extra pooling of the masks while the outlines may still be far apart: Gauss-Newton steps reach about as far as the pictures are
 /// blurred, and a sharp outline would let it creep.
 const BLUR: usize = 8;
@@ -266,24 +270,31 @@ impl Job<'_> {
                 .map_err(|reason| IdentifyError::NoStart { starts: 1, reason });
         }
         let simulation = self.simulation(launched.free);
+        let level = Level { pooling: BLUR, ..self.all_frames() };
+        let fit = |start: State, iterations: usize| {
+            let (unknowns, level) = (self.free_materials(), level.clone());
+            self.minimise(Stage::Material, &simulation, self.base_objective(), unknowns, level, start, iterations)
+        };
+        // A few steps from each start tell which basin is worth the rest.
         let mut best: Option<(f64, State)> = None;
         let (mut reason, tried) = (String::new(), starts.len());
         for start in starts {
-            let (unknowns, level) = (self.free_materials(), Level { pooling: BLUR, ..self.all_frames() });
-            match self.minimise(Stage::Material, &simulation, self.base_objective(), unknowns, level, start, 6) {
+            match fit(start, SHORT_FIT) {
                 Ok(fit) if best.as_ref().is_none_or(|(cost, _)| fit.cost < *cost) => best = Some((fit.cost, fit.state)),
                 Ok(_) => {}
                 Err(error) => reason = error,
             }
         }
-        let (_, state) = best.ok_or(IdentifyError::NoStart { starts: tried, reason })?;
+        let failed = |reason: String| IdentifyError::NoStart { starts: tried, reason };
+        let (_, state) = best.ok_or_else(|| failed(reason))?;
+        let state = fit(state, LONG_FIT).map_err(failed)?.state;
         if !self.settings.target.masks() {
             return Ok(state);
         }
         let (unknowns, level) = (self.free_materials(), Level { pooling: 2, ..self.all_frames() });
         self.minimise(Stage::Material, &simulation, self.base_objective(), unknowns, level, state, 3)
             .map(|fit| fit.state)
-            .map_err(|reason| IdentifyError::NoStart { starts: tried, reason })
+            .map_err(failed)
     }
 
     fn joint_unknowns(&self, launched: &Launch) -> Vec<Unknown> {
