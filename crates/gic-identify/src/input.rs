@@ -37,7 +37,8 @@ pub struct Input {
     pub opacities: Vec<f32>,
     /// Standard deviation of each particle's Gaussian [m], shape [n].
     pub scales: Vec<f32>,
-    /// Whether a particle lies on the surface at time 0, shape [n].
+    /// Whether a particle lies on the surface at time 0, shape [n]. Comparing surfaces decides this anew in every frame, because matter
+    /// that folds or spreads changes it; the flag only travels with the continuum.
     pub on_surface: Vec<bool>,
     /// Cameras of the views.
     pub cameras: Vec<Camera>,
