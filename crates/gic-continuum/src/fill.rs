@@ -27,6 +27,11 @@ const MIN_GAUSSIANS: usize = 8;
 /// A Gaussian is outside a mask where the coverage at its centre is below this.
 const OUTSIDE: f32 = 0.05;
 
+/// A Gaussian with fewer others within [`REACH`] voxels of the last level is a fleck.
+const NEIGHBOURS: usize = 2;
+/// See [`NEIGHBOURS`].
+const REACH: usize = 2;
+
 /// The density field of one frame, and what it was made from.
 #[derive(Clone, Debug)]
 pub struct Filling {
@@ -74,6 +79,14 @@ impl Filling {
 pub fn fill(gaussians: &Gaussians, views: &[MaskedView], settings: &FillSettings) -> Result<Filling, ContinuumError> {
     settings.validate()?;
     let usable = usable_gaussians(gaussians, views, settings)?;
+    let usable = drop_isolated(&usable, &initialize_field(&usable, settings)?);
+    if usable.positions.len() < MIN_GAUSSIANS {
+        return Err(ContinuumError::TooFewGaussians {
+            total: gaussians.positions.len(),
+            kept: usable.positions.len(),
+            needed: MIN_GAUSSIANS,
+        });
+    }
     let scale = median_scale(&usable);
     let evidence = Evidence::gather(views, Some((&usable, scale)))?;
     let grid = initialize_field(&usable, settings)?;
@@ -118,8 +131,40 @@ fn usable_gaussians(
     if kept.len() < MIN_GAUSSIANS {
         return Err(ContinuumError::TooFewGaussians { total, kept: kept.len(), needed: MIN_GAUSSIANS });
     }
+    Ok(select(gaussians, &kept))
+}
+
+/// Without the Gaussians that have fewer than [`NEIGHBOURS`] others in the voxels around them. A fleck that hovers inside the
+/// hull agrees with every image, since each view that could call it empty draws the fleck itself; but matter has neighbours.
+fn drop_isolated(gaussians: &Gaussians, grid: &DensityField) -> Gaussians {
+    let voxels: Vec<Option<usize>> = gaussians
+        .positions
+        .iter()
+        .map(|p| grid.discretize(DVec3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2]))))
+        .collect();
+    let mut held = vec![0usize; grid.len()];
+    for &i in voxels.iter().flatten() {
+        held[i] += 1;
+    }
+    let around = |index: usize| -> usize {
+        let [x, y, z] = grid.voxel(index);
+        let range = |c: usize, n: usize| c.saturating_sub(REACH)..(c + REACH + 1).min(n);
+        range(z, grid.size[2])
+            .map(|z| {
+                let row = |y| range(x, grid.size[0]).map(|x| held[grid.index(x, y, z)]).sum::<usize>();
+                range(y, grid.size[1]).map(row).sum::<usize>()
+            })
+            .sum()
+    };
+    let kept: Vec<usize> =
+        (0..voxels.len()).into_par_iter().filter(|&i| voxels[i].is_some_and(|v| around(v) > NEIGHBOURS)).collect();
+    select(gaussians, &kept)
+}
+
+/// Some of the Gaussians, without their colours.
+fn select(gaussians: &Gaussians, kept: &[usize]) -> Gaussians {
     let pick = |v: &Vec<[f32; 3]>| kept.iter().map(|&i| v[i]).collect();
-    Ok(Gaussians {
+    Gaussians {
         positions: pick(&gaussians.positions),
         opacities: kept.iter().map(|&i| gaussians.opacities[i]).collect(),
         shape: match &gaussians.shape {
@@ -131,7 +176,7 @@ fn usable_gaussians(
         // Only alpha and depth are drawn: one colour coefficient each is enough.
         sh_degree: 0,
         sh: vec![[0.0; 3]; kept.len()],
-    })
+    }
 }
 
 /// Standard deviation of a Gaussian [m]; of an anisotropic one the geometric mean.

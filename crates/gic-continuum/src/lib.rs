@@ -17,7 +17,7 @@ pub use error::ContinuumError;
 pub use export::{ExportError, write_mesh_ply, write_msh, write_obj, write_particles_ply, write_stl};
 pub use field::{DensityField, MAX_VOXELS};
 pub use fill::{Filling, fill};
-pub use informed::{Agreement, Appearance, agreement, calibrate, compare_with_masks, informed_gaussians};
+pub use informed::{Agreement, Appearance, Drawing, agreement, calibrate, compare_with_masks, informed_gaussians};
 pub use particles::{Particles, Placement, sample_particles};
 pub use settings::{FillSettings, GroundPlane, Unseen};
 pub use surface::{SurfacePoint, TriangleMesh};

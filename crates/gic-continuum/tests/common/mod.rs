@@ -70,10 +70,35 @@ pub fn plates() -> Body {
     }
 }
 
+/// A flat pile on the ground y = 0: a cap of 0.22 m radius and 0.06 m height, 31 degrees steep at its rim.
+pub fn pile() -> Body {
+    const HEIGHT: f64 = 0.06;
+    const RIM: f64 = 0.22;
+    const BALL: f64 = (RIM * RIM + HEIGHT * HEIGHT) / (2.0 * HEIGHT);
+    use std::f64::consts::PI;
+    Body {
+        name: "pile",
+        distance: |p| ((p - DVec3::Y * (HEIGHT - BALL)).length() - BALL).max(-p.y),
+        volume: PI * HEIGHT * HEIGHT * (BALL - HEIGHT / 3.0),
+        area: PI * (2.0 * BALL * HEIGHT + RIM * RIM),
+        size: 2.0 * RIM,
+    }
+}
+
 /// Cameras on all sides, at several heights, looking at the origin.
 pub fn cameras() -> Vec<Camera> {
+    cameras_at(&[-0.9, -0.35, 0.05, 0.45, 1.0])
+}
+
+/// Cameras that all look down on the origin, 35 to 75 degrees steep.
+pub fn cameras_above() -> Vec<Camera> {
+    cameras_at(&[0.6, 0.95, 1.3])
+}
+
+/// Four cameras at each elevation [radians], a metre from the origin.
+fn cameras_at(elevations: &[f64]) -> Vec<Camera> {
     let mut cameras = Vec::new();
-    for (ring, elevation) in [-0.9f64, -0.35, 0.05, 0.45, 1.0].into_iter().enumerate() {
+    for (ring, elevation) in elevations.iter().enumerate() {
         for k in 0..4 {
             let azimuth = (k as f64 + 0.37 * ring as f64) * std::f64::consts::FRAC_PI_2;
             let centre = DVec3::new(azimuth.cos() * elevation.cos(), elevation.sin(), azimuth.sin() * elevation.cos());
@@ -85,14 +110,14 @@ pub fn cameras() -> Vec<Camera> {
                 focal: DVec2::splat(220.0),
                 principal: DVec2::splat(80.0),
                 rotation: DMat3::from_cols(right, forward.cross(right), forward),
-                centre: centre * 1.0,
+                centre,
             });
         }
     }
     cameras
 }
 
-/// Antialiased coverage of the body in a camera's image: 3x3 rays a pixel, by sphere tracing.
+/// Antialiased coverage of the body in a camera's image: 3x3 rays for a pixel at whose corners not all rays agree.
 pub fn mask(body: &Body, camera: &Camera) -> Vec<f32> {
     let hits = |pixel: DVec2| {
         let direction = (camera.unproject(pixel, 1.0) - camera.centre).normalize();
@@ -106,9 +131,18 @@ pub fn mask(body: &Body, camera: &Camera) -> Vec<f32> {
         }
         false
     };
-    (0..camera.width * camera.height)
+    let (w, h) = (camera.width, camera.height);
+    let corners: Vec<bool> =
+        (0..(w + 1) * (h + 1)).map(|i| hits(DVec2::new((i % (w + 1)) as f64, (i / (w + 1)) as f64))).collect();
+    (0..w * h)
         .map(|i| {
-            let corner = DVec2::new((i % camera.width) as f64, (i / camera.width) as f64);
+            let (x, y) = (i % w, i / w);
+            let first = y * (w + 1) + x;
+            let around = [first, first + 1, first + w + 1, first + w + 2].map(|k| corners[k]);
+            if around.iter().all(|&c| c == around[0]) {
+                return f32::from(u8::from(around[0]));
+            }
+            let corner = DVec2::new(x as f64, y as f64);
             let sub = (0..9).filter(|k| hits(corner + (DVec2::new((k % 3) as f64, (k / 3) as f64) + 0.5) / 3.0));
             sub.count() as f32 / 9.0
         })
