@@ -17,10 +17,9 @@ use crate::config::UnseenChoice;
 use crate::error::{Error, Result};
 use crate::matter::{read_particles, write_particles};
 
-/// Particles across the object's largest side at least, where no spacing is asked for: 0.01 m for 0.35 m.
-const PARTICLES_ACROSS: f64 = 35.0;
-/// Particles at least, where no spacing is asked for: what an object with thin parts needs beside the former.
-const LEAST_PARTICLES: f64 = 5500.0;
+/// Grid cells along the side of a cube with the object's volume, before rounding: 0.02 m cells for the paper's objects, whose
+/// boxes are 0.3 to 0.45 m. The volume says it better than the box, which depends on the object's orientation.
+const CELLS_ACROSS: f64 = 8.0;
 /// Opacity of a particle of density 1; the scale is then fitted to the masks.
 const OPACITY: f32 = 0.9;
 
@@ -149,9 +148,9 @@ impl Run<'_> {
         atomic::write_json(&self.path("fill.json"), &summary)
     }
 
-    /// Distance of neighbouring particles [m] for an object of a largest side [m], filled at the first frame.
+    /// Distance of neighbouring particles [m]: two a grid cell along each axis, for the object as filled at the first frame.
     fn particle_spacing(&self, size: f64, filling: &Filling) -> f64 {
-        let spacing = (size / PARTICLES_ACROSS).min((filling.volume() / LEAST_PARTICLES).cbrt());
+        let spacing = 0.5 * round_length(filling.volume().cbrt() / CELLS_ACROSS);
         let voxels = 1e3 * filling.field.spacing;
         let text = format!("object {size:.3} m, finest voxels {voxels:.2} mm, particles {:.2} mm apart", 1e3 * spacing);
         self.events.note(Stage::Fill.name(), text);
@@ -291,4 +290,25 @@ pub(crate) fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T
         format: "a stage's result",
         source: source.into(),
     })
+}
+
+/// The nearest of the round numbers ... 0.01, 0.02, 0.05, 0.1 ... [m], by ratio. Grid nodes lie on multiples of the spacing, and
+/// grounds are put at round heights, so a round spacing puts the plane on nodes.
+fn round_length(length: f64) -> f64 {
+    let decade = 10f64.powf(length.log10().floor());
+    let distance = |candidate: &f64| (candidate / length).ln().abs();
+    let candidates = [1.0, 2.0, 5.0, 10.0].map(|m| m * decade);
+    candidates.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(length)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_round_by_ratio() {
+        for (length, round) in [(0.0221, 0.02), (0.0259, 0.02), (0.0163, 0.02), (0.034, 0.05), (0.0075, 0.01), (1.2, 1.0)] {
+            assert!((round_length(length) / round - 1.0).abs() < 1e-12, "{length} to {}", round_length(length));
+        }
+    }
 }

@@ -149,8 +149,7 @@ impl Run<'_> {
             });
         };
         let particles = &continuum.particles;
-        let spacing = particles.volume.cbrt();
-        let grid_spacing_m = config.grid_spacing_m.unwrap_or(2.0 * spacing);
+        let grid_spacing_m = config.grid_spacing_m.unwrap_or(2.0 * particles.spacing);
         let wanted = REFERENCE_GRID_M / grid_spacing_m / (frame_rate_hz * REFERENCE_SUBSTEP_S);
         let substeps_per_frame = config.substeps_per_frame.unwrap_or(wanted.ceil() as usize);
         let gravity = config.gravity_m_s2.map(Into::into).or(self.scene.world.gravity);
