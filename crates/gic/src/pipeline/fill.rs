@@ -307,7 +307,9 @@ mod tests {
 
     #[test]
     fn lengths_round_by_ratio() {
-        for (length, round) in [(0.0221, 0.02), (0.0259, 0.02), (0.0163, 0.02), (0.034, 0.05), (0.0075, 0.01), (1.2, 1.0)] {
+        for (length, round) in
+            [(0.0221, 0.02), (0.0259, 0.02), (0.0163, 0.02), (0.034, 0.05), (0.0075, 0.01), (1.2, 1.0)]
+        {
             assert!((round_length(length) / round - 1.0).abs() < 1e-12, "{length} to {}", round_length(length));
         }
     }

@@ -151,7 +151,7 @@ impl Run<'_> {
         let particles = &continuum.particles;
         let grid_spacing_m = config.grid_spacing_m.unwrap_or(2.0 * particles.spacing);
         let wanted = REFERENCE_GRID_M / grid_spacing_m / (frame_rate_hz * REFERENCE_SUBSTEP_S);
-        let substeps_per_frame = config.substeps_per_frame.unwrap_or(wanted.ceil() as usize);
+        let substeps_per_frame = config.substeps_per_frame.unwrap_or((wanted * (1.0 - 1e-9)).ceil() as usize);
         let gravity = config.gravity_m_s2.map(Into::into).or(self.scene.world.gravity);
         let scale = (continuum.appearance.scale * particles.spacing) as f32;
         self.events.note(
