@@ -46,7 +46,9 @@ pub struct FillSettings {
     pub min_opacity: f32,
     /// How far the centres of the Gaussians lie below the true surface, in units of their median standard deviation. What
     /// `gic-motion` trains has its centres about 2 standard deviations down: the alpha of overlapping Gaussians at an outline
-    /// falls to one half there, and the emptiest of several noisy depth maps takes away a little more.
+    /// falls to one half there, and the emptiest of several noisy depth maps takes away a little more. A constant, because
+    /// silhouettes cannot tell it better: the inset at which the re-rendered area equals the masks' depends on the scale the
+    /// particles are drawn with, and errs in volume by as much, in opposite directions for solid bodies and rings.
     pub depth_inset: f64,
     /// How many views must see in front of the surface at a point before it counts as empty for certain. A point that fewer
     /// views (but at least one) call empty is left to the density field: a hole between Gaussians in one view does not dig a tunnel.
