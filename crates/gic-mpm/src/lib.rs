@@ -19,6 +19,8 @@ mod scene;
 mod simulator;
 mod state;
 mod stencil;
+#[cfg(test)]
+mod substep_tests;
 mod validate;
 mod world;
 
