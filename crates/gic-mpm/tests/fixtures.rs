@@ -322,7 +322,20 @@ fn sand_gradient() {
         ("friction_alpha", raw("friction_alpha"), found.material[0] / slope),
     ];
     assert_gradient(&fixture, &parameters, &["mu", "lambda"], found);
-    assert_single_velocities(&fixture, found, 3);
+}
+
+/// Undeformed sand is at the tip of its yield surface: stiff against compression, without stress in tension. One particle's velocity
+/// compresses some neighbours and loosens others, so the two one-sided derivatives differ and no adjoint is right: there is nothing to
+/// compare (at this particle, gic's adjoint and the reference's differ most).
+#[test]
+#[ignore = "ten seconds; run with --ignored"]
+fn undeformed_sand_has_no_derivative_by_single_velocities() {
+    let fixture = sand();
+    let loss = |step: f64| fixture.loss_after(99, DVec3::Y * step);
+    let here = loss(0.0);
+    let (up, down) = ((loss(VELOCITY_STEP) - here) / VELOCITY_STEP, (here - loss(-VELOCITY_STEP)) / VELOCITY_STEP);
+    println!("one-sided derivatives: {up:.6e} upwards, {down:.6e} downwards");
+    assert!((up - down).abs() > 0.1 * up.abs());
 }
 
 #[test]
