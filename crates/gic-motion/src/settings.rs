@@ -151,7 +151,7 @@ impl Default for TrainSettings {
     fn default() -> Self {
         TrainSettings {
             held_out: Vec::new(),
-            steps: 2500,
+            steps: 1500,
             warm_up_steps: 250,
             growth_steps: 0,
             affine_steps: 40,
