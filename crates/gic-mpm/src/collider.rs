@@ -223,6 +223,12 @@ pub(crate) struct Touch {
 }
 
 impl PosedCollider<'_> {
+    /// Every point nearer than this [m] to a point of the world [m] is outside; zero or less where that may be inside itself.
+    pub(crate) fn clearance(&self, point: DVec3) -> f64 {
+        // Twice the skin: half of it for rounding.
+        self.collider.primitive.signed_distance(self.to_local * (point - self.pose.position)).0 - 2.0 * SKIN_M
+    }
+
     /// The contact of a point of the world [m], if it is inside.
     pub(crate) fn touch(&self, point: DVec3) -> Option<Touch> {
         let arm = point - self.pose.position;
@@ -263,6 +269,31 @@ mod tests {
             // Walking the distance along the normal reaches the surface from outside.
             if distance > 0.0 {
                 prop_assert!(shape.signed_distance(p - normal * distance).0.abs() < 1e-9);
+            }
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn nothing_is_touched_within_the_clearance(
+            p in proptest::array::uniform3(-1.5f64..1.5),
+            way in proptest::array::uniform3(-1.0f64..1.0),
+            shape in 0usize..5,
+        ) {
+            let motion = Motion::Uniform {
+                position_m: DVec3::new(0.1, -0.2, 0.3),
+                rotation: DQuat::from_rotation_z(0.4),
+                velocity_m_s: DVec3::X,
+                angular_velocity_rad_s: DVec3::Y,
+            };
+            let collider = Collider { primitive: shapes()[shape], motion, contact: Contact::Sticky };
+            let posed = collider.posed(0.5);
+            let (p, way) = (DVec3::from(p), DVec3::from(way));
+            let reach = posed.clearance(p);
+            if reach > 0.0 {
+                prop_assert!(posed.touch(p + way.normalize_or_zero() * reach * 0.999).is_none());
+            } else {
+                prop_assert!(posed.touch(p).is_some() || reach > -4.0 * SKIN_M);
             }
         }
     }

@@ -85,6 +85,7 @@ impl GridUpdate<'_> {
         let gate = R::splat(self.mass_gate());
         let kick = (self.gravity * self.dt).to_array().map(R::splat);
         for (row, y) in nodes.chunks_exact_mut(self.extent.size[2]).zip(0..) {
+            let mut clearance = Clearance::unknown();
             for (node, z) in row.iter_mut().zip(0..) {
                 let mass = node[3];
                 if !gate.lt(mass) {
@@ -95,7 +96,7 @@ impl GridUpdate<'_> {
                 for axis in 0..3 {
                     node[axis] = node[axis] * inverse + kick[axis];
                 }
-                if self.colliders.is_empty() {
+                if clearance.holds(self, [x, y, z]) {
                     continue;
                 }
                 let before = vector(node);
@@ -114,6 +115,7 @@ impl GridUpdate<'_> {
         let kick = (self.gravity * self.dt).to_array().map(R::splat);
         let rows = nodes.chunks_exact(self.extent.size[2]).zip(adjoints.chunks_exact_mut(self.extent.size[2]));
         for ((row, row_bar), y) in rows.zip(0..) {
+            let mut clearance = Clearance::unknown();
             for ((node, bar), z) in row.iter().zip(row_bar).zip(0..) {
                 let mass = node[3];
                 if !gate.lt(mass) {
@@ -123,7 +125,7 @@ impl GridUpdate<'_> {
                 let inverse = R::one() / mass;
                 let free = [node[0] * inverse, node[1] * inverse, node[2] * inverse];
                 let mut velocity_bar = [bar[0], bar[1], bar[2]];
-                if !self.colliders.is_empty() {
+                if !clearance.holds(self, [x, y, z]) {
                     let before = vector(&[free[0] + kick[0], free[1] + kick[1], free[2] + kick[2], mass]);
                     let after_bar = vector(bar);
                     let before_bar = collide_adjoint(&self.colliders, self.node_position(x, y, z), before, after_bar);
@@ -149,6 +151,30 @@ impl GridUpdate<'_> {
             }
         }
         velocity
+    }
+}
+
+/// How far along a row of nodes no obstacle can be met: the nearest is at least as far away as its distance from a node behind, less
+/// the way from there.
+struct Clearance {
+    /// The nodes of the row before this one are clear, from the last asked for on.
+    end: usize,
+}
+
+impl Clearance {
+    fn unknown() -> Self {
+        Self { end: 0 }
+    }
+
+    /// Whether the node is out of reach of all obstacles; to be asked in ascending order of z.
+    fn holds(&mut self, update: &GridUpdate<'_>, [x, y, z]: [usize; 3]) -> bool {
+        if z >= self.end {
+            let point = update.node_position(x, y, z);
+            let nearest = update.colliders.iter().map(|posed| posed.clearance(point)).fold(f64::INFINITY, f64::min);
+            // Casting saturates: no obstacle, no end; within an obstacle, none.
+            self.end = z.saturating_add((nearest / update.spacing).ceil() as usize);
+        }
+        z < self.end
     }
 }
 

@@ -5,6 +5,7 @@
 
 use core::arch::x86_64::*;
 
+use crate::Call;
 use crate::packed::Vector;
 use crate::polynomial::{self, Bits, SQRT_HALF};
 
@@ -119,6 +120,15 @@ impl Vector for __m256 {
     #[inline(always)]
     fn bits(mask: Self) -> u32 {
         unsafe { _mm256_movemask_ps(mask) as u32 }
+    }
+    #[inline(always)]
+    fn outlined<C: Call>(call: C) -> C::Output {
+        #[inline(never)]
+        #[target_feature(enable = "avx2,fma")]
+        fn outlined<C: Call>(call: C) -> C::Output {
+            call.run()
+        }
+        unsafe { outlined(call) }
     }
     #[inline(always)]
     unsafe fn quad(from: *const f32) -> Self {

@@ -5,6 +5,7 @@
 
 use core::arch::x86_64::*;
 
+use crate::Call;
 use crate::packed::Vector;
 use crate::polynomial::{self, Bits, SQRT_HALF};
 
@@ -129,6 +130,15 @@ impl Vector for __m512 {
     #[inline(always)]
     fn bits(mask: __mmask16) -> u32 {
         u32::from(mask)
+    }
+    #[inline(always)]
+    fn outlined<C: Call>(call: C) -> C::Output {
+        #[inline(never)]
+        #[target_feature(enable = "avx2,fma,avx512f")]
+        fn outlined<C: Call>(call: C) -> C::Output {
+            call.run()
+        }
+        unsafe { outlined(call) }
     }
     #[inline(always)]
     unsafe fn quad(from: *const f32) -> Self {

@@ -31,6 +31,6 @@ mod avx512;
 #[cfg(target_arch = "aarch64")]
 mod neon;
 
-pub use lanes::{Lanes, MAX_LANES};
+pub use lanes::{Call, Lanes, MAX_LANES};
 pub use level::{Kernel, Level, LevelError, dispatch, oracle};
 pub use real::{Real, Scalar};

@@ -5,6 +5,7 @@
 
 use core::arch::aarch64::*;
 
+use crate::Call;
 use crate::packed::Vector;
 use crate::polynomial::{self, Bits, SQRT_HALF};
 
@@ -120,6 +121,15 @@ impl Vector for float32x4_t {
             let weights = vld1q_u32([1, 2, 4, 8].as_ptr());
             vaddvq_u32(vandq_u32(mask, weights))
         }
+    }
+    #[inline(always)]
+    fn outlined<C: Call>(call: C) -> C::Output {
+        #[inline(never)]
+        #[target_feature(enable = "neon")]
+        fn outlined<C: Call>(call: C) -> C::Output {
+            call.run()
+        }
+        unsafe { outlined(call) }
     }
     #[inline(always)]
     unsafe fn quad(from: *const f32) -> Self {

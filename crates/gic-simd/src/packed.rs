@@ -2,7 +2,7 @@
 
 use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
-use crate::{Lanes, MAX_LANES, Real, Scalar};
+use crate::{Call, Lanes, MAX_LANES, Real, Scalar};
 
 /// What a vector type must be able to do; see [`Real`] and [`Lanes`] for what each means.
 pub(crate) trait Vector: Copy + Send + Sync + core::fmt::Debug + 'static {
@@ -39,6 +39,7 @@ pub(crate) trait Vector: Copy + Send + Sync + core::fmt::Debug + 'static {
     fn not(a: Self::Mask) -> Self::Mask;
     fn bits(mask: Self::Mask) -> u32;
 
+    fn outlined<C: Call>(call: C) -> C::Output;
     unsafe fn quad(from: *const Self::Scalar) -> Self;
     unsafe fn spread(from: *const Self::Scalar) -> Self;
     unsafe fn strided_quads(from: *const Self::Scalar, stride: usize) -> Self;
@@ -192,6 +193,10 @@ impl<V: Vector> Lanes for Packed<V> {
     type Scalar = V::Scalar;
     const GROUPS: usize = V::LANES / 4;
 
+    #[inline(always)]
+    fn outlined<C: Call>(call: C) -> C::Output {
+        V::outlined(call)
+    }
     #[inline(always)]
     fn of(value: V::Scalar) -> Self {
         Packed(V::of(value))

@@ -1,7 +1,7 @@
 //! Four plain numbers as a vector: the level without SIMD, and the f64 oracle.
 
-use crate::Scalar;
 use crate::packed::Vector;
+use crate::{Call, Scalar};
 
 #[inline(always)]
 fn zip<T: Copy, U: Copy + Default>(a: [T; 4], b: [T; 4], f: impl Fn(T, T) -> U) -> [U; 4] {
@@ -126,6 +126,10 @@ impl<T: Scalar> Vector for [T; 4] {
     #[inline(always)]
     fn bits(mask: [bool; 4]) -> u32 {
         (0..4).fold(0, |bits, i| bits | (u32::from(mask[i]) << i))
+    }
+    #[inline(never)]
+    fn outlined<C: Call>(call: C) -> C::Output {
+        call.run()
     }
     #[inline(always)]
     unsafe fn quad(from: *const T) -> Self {

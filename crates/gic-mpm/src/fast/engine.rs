@@ -1,5 +1,7 @@
 //! Segments: sort, cut into chunks, run the passes and the grid updates, forward and backward.
 
+use std::sync::Mutex;
+
 use gic_simd::{Kernel, Level, Scalar, dispatch, oracle};
 use rayon::prelude::*;
 
@@ -42,7 +44,14 @@ pub(crate) struct FastEngine<T> {
     level: Level,
     /// Whether a segment may use several threads; the result is the same.
     parallel: bool,
-    number: core::marker::PhantomData<T>,
+    /// The tape buffers of the last segment, for the next: fresh memory costs more than what is written to it.
+    spare: Mutex<Vec<Buffers<T>>>,
+}
+
+/// The large buffers of a [`Tape`].
+struct Buffers<T> {
+    states: Vec<Vec<Block<T>>>,
+    momenta: Vec<Node<T>>,
 }
 
 /// A segment for the reverse pass.
@@ -51,7 +60,7 @@ pub(crate) struct Tape<T> {
     extent: GridBox,
     chunks: Vec<Chunk<T>>,
     /// Momenta and masses of the grid, for each substep.
-    momenta: Vec<Vec<Node<T>>>,
+    momenta: Vec<Node<T>>,
 }
 
 /// Chunks on a grid, at the start of a segment.
@@ -69,7 +78,7 @@ enum Outcome {
 
 impl<T: Machine> FastEngine<T> {
     pub(crate) fn new(level: Level, parallel: bool) -> Self {
-        Self { level, parallel, number: core::marker::PhantomData }
+        Self { level, parallel, spare: Mutex::new(Vec::new()) }
     }
 
     /// Runs a segment from `state`, whatever room it needs.
@@ -82,13 +91,33 @@ impl<T: Machine> FastEngine<T> {
     ) -> Result<(Tape<T>, Vec<Impulse>), Violation> {
         let mut pad = PAD_CELLS;
         loop {
-            let layout = Layout::new(scene, state, segment, pad, record)?;
+            let layout = Layout::new(scene, state, segment, pad)?;
             let mut impulses = vec![Impulse::default(); scene.colliders.len()];
             let mut tape = Tape { segment, extent: layout.extent, chunks: layout.chunks, momenta: Vec::new() };
+            if record {
+                self.lend_buffers(&mut tape);
+            }
             match self.attempt(scene, &mut tape, state, &mut impulses, record)? {
                 Outcome::Done => return Ok((tape, impulses)),
                 Outcome::Escaped => pad *= 2.0,
             }
+        }
+    }
+
+    /// Makes a tape ready to record.
+    fn lend_buffers(&self, tape: &mut Tape<T>) {
+        let spare = self.spare.lock().ok().and_then(|mut spare| spare.pop());
+        let Buffers { states, mut momenta } =
+            spare.unwrap_or_else(|| Buffers { states: Vec::new(), momenta: Vec::new() });
+        momenta.clear();
+        momenta.reserve(tape.segment.substeps * tape.extent.nodes());
+        tape.momenta = momenta;
+        let mut states = states.into_iter();
+        for chunk in &mut tape.chunks {
+            let mut blocks = states.next().unwrap_or_default();
+            blocks.clear();
+            blocks.reserve(chunk.blocks.len() * (tape.segment.substeps + 1));
+            chunk.tape = Some(blocks);
         }
     }
 
@@ -120,7 +149,7 @@ impl<T: Machine> FastEngine<T> {
             if scatter {
                 self.sum_slabs(&tape.chunks, tape.extent, &mut grid);
                 if record {
-                    tape.momenta.push(grid.clone());
+                    tape.momenta.extend_from_slice(&grid);
                 }
                 let update = scene.grid_update(tape.extent, segment.time(i), segment.dt);
                 self.update_grid(&update, &mut grid, impulses);
@@ -213,14 +242,16 @@ impl<T: Machine> Engine for FastEngine<T> {
         for chunk in &mut tape.chunks {
             chunk.blocks = Block::gather(adjoint, &chunk.order);
         }
-        let mut grid_bar = vec![[T::zero(); 4]; tape.extent.nodes()];
+        let nodes = tape.extent.nodes();
+        let mut grid_bar = vec![[T::zero(); 4]; nodes];
+        let mut velocities = grid_bar.clone();
         for i in (0..substeps).rev() {
             // The states of a chunk before and after the substep.
             let before = |c: usize, blocks: usize| &states[c][i * blocks..(i + 1) * blocks];
             let after = |c: usize, blocks: usize| &states[c][(i + 1) * blocks..(i + 2) * blocks];
             let update = scene.grid_update(tape.extent, tape.segment.time(i), dt);
-            let momenta = &tape.momenta[i];
-            let mut velocities = momenta.clone();
+            let momenta = &tape.momenta[i * nodes..(i + 1) * nodes];
+            velocities.copy_from_slice(momenta);
             self.update_grid(&update, &mut velocities, &mut vec![Impulse::default(); scene.colliders.len()]);
             self.for_chunks(&mut tape.chunks, |c, chunk| {
                 let n = chunk.blocks.len();
@@ -245,6 +276,9 @@ impl<T: Machine> Engine for FastEngine<T> {
             Block::scatter(&chunk.blocks, &chunk.order, adjoint);
             bars[chunk.body] += chunk.bars;
         }
+        if let Ok(mut spare) = self.spare.lock() {
+            spare.push(Buffers { states, momenta: tape.momenta });
+        }
     }
 
     fn tape_bytes(&self, particles: usize, substeps: usize) -> usize {
@@ -266,7 +300,7 @@ impl Flags {
 
 impl<T: Machine> Layout<T> {
     /// Sorts the particles of each body by cell and cuts them into chunks, on a grid with room for a segment.
-    fn new(scene: &Scene, state: &State<T>, segment: Segment, pad: f64, record: bool) -> Result<Self, Violation> {
+    fn new(scene: &Scene, state: &State<T>, segment: Segment, pad: f64) -> Result<Self, Violation> {
         let horizon = segment.dt * segment.substeps as f64;
         let extent = scene.extent(state, horizon, pad)?;
         let inverse = 1.0 / scene.spacing;
@@ -287,7 +321,7 @@ impl<T: Machine> Layout<T> {
                 chunks.push(Chunk {
                     body,
                     order: order.to_vec(),
-                    tape: record.then(|| Vec::with_capacity(blocks.len() * (segment.substeps + 1))),
+                    tape: None,
                     blocks,
                     window,
                     first_node,

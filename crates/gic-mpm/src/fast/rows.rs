@@ -12,7 +12,7 @@ use core::array;
 use gic_simd::{Lanes, Scalar};
 
 use super::block::BLOCK;
-use crate::mat3::each;
+use crate::mat3::Mat3;
 use crate::stencil;
 
 /// Four numbers per particle, for up to 16 particles, as [`Lanes::transpose`] leaves them. The end is padding: rows are read past a
@@ -138,7 +138,7 @@ impl<T: Scalar> Stencils<T> {
             *base = clamped.to_f64() as usize;
         }
 
-        let [wx, wy, wz] = each(offset, |offset| stencil::weights(offset));
+        let [wx, wy, wz] = [stencil::weights(offset[0]), stencil::weights(offset[1]), stencil::weights(offset[2])];
         for i in 0..3 {
             let node = L::splat(i as f64);
             wx[i].store(&mut self.wx[i]);
@@ -157,7 +157,7 @@ impl<T: Scalar> Stencils<T> {
     /// Computes what [`gather_slopes`] needs beside.
     #[inline(always)]
     pub(super) fn set_slopes<L: Lanes<Scalar = T>>(&mut self, offset: [L; 3]) {
-        let [sx, sy, sz] = each(offset, |offset| stencil::slopes(offset));
+        let [sx, sy, sz] = [stencil::slopes(offset[0]), stencil::slopes(offset[1]), stencil::slopes(offset[2])];
         for i in 0..3 {
             sx[i].store(&mut self.sx[i]);
             sy[i].store(&mut self.sy[i]);
@@ -179,13 +179,7 @@ impl<T: Scalar> Gift<T> {
 
     /// The gift `(vector + matrix d, fourth)`, with d the node's offset from the particle in units of dx.
     #[inline(always)]
-    pub(super) fn set<L: Lanes<Scalar = T>>(
-        &mut self,
-        vector: [L; 3],
-        matrix: &crate::mat3::Mat3<L>,
-        fourth: L,
-        offset: [L; 3],
-    ) {
+    pub(super) fn set<L: Lanes<Scalar = T>>(&mut self, vector: [L; 3], matrix: &Mat3<L>, fourth: L, offset: [L; 3]) {
         let back = matrix.times_vec(offset);
         self.base.set([vector[0] - back[0], vector[1] - back[1], vector[2] - back[2], fourth]);
         for axis in 0..3 {
@@ -199,8 +193,10 @@ impl<T: Scalar> Gift<T> {
         // SAFETY: a quad has four numbers.
         unsafe {
             let base = L::quad_at(self.base.of::<L>(particle));
-            let along = each([0, 1, 2], |axis: usize| L::quad_at(self.along[axis].of::<L>(particle)));
-            (z.mul_add(along[2], base), along[0], along[1])
+            let along_x = L::quad_at(self.along[0].of::<L>(particle));
+            let along_y = L::quad_at(self.along[1].of::<L>(particle));
+            let along_z = L::quad_at(self.along[2].of::<L>(particle));
+            (z.mul_add(along_z, base), along_x, along_y)
         }
     }
 }
@@ -322,11 +318,28 @@ impl<T: Scalar> Received<T> {
         L::transpose(rows)
     }
 
-    /// The sum of the four numbers of a quad.
+    /// The matrix whose columns are the first three numbers of quads 1, 2, 3.
     #[inline(always)]
-    pub(super) fn sum<L: Lanes<Scalar = T>>(&self, quad: usize) -> L {
-        let [a, b, c, d] = self.lanes::<L>(quad);
-        (a + b) + (c + d)
+    pub(super) fn matrix<L: Lanes<Scalar = T>>(&self) -> Mat3<L> {
+        let mut m = Mat3::zero();
+        for j in 0..3 {
+            let column = self.lanes::<L>(1 + j);
+            for i in 0..3 {
+                m.0[3 * i + j] = column[i];
+            }
+        }
+        m
+    }
+
+    /// The sums of the four numbers of quads 0, 1, 2.
+    #[inline(always)]
+    pub(super) fn sums<L: Lanes<Scalar = T>>(&self) -> [L; 3] {
+        let mut sums = [L::zero(); 3];
+        for (quad, sum) in sums.iter_mut().enumerate() {
+            let [a, b, c, d] = self.lanes::<L>(quad);
+            *sum = (a + b) + (c + d);
+        }
+        sums
     }
 
     #[inline(always)]

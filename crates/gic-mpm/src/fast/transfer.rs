@@ -3,7 +3,7 @@
 //! Forward, a pass takes the particles from the grid of one substep to that of the next (g2p, then law and p2g) while they are in
 //! cache. Backward there are two passes, one on each side of the grid.
 
-use gic_simd::{Kernel, Lanes, Scalar};
+use gic_simd::{Call, Kernel, Lanes, Scalar};
 
 use super::block::{BLOCK, Block};
 use super::rows::{Gift, Pending, Received, Stencils, Window, gather, gather_slopes, scatter};
@@ -73,7 +73,10 @@ impl Step<'_> {
     #[inline(always)]
     fn law<L: Lanes>(&self, c: &Mat3<L>, f: &Mat3<L>) -> Updated<L> {
         let (dt, coefficients, rules) = (L::splat(self.dt), &self.body.coefficients, self.rules);
-        with_law!(self.body.material, AnyLaw => AnyLaw::<L>::new(coefficients, rules).update(dt, c, f))
+        with_law!(self.body.material, AnyLaw => {
+            let call = Update { law: AnyLaw::<L>::new(coefficients, rules), dt, c, f };
+            if <AnyLaw<L> as Law<L>>::LONG { L::outlined(call) } else { call.run() }
+        })
     }
 
     /// The adjoint of the law over lanes.
@@ -81,7 +84,8 @@ impl Step<'_> {
     fn law_adjoint<L: Lanes>(&self, c: &Mat3<L>, f: &Mat3<L>, f_bar: &Mat3<L>, tau_bar: &Mat3<L>) -> LawAdjoint<L> {
         let (dt, coefficients, rules) = (L::splat(self.dt), &self.body.coefficients, self.rules);
         with_law!(self.body.material, AnyLaw => {
-            AnyLaw::<L>::new(coefficients, rules).update_adjoint(dt, c, f, f_bar, tau_bar)
+            let call = UpdateAdjoint { law: AnyLaw::<L>::new(coefficients, rules), dt, c, f, f_bar, tau_bar };
+            if <AnyLaw<L> as Law<L>>::LONG { L::outlined(call) } else { call.run() }
         })
     }
 
@@ -91,6 +95,42 @@ impl Step<'_> {
         let mass = L::splat(self.body.mass);
         let affine = (*c * L::splat(self.inertia_factor())).add_scaled(L::splat(self.stress_factor()), tau);
         (each(velocity, |v| v * mass), affine)
+    }
+}
+
+/// A call of [`Law::update`].
+struct Update<'a, L, A> {
+    law: A,
+    dt: L,
+    c: &'a Mat3<L>,
+    f: &'a Mat3<L>,
+}
+
+impl<L: Lanes, A: Law<L>> Call for Update<'_, L, A> {
+    type Output = Updated<L>;
+
+    #[inline(always)]
+    fn run(self) -> Updated<L> {
+        self.law.update(self.dt, self.c, self.f)
+    }
+}
+
+/// A call of [`Law::update_adjoint`].
+struct UpdateAdjoint<'a, L, A> {
+    law: A,
+    dt: L,
+    c: &'a Mat3<L>,
+    f: &'a Mat3<L>,
+    f_bar: &'a Mat3<L>,
+    tau_bar: &'a Mat3<L>,
+}
+
+impl<L: Lanes, A: Law<L>> Call for UpdateAdjoint<'_, L, A> {
+    type Output = LawAdjoint<L>;
+
+    #[inline(always)]
+    fn run(self) -> LawAdjoint<L> {
+        self.law.update_adjoint(self.dt, self.c, self.f, self.f_bar, self.tau_bar)
     }
 }
 
@@ -178,8 +218,7 @@ impl<T: Scalar> Forward<'_, T> {
         let velocity = [vx, vy, vz];
         let dt = L::splat(self.step.dt);
         let apic = L::splat(self.step.apic_factor());
-        let columns = each([1, 2, 3], |quad: usize| received.lanes::<L>(quad));
-        let affine = Mat3::from_fn(|i, j| columns[j][i] * apic);
+        let affine = received.matrix::<L>() * apic;
         block.set_position(at, each([0, 1, 2], |i: usize| dt.mul_add(velocity[i], position[i])));
         block.set_velocity(at, velocity);
         block.set_affine(at, &affine);
@@ -257,7 +296,7 @@ impl<T: Scalar> Kernel<T> for G2pAdjoint<'_, T> {
                 }
                 // The offsets depend on x too, and sum w v_i is the new velocity.
                 let through_offset = affine_bar.transpose().times_vec(self.after[b].velocity(at));
-                let by_slope = each([0, 1, 2], |axis: usize| received_slopes.sum::<L>(axis));
+                let by_slope = received_slopes.sums::<L>();
                 let position_bar =
                     each([0, 1, 2], |i: usize| inverse_dx.mul_add(by_slope[i] - through_offset[i], position_bar[i]));
                 adjoint.set_position(at, position_bar);
@@ -325,47 +364,49 @@ impl<T: Scalar> Pack<'_, T> {
         let mass = L::splat(self.step.body.mass);
         let (velocity, c, f) =
             (self.before.velocity::<L>(at), self.before.affine::<L>(at), self.before.deformation::<L>(at));
-        let tau = self.step.law(&c, &f).tau;
-        let (momentum, affine) = self.step.momenta(velocity, &c, &tau);
 
         let (offset, _) = stencils.set(self.before.position::<L>(at), inverse_dx, window);
+        // SAFETY: as the caller says.
+        unsafe { gather::<L>(stencils, grid_bar, window, received) };
+        let [px, py, pz, mass_bar] = received.lanes::<L>(0);
+        let momentum_bar = [px, py, pz];
+        let affine_bar = received.matrix::<L>();
+        let law_bar = self.step.law_adjoint(&c, &f, &adjoint.deformation(at), &(affine_bar * stress));
+        adjoint.set_affine(at, &law_bar.c.add_scaled(inertia, &affine_bar));
+        adjoint.set_deformation(at, &law_bar.f);
+        adjoint.set_velocity(at, each(momentum_bar, |b| b * mass));
+
+        // The weights depend on x, and the offsets do.
+        let (momentum, affine) = self.step.momenta(velocity, &c, &law_bar.tau);
         stencils.set_slopes(offset);
         gift.set(momentum, &affine, mass, offset);
         // SAFETY: as the caller says.
-        unsafe {
-            gather::<L>(stencils, grid_bar, window, received);
-            gather_slopes::<L>(stencils, gift, grid_bar, window, received_slopes);
-        }
-        let [px, py, pz, mass_bar] = received.lanes::<L>(0);
-        let momentum_bar = [px, py, pz];
-        let columns = each([1, 2, 3], |quad: usize| received.lanes::<L>(quad));
-        let affine_bar = Mat3::from_fn(|i, j| columns[j][i]);
-
+        unsafe { gather_slopes::<L>(stencils, gift, grid_bar, window, received_slopes) };
         let through_offset = affine.transpose().times_vec(momentum_bar);
-        let by_slope = each([0, 1, 2], |axis: usize| received_slopes.sum::<L>(axis));
+        let by_slope = received_slopes.sums::<L>();
         let position_bar = adjoint.position::<L>(at);
         let position_bar =
             each([0, 1, 2], |i: usize| inverse_dx.mul_add(by_slope[i] - through_offset[i], position_bar[i]));
         adjoint.set_position(at, position_bar);
-        adjoint.set_velocity(at, each(momentum_bar, |b| b * mass));
 
-        let law_bar = self.step.law_adjoint(&c, &f, &adjoint.deformation(at), &(affine_bar * stress));
-        adjoint.set_affine(at, &law_bar.c.add_scaled(inertia, &affine_bar));
-        adjoint.set_deformation(at, &law_bar.f);
-
-        let through_inertia = L::splat(self.step.spacing) * affine_bar.double_dot(&c);
-        let by_velocity = px * velocity[0] + py * velocity[1] + pz * velocity[2];
         // Lanes beyond the count repeat a particle that has already been counted.
         let real = L::lane_index().lt(L::splat(self.count as f64));
-        let sum = |value: L| L::select(real, value, L::zero()).sum_lanes();
         let mut coefficients = [0.0; MAX_COEFFICIENTS];
         for (total, bar) in coefficients.iter_mut().zip(law_bar.coefficients) {
-            *total = sum(bar);
+            *total = sum_where(real, bar);
         }
+        let through_inertia = L::splat(self.step.spacing) * affine_bar.double_dot(&c);
+        let by_velocity = px * velocity[0] + py * velocity[1] + pz * velocity[2];
         BodyBars {
             coefficients,
-            mass: sum(mass_bar + by_velocity + through_inertia),
-            volume: sum(stress * affine_bar.double_dot(&tau)) / self.step.body.volume,
+            mass: sum_where(real, mass_bar + by_velocity + through_inertia),
+            volume: sum_where(real, stress * affine_bar.double_dot(&law_bar.tau)) / self.step.body.volume,
         }
     }
+}
+
+/// Sum over the lanes where `mask` is set, in f64.
+#[inline(always)]
+fn sum_where<L: Lanes>(mask: L::Mask, value: L) -> f64 {
+    L::select(mask, value, L::zero()).sum_lanes()
 }

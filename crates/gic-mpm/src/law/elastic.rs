@@ -15,7 +15,17 @@ pub(crate) struct Elastic<R> {
     lambda: R,
 }
 
+impl<R: Real> Elastic<R> {
+    /// tau, from F F^T and ln J.
+    #[inline(always)]
+    fn stress(&self, left: &Mat3<R>, log: R) -> Mat3<R> {
+        (*left * self.mu).add_diagonal(self.lambda * log - self.mu)
+    }
+}
+
 impl<R: Real> Law<R> for Elastic<R> {
+    const LONG: bool = false;
+
     #[inline(always)]
     fn new(coefficients: &Coefficients, _rules: Rules) -> Self {
         Elastic { mu: R::splat(coefficients.0[0]), lambda: R::splat(coefficients.0[1]) }
@@ -25,9 +35,7 @@ impl<R: Real> Law<R> for Elastic<R> {
     fn update(&self, dt: R, c: &Mat3<R>, f: &Mat3<R>) -> Updated<R> {
         let f = trial(dt, c, f);
         let j = f.det().max(R::splat(MIN_J));
-        let pressure_term = self.lambda * j.ln() - self.mu;
-        let tau = (f.times_transposed(&f) * self.mu).add_diagonal(pressure_term);
-        Updated { f, tau }
+        Updated { f, tau: self.stress(&f.times_transposed(&f), j.ln()) }
     }
 
     #[inline(always)]
@@ -43,9 +51,11 @@ impl<R: Real> Law<R> for Elastic<R> {
         let f_new_bar = (*f_new_bar + shear).add_scaled(log_bar, &f_new.cofactor());
 
         let (c_bar, f_bar) = trial_adjoint(dt, c, f, &f_new_bar);
+        let (left, log) = (f_new.times_transposed(&f_new), j.ln());
         let mut coefficients = [R::zero(); MAX_COEFFICIENTS];
-        coefficients[0] = f_new.times_transposed(&f_new).double_dot(tau_bar) - trace_bar;
-        coefficients[1] = j.ln() * trace_bar;
-        LawAdjoint { c: c_bar, f: f_bar, coefficients }
+        coefficients[0] = left.double_dot(tau_bar) - trace_bar;
+        coefficients[1] = log * trace_bar;
+        let tau = self.stress(&left, log);
+        LawAdjoint { c: c_bar, f: f_bar, coefficients, tau }
     }
 }

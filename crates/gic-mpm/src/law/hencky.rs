@@ -210,7 +210,7 @@ impl<R: Real> Plastic<R> {
         let mean_shift = (returned.trace - trace) * third;
         let shorten = returned.scale - R::one();
         let shift = each(deviator, |e| shorten.mul_add(e, mean_shift));
-        let shrink = each(shift, |e| e.exp());
+        let shrink = [shift[0].exp(), shift[1].exp(), shift[2].exp()];
         Plastic {
             returned,
             log: each(deviator, |e| returned.scale.mul_add(e, returned.trace * third)),
@@ -237,6 +237,13 @@ impl<R: Real> Plastic<R> {
 }
 
 impl<R: Real, M: ReturnMap<R>> Hencky<R, M> {
+    #[inline(always)]
+    fn stress(&self, principal: &Principal<R>, plastic: &Plastic<R>) -> Mat3<R> {
+        let pressure_term = self.lambda * plastic.returned.trace;
+        let two_mu = self.mu + self.mu;
+        principal.eigen.compose(each(plastic.log, |e| two_mu.mul_add(e, pressure_term)))
+    }
+
     /// The adjoint on the diagonal: derivatives with respect to the eigenvalues of B, and to the coefficients.
     #[inline(always)]
     fn diagonal_adjoint(
@@ -267,13 +274,14 @@ impl<R: Real, M: ReturnMap<R>> Hencky<R, M> {
         let all_bar = map.strain.trace - (sum(shift_bar) + sum(deviator_bar)) * third;
         let square_bar = map.strain.mean_square_stretch * third;
 
-        let eigenvalue_bar = each([0, 1, 2], |i: usize| {
+        let mut eigenvalue_bar = [R::zero(); 3];
+        for i in 0..3 {
             // d log / d lambda = 1 / (2 lambda), d square / d lambda = 1; where raised, only d raise / d lambda = -raise / (2 lambda).
             let half_recip = principal.stretch_recip[i] * principal.stretch_recip[i] * R::splat(0.5);
             let free = (deviator_bar[i] + all_bar).mul_add(half_recip, square_bar);
             let raised = -(stretch_bar[i] * plastic.shrink[i] * principal.raise[i] * half_recip);
-            R::select(principal.is_raised(i), raised, free)
-        });
+            eigenvalue_bar[i] = R::select(principal.is_raised(i), raised, free);
+        }
         let mut coefficients = map.coefficients;
         let log = plastic.log;
         coefficients[0] += dot(tau_bar, each(log, |e| e + e));
@@ -283,6 +291,8 @@ impl<R: Real, M: ReturnMap<R>> Hencky<R, M> {
 }
 
 impl<R: Real, M: ReturnMap<R>> Law<R> for Hencky<R, M> {
+    const LONG: bool = true;
+
     #[inline(always)]
     fn new(coefficients: &Coefficients, rules: Rules) -> Self {
         Hencky {
@@ -297,9 +307,7 @@ impl<R: Real, M: ReturnMap<R>> Law<R> for Hencky<R, M> {
         let f_trial = trial(dt, c, f);
         let principal = Principal::of(&f_trial);
         let plastic = Plastic::of(&principal, self.map.project(dt, &principal.strain));
-        let pressure_term = self.lambda * plastic.returned.trace;
-        let two_mu = self.mu + self.mu;
-        let tau = principal.eigen.compose(each(plastic.log, |e| two_mu.mul_add(e, pressure_term)));
+        let tau = self.stress(&principal, &plastic);
         // As an addition: where the return map does nothing, the rounding of Q cannot touch F.
         let f = f_trial + principal.eigen.compose(plastic.stretch).times(&f_trial);
         Updated { f, tau }
@@ -340,7 +348,7 @@ impl<R: Real, M: ReturnMap<R>> Law<R> for Hencky<R, M> {
         let f_trial_bar =
             *f_new_bar + eigen.compose(plastic.stretch).times(f_new_bar) + (b_bar + b_bar).times(&f_trial);
         let (c_bar, f_bar) = trial_adjoint(dt, c, f, &f_trial_bar);
-        LawAdjoint { c: c_bar, f: f_bar, coefficients }
+        LawAdjoint { c: c_bar, f: f_bar, coefficients, tau: self.stress(&principal, &plastic) }
     }
 }
 

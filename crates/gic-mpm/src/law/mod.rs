@@ -61,12 +61,17 @@ pub(crate) struct LawAdjoint<R> {
     pub(crate) f: Mat3<R>,
     /// With respect to the coefficients, per lane, in the order of [`Coefficients`]; those that the law does not have are zero.
     pub(crate) coefficients: [R; MAX_COEFFICIENTS],
+    /// The Kirchhoff stress [Pa] of [`Law::update`], which is computed on the way.
+    pub(crate) tau: Mat3<R>,
 }
 
 /// A constitutive law over lanes of particles of one material.
 ///
 /// All methods are branch-free and `#[inline(always)]`, so that they take the instruction set of the kernel they are called from.
 pub(crate) trait Law<R: Real>: Copy + Send + Sync {
+    /// Whether its code is long enough to be worth a function of its own (see [`gic_simd::Lanes::outlined`]).
+    const LONG: bool;
+
     /// Prepares the law. The coefficients are assumed valid (`Material::validate`).
     fn new(coefficients: &Coefficients, rules: Rules) -> Self;
 

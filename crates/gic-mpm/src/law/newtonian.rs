@@ -43,7 +43,17 @@ impl<R: Real> Volume<R> {
     }
 }
 
+impl<R: Real> Newtonian<R> {
+    /// tau, from the strain rate (C + C^T) / 2, J and J^-6.
+    #[inline(always)]
+    fn stress(&self, rate: &Mat3<R>, j: R, j6_recip: R) -> Mat3<R> {
+        (*rate * (self.mu * j)).add_diagonal(self.kappa * (j - j6_recip))
+    }
+}
+
 impl<R: Real> Law<R> for Newtonian<R> {
+    const LONG: bool = false;
+
     #[inline(always)]
     fn new(coefficients: &Coefficients, _rules: Rules) -> Self {
         let [mu, lambda, ..] = coefficients.0;
@@ -53,7 +63,7 @@ impl<R: Real> Law<R> for Newtonian<R> {
     #[inline(always)]
     fn update(&self, dt: R, c: &Mat3<R>, f: &Mat3<R>) -> Updated<R> {
         let Volume { j, j6_recip, .. } = Volume::of(dt, c, f.at(0, 0));
-        let tau = (c.symmetric_part() * (self.mu * j)).add_diagonal(self.kappa * (j - j6_recip));
+        let tau = self.stress(&c.symmetric_part(), j, j6_recip);
         Updated { f: Mat3::diagonal([j, R::one(), R::one()]), tau }
     }
 
@@ -62,7 +72,8 @@ impl<R: Real> Law<R> for Newtonian<R> {
         let old = f.at(0, 0);
         let Volume { growth, free, j, j6_recip } = Volume::of(dt, c, old);
         let trace_bar = tau_bar.trace();
-        let shear_bar = c.symmetric_part().double_dot(tau_bar);
+        let rate = c.symmetric_part();
+        let shear_bar = rate.double_dot(tau_bar);
 
         let pressure_slope = self.kappa * (R::splat(6.0) * j6_recip / j + R::one());
         let j_bar = pressure_slope.mul_add(trace_bar, self.mu.mul_add(shear_bar, f_new_bar.at(0, 0)));
@@ -74,6 +85,7 @@ impl<R: Real> Law<R> for Newtonian<R> {
         coefficients[0] = (kappa_bar * R::splat(2.0 / 3.0)) + j * shear_bar;
         coefficients[1] = kappa_bar;
         let z = R::zero();
-        LawAdjoint { c: c_bar, f: Mat3([j_bar * growth, z, z, z, z, z, z, z, z]), coefficients }
+        let tau = self.stress(&rate, j, j6_recip);
+        LawAdjoint { c: c_bar, f: Mat3([j_bar * growth, z, z, z, z, z, z, z, z]), coefficients, tau }
     }
 }
