@@ -7,10 +7,11 @@
 
 mod common;
 
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
-use gic_identify::{Input, MaterialKind, Optimizer, Settings, Target, identify};
+use gic_identify::{Checkpoint, Event, Input, MaterialKind, Optimizer, Settings, Target, identify};
 use glam::DVec3;
 
 fn main() {
@@ -38,11 +39,14 @@ fn main() {
     let settings = Settings { target, optimizer, ..Settings::default() };
     let kind = MaterialKind::of(&truth.material);
     let clock = Instant::now();
-    let found = identify(&input, kind, &settings, &mut |s| {
-        eprintln!(
-            "{:?} {} {:.4e} {:.5?} {:.4} {} {:.0}s",
-            s.stage, s.iteration, s.objective, s.values, s.velocity_m_s, s.rollouts, s.seconds
-        );
+    let found = identify(&input, kind, &settings, Checkpoint::default(), &mut |event| {
+        if let Event::Step(s) = event {
+            eprintln!(
+                "{:?} {} {:.4e} {:.5?} {:.4} {} {:.0}s",
+                s.stage, s.iteration, s.objective, s.values, s.velocity_m_s, s.rollouts, s.seconds
+            );
+        }
+        ControlFlow::Continue(())
     })
     .expect("identified");
     println!(

@@ -1,7 +1,7 @@
 //! Does the input belong together, and does the model explain it?
 
-use crate::levenberg::Fit;
 use crate::loss::frame_loss;
+use crate::objective::Motion;
 use crate::silhouette::{MaskView, Splats, alpha};
 use crate::stages::Job;
 use crate::velocity::Launch;
@@ -57,15 +57,15 @@ pub(crate) fn wrong_cameras(input: &Input, target: Target, warnings: &mut Vec<St
 }
 
 /// Warns where the frames after contact are explained much worse than those before: the material or an obstacle is another.
-pub(crate) fn explained(job: &Job, launched: &Launch, fit: &Fit) {
+pub(crate) fn explained(job: &Job, launched: &Launch, motion: &Motion) {
     let misfit: Vec<(f64, f64)> = job
         .data
         .moments
         .iter()
         .enumerate()
         .map(|(o, moment)| {
-            let splats = fit.motion.splats(o, &job.input.opacities);
-            let loss = frame_loss(moment, &job.context, splats, &fit.motion.positions[o], false);
+            let splats = motion.splats(o, &job.input.opacities);
+            let loss = frame_loss(moment, &job.context, splats, &motion.positions[o], false);
             (loss.chamfer_m, loss.mask_difference.0 / loss.mask_difference.1.max(1e-9))
         })
         .collect();

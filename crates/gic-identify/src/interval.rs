@@ -13,32 +13,52 @@ use crate::normal::{Cluster, Modality, Normal, Weights};
 /// Student's t at 97.5 % for the ten-odd clusters of a typical scene.
 const T_975: f64 = 2.2;
 
-/// Covariance of the first `unknowns` columns; the next column of each cluster belongs to a nuisance that was held fixed and whose
-/// standard deviation is `nuisance_sigma`.
+/// Frames are correlated over this share of their number.
+const FRAMES_PER_LAG: usize = 4;
+
+/// Covariance of the first `unknowns` columns, given what is `known` of them besides (an information matrix, or an empty one).
+///
+/// `nuisances` are later columns of the clusters, which were held fixed, with the standard deviation of each.
 pub(crate) fn covariance(
     clusters: &[Cluster],
     weights: Weights,
     unknowns: usize,
-    nuisance_sigma: f64,
+    known: &DMatrix<f64>,
+    nuisances: &[(usize, f64)],
 ) -> Option<DMatrix<f64>> {
     let columns = clusters.first()?.gradient.len();
     let total = Normal::sum(clusters, weights, columns);
-    let inverse = regularised_inverse(&total.hessian.view((0, 0), (unknowns, unknowns)).into_owned())?;
-    let mut middle = DMatrix::zeros(unknowns, unknowns);
-    let by_camera = |c: &Cluster| c.camera.unwrap_or(usize::MAX);
-    let by_frame = |c: &Cluster| c.observation;
-    for key in [&by_camera as &dyn Fn(&Cluster) -> usize, &by_frame] {
-        add_scatter(&mut middle, clusters, weights, unknowns, key);
+    let inverse = regularised_inverse(&with_known(&total.hessian, unknowns, known))?;
+    let mut middle = if known.is_empty() { DMatrix::zeros(unknowns, unknowns) } else { known.clone() };
+    middle += scatter(&groups(clusters, weights, unknowns, &|c| c.camera.unwrap_or(usize::MAX)), 0);
+    let frames = groups(clusters, weights, unknowns, &|c| c.observation);
+    middle += scatter(&frames, frames.len() / FRAMES_PER_LAG);
+    let mut covariance = &inverse * middle * &inverse;
+    for (column, sigma) in nuisances {
+        let cross = total.hessian.view((0, *column), (unknowns, 1)).column(0).into_owned();
+        let shift = &inverse * cross * *sigma;
+        covariance += &shift * shift.transpose();
     }
-    let shift = DVector::from_vec(response(&total.hessian, unknowns, unknowns)?) * nuisance_sigma;
-    Some(&inverse * middle * &inverse + &shift * shift.transpose())
+    Some(covariance)
 }
 
 /// How far the first `unknowns` columns move per unit of column `other`, which was held fixed: -H^-1 J^T W J_other.
-pub(crate) fn response(hessian: &DMatrix<f64>, unknowns: usize, other: usize) -> Option<Vec<f64>> {
-    let inverse = regularised_inverse(&hessian.view((0, 0), (unknowns, unknowns)).into_owned())?;
-    let cross: DVector<f64> = hessian.view((0, other), (unknowns, 1)).column(0).into_owned();
+pub(crate) fn response(
+    clusters: &[Cluster],
+    weights: Weights,
+    unknowns: usize,
+    known: &DMatrix<f64>,
+    other: usize,
+) -> Option<Vec<f64>> {
+    let total = Normal::sum(clusters, weights, clusters.first()?.gradient.len());
+    let inverse = regularised_inverse(&with_known(&total.hessian, unknowns, known))?;
+    let cross: DVector<f64> = total.hessian.view((0, other), (unknowns, 1)).column(0).into_owned();
     Some((inverse * -cross).iter().copied().collect())
+}
+
+fn with_known(hessian: &DMatrix<f64>, unknowns: usize, known: &DMatrix<f64>) -> DMatrix<f64> {
+    let own = hessian.view((0, 0), (unknowns, unknowns)).into_owned();
+    if known.is_empty() { own } else { own + known }
 }
 
 /// Half-width of the 95 % interval for a variance.
@@ -46,26 +66,38 @@ pub(crate) fn half_width(variance: f64) -> f64 {
     T_975 * variance.max(0.0).sqrt()
 }
 
-/// Adds sum_c g_c g_c^T over the groups named by `key`, with the usual small-sample factor.
-fn add_scatter(
-    middle: &mut DMatrix<f64>,
+/// The gradients of whole groups of clusters, in the order of the groups' keys.
+fn groups(
     clusters: &[Cluster],
     weights: Weights,
     unknowns: usize,
     key: &dyn Fn(&Cluster) -> usize,
-) {
+) -> Vec<DVector<f64>> {
     let mut groups = std::collections::BTreeMap::<usize, DVector<f64>>::new();
     for cluster in clusters {
         let g = cluster.gradient.rows(0, unknowns) * weights.of(cluster.modality);
         *groups.entry(key(cluster)).or_insert_with(|| DVector::zeros(unknowns)) += g;
     }
+    groups.into_values().collect()
+}
+
+/// Sum of g_c g_c^T with the usual small-sample factor, plus the products of groups up to `lags` apart with Bartlett's weights
+/// (Newey and West): neighbouring frames show the same wrong shape.
+fn scatter(groups: &[DVector<f64>], lags: usize) -> DMatrix<f64> {
+    let unknowns = groups.first().map_or(0, |g| g.len());
+    let mut sum = DMatrix::zeros(unknowns, unknowns);
     if groups.len() < 2 {
-        return;
+        return sum;
+    }
+    for lag in 0..=lags {
+        let weight = 1.0 - lag as f64 / (lags + 1) as f64;
+        for (early, late) in groups.iter().zip(&groups[lag..]) {
+            let product = early * late.transpose() * weight;
+            sum += if lag == 0 { product } else { &product + product.transpose() };
+        }
     }
     let count = groups.len() as f64;
-    for g in groups.values() {
-        *middle += g * g.transpose() * (count / (count - 1.0));
-    }
+    sum * (count / (count - 1.0))
 }
 
 /// Inverse of a positive semi-definite matrix; directions without curvature get a large variance instead of none.
@@ -136,7 +168,7 @@ mod tests {
                     cluster.finish()
                 })
                 .collect();
-            let c = covariance(&clusters, Weights { mask: 1.0, surface: 1.0 }, 1, 0.0).unwrap();
+            let c = covariance(&clusters, Weights { mask: 1.0, surface: 1.0 }, 1, &DMatrix::zeros(0, 0), &[]).unwrap();
             inside += usize::from(estimate.abs() < half_width(c[(0, 0)]));
             let noise: f64 = data.iter().map(|(_, _, s, e)| (e - s * estimate).powi(2)).sum::<f64>() / 154.0;
             textbook += usize::from(estimate.abs() < 1.96 * (noise / h).sqrt());

@@ -1,20 +1,26 @@
-//! Levenberg-Marquardt on Jacobians from independent forward runs, in parallel.
+//! Levenberg-Marquardt on Jacobians from independent forward runs, in parallel, kept up to date by secants in between.
 
 use rayon::prelude::*;
 
-use crate::normal::{Cluster, Normal};
+use crate::normal::Normal;
 use crate::objective::{Motion, Problem};
 use crate::state::{State, Unknown};
+
+/// A Jacobian that was carried along from earlier states is computed anew when a step gains less than this share of what it
+/// promised.
+const TRUSTED_GAIN: f64 = 0.5;
 
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Limits {
-    /// Most Jacobians.
+    /// Most steps.
     pub iterations: usize,
     /// Converged when every unknown moves by less than this many finite-difference steps.
     pub step_tolerance: f64,
     /// Converged when the cost falls by less than this share.
     pub gain_tolerance: f64,
+    /// Whether forward runs are dear, so that Jacobians are carried along by secants rather than measured at every step.
+    pub secants: bool,
 }
 
 /// One accepted step, for traces.
@@ -30,42 +36,82 @@ pub(crate) struct Fit {
     pub state: State,
     pub cost: f64,
     pub motion: Motion,
-    /// Clusters of the last Jacobian, evaluated at the last state but one step when the last step was tiny.
-    pub clusters: Vec<Cluster>,
-    pub trace: Vec<Iterate>,
-    pub motions: usize,
-    pub converged: bool,
 }
 
-/// One perturbed motion and its step per unknown. A perturbation that fails is tried in the other direction.
-pub(crate) fn perturbed(problem: &Problem, state: &State, motion: &Motion) -> Result<(Vec<Motion>, Vec<f64>), String> {
-    let attempts: Result<Vec<(Motion, f64)>, String> = problem
-        .unknowns
-        .par_iter()
-        .with_max_len(1)
-        .map(|unknown| {
-            let step = unknown.difference_step(problem.parameters);
-            if *unknown == Unknown::Splat {
-                // Only the drawing changes: no rollout.
-                let factor = motion.splat_factor * step.exp() as f32;
-                return Ok((Motion { splat_factor: factor, ..motion.clone() }, step));
+/// How the motion changes with each unknown: one perturbed motion and its step per unknown.
+#[derive(Clone, Debug)]
+pub(crate) struct Tangents {
+    pub motions: Vec<Motion>,
+    pub steps: Vec<f64>,
+    /// Whether they belong to the present state rather than being carried along.
+    fresh: bool,
+}
+
+impl Tangents {
+    /// One forward run per unknown. A perturbation that fails is tried in the other direction.
+    pub(crate) fn measure(problem: &Problem, state: &State, motion: &Motion) -> Result<Tangents, String> {
+        let attempts: Result<Vec<(Motion, f64)>, String> = problem
+            .unknowns
+            .par_iter()
+            .with_max_len(1)
+            .map(|unknown| {
+                let step = unknown.difference_step(problem.parameters);
+                if *unknown == Unknown::Splat {
+                    // Only the drawing changes: no rollout.
+                    return Ok((motion.drawn_wider(step), step));
+                }
+                let (_, high) = unknown.limits(problem.parameters);
+                let forward = if state.get(*unknown) + step <= high { step } else { -step };
+                let run = |step: f64| {
+                    let moved = state.moved(&[*unknown], &[step], problem.parameters);
+                    problem.forward.motion(&moved, &problem.level).map(|m| (m, step))
+                };
+                run(forward).or_else(|_| run(-forward))
+            })
+            .collect();
+        let (motions, steps) = attempts?.into_iter().unzip();
+        Ok(Tangents { motions, steps, fresh: true })
+    }
+
+    /// Carries the tangents from `old` to `new`, `delta` away, and corrects them by what the step showed (Broyden's rank-one
+    /// update, on the particles' positions): an iteration then costs one forward run instead of one per unknown.
+    fn carry(&mut self, problem: &Problem, old: &Motion, new: &Motion, delta: &[f64]) {
+        // In units of the difference steps; the drawing's own unknown moves no particle.
+        let moved: Vec<f64> = (problem.unknowns.iter().zip(delta).zip(&self.steps))
+            .map(|((unknown, d), step)| if *unknown == Unknown::Splat { 0.0 } else { d / step })
+            .collect();
+        let square: f64 = moved.iter().map(|u| u * u).sum();
+        let gains: Vec<f32> = moved.iter().map(|u| if square > 0.0 { (u / square) as f32 } else { 0.0 }).collect();
+        let moved: Vec<f32> = moved.iter().map(|u| *u as f32).collect();
+        for o in 0..new.positions.len() {
+            for i in 0..new.positions[o].len() {
+                for axis in 0..3 {
+                    let (was, is) = (old.positions[o][i][axis], new.positions[o][i][axis]);
+                    let mut rest = is - was;
+                    for (motion, u) in self.motions.iter().zip(&moved) {
+                        rest -= u * (motion.positions[o][i][axis] - was);
+                    }
+                    for (motion, gain) in self.motions.iter_mut().zip(&gains) {
+                        let slot = &mut motion.positions[o][i][axis];
+                        *slot = is + (*slot - was) + gain * rest;
+                    }
+                }
             }
-            let (_, high) = unknown.limits(problem.parameters);
-            let forward = if state.get(*unknown) + step <= high { step } else { -step };
-            let run = |step: f64| {
-                let moved = state.moved(&[*unknown], &[step], problem.parameters);
-                problem.forward.motion(&moved, &problem.level).map(|m| (m, step))
-            };
-            run(forward).or_else(|_| run(-forward))
-        })
-        .collect();
-    Ok(attempts?.into_iter().unzip())
-}
-
-/// Clusters of the normal equations at `state`, whose motion is known.
-pub(crate) fn linearise(problem: &Problem, state: &State, motion: &Motion) -> Result<Vec<Cluster>, String> {
-    let (motions, steps) = perturbed(problem, state, motion)?;
-    Ok(problem.objective.clusters(motion, &motions, &steps, &problem.level))
+            for i in 0..new.scales[o].len() {
+                let (was, is) = (old.scales[o][i], new.scales[o][i]);
+                for motion in &mut self.motions {
+                    motion.scales[o][i] = (motion.scales[o][i] - was + is).max(0.1 * is);
+                }
+            }
+        }
+        for ((motion, unknown), step) in self.motions.iter_mut().zip(&problem.unknowns).zip(&self.steps) {
+            motion.splat_factor = new.splat_factor;
+            if *unknown == Unknown::Splat {
+                *motion = new.drawn_wider(*step);
+            }
+        }
+        self.fresh = false;
+    }
 }
 
 /// Minimises from `start`; fails only where the start itself cannot be simulated.
@@ -75,57 +121,63 @@ pub(crate) fn minimise(
     problem: &Problem,
     start: State,
     limits: Limits,
-    accepted: &mut dyn FnMut(&Iterate),
+    accepted: &mut dyn FnMut(&Iterate) -> Result<(), String>,
 ) -> Result<Fit, String> {
-    let count = problem.unknowns.len();
-    let mut motion = problem.forward.motion(&start, &problem.level)?;
-    let mut fit = Fit {
-        cost: problem.objective.cost(&motion, &problem.level),
-        state: start,
-        motion: motion.clone(),
-        clusters: Vec::new(),
-        trace: Vec::new(),
-        motions: 1,
-        converged: false,
-    };
-    fit.trace.push(Iterate { state: fit.state.clone(), cost: fit.cost });
+    let motion = problem.forward.motion(&start, &problem.level)?;
+    let cost = problem.cost(&start, &motion);
+    let mut fit = Fit { cost, state: start, motion };
+    if limits.iterations == 0 {
+        return Ok(fit);
+    }
+    let mut tangents = Tangents::measure(problem, &fit.state, &fit.motion)?;
     let mut lambda = 1e-3;
-    for _ in 0..limits.iterations {
-        fit.clusters = linearise(problem, &fit.state, &motion)?;
-        fit.motions += count;
-        let normal = Normal::sum(&fit.clusters, problem.objective.weights, count);
-        let mut improved = false;
-        while lambda < 1e6 {
+    let mut iteration = 0;
+    while iteration < limits.iterations {
+        let normal = problem.normal(&problem.clusters(&fit.motion, &tangents), &fit.state);
+        let step = loop {
             // Two dampings at once: the second core would idle otherwise.
             let trials: Vec<Option<Trial>> = [lambda, lambda * 30.0]
                 .into_par_iter()
                 .map(|damping| try_step(problem, &fit.state, &normal, damping))
                 .collect();
-            fit.motions += trials.len();
             let best = trials.into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost));
             match best {
-                Some(Trial { state, cost, motion: moved, damping, size }) if cost < fit.cost => {
-                    let gain = (fit.cost - cost) / fit.cost.max(f64::MIN_POSITIVE);
-                    (fit.state, fit.cost, motion) = (state, cost, moved);
-                    lambda = if damping > lambda { damping } else { (lambda * 0.1).max(1e-6) };
-                    improved = true;
-                    fit.converged = size < limits.step_tolerance || gain < limits.gain_tolerance;
-                    let iterate = Iterate { state: fit.state.clone(), cost };
-                    accepted(&iterate);
-                    fit.trace.push(iterate);
-                    break;
-                }
+                Some(trial) if trial.cost < fit.cost => break Some(trial),
+                // The direction itself may be stale.
+                _ if !tangents.fresh => break None,
                 _ => lambda *= 900.0,
             }
+            if lambda >= 1e6 {
+                return Ok(fit);
+            }
+        };
+        let Some(Trial { state, cost, motion, damping, delta, promised }) = step else {
+            tangents = Tangents::measure(problem, &fit.state, &fit.motion)?;
+            continue;
+        };
+        iteration += 1;
+        let gain = fit.cost - cost;
+        let share = gain / fit.cost.max(f64::MIN_POSITIVE);
+        let size = problem
+            .unknowns
+            .iter()
+            .zip(&delta)
+            .map(|(u, d)| d.abs() / u.difference_step(problem.parameters))
+            .fold(0.0, f64::max);
+        lambda = if damping > lambda { damping } else { (lambda * 0.1).max(1e-6) };
+        accepted(&Iterate { state: state.clone(), cost })?;
+        let trusted = tangents.fresh || gain >= TRUSTED_GAIN * promised;
+        if limits.secants {
+            tangents.carry(problem, &fit.motion, &motion, &delta);
         }
-        if !improved {
-            fit.converged = true;
-        }
-        if fit.converged {
+        (fit.state, fit.cost, fit.motion) = (state, cost, motion);
+        if size < limits.step_tolerance || share < limits.gain_tolerance {
             break;
         }
+        if iteration < limits.iterations && !(limits.secants && trusted) {
+            tangents = Tangents::measure(problem, &fit.state, &fit.motion)?;
+        }
     }
-    fit.motion = motion;
     Ok(fit)
 }
 
@@ -135,24 +187,23 @@ struct Trial {
     cost: f64,
     motion: Motion,
     damping: f64,
-    /// Largest move of an unknown in finite-difference steps.
-    size: f64,
+    /// Where the limits let it end.
+    delta: Vec<f64>,
+    /// How much cheaper the linear model said that it would be.
+    promised: f64,
 }
 
 fn try_step(problem: &Problem, state: &State, normal: &Normal, damping: f64) -> Option<Trial> {
-    let mut delta = normal.step(damping)?;
+    let mut step = normal.step(damping)?;
     // The direction is kept when one coordinate asks for more than its largest step.
-    let shrink = problem.unknowns.iter().zip(delta.iter()).fold(1.0f64, |s, (unknown, d)| {
+    let shrink = problem.unknowns.iter().zip(step.iter()).fold(1.0f64, |s, (unknown, d)| {
         s.min(unknown.largest_step(problem.parameters) / d.abs().max(f64::MIN_POSITIVE))
     });
-    delta *= shrink;
-    let moved = state.moved(&problem.unknowns, delta.as_slice(), problem.parameters);
-    let size = problem
-        .unknowns
-        .iter()
-        .map(|u| (moved.get(*u) - state.get(*u)).abs() / u.difference_step(problem.parameters))
-        .fold(0.0, f64::max);
+    step *= shrink;
+    let moved = state.moved(&problem.unknowns, step.as_slice(), problem.parameters);
+    let delta: Vec<f64> = problem.unknowns.iter().map(|u| moved.get(*u) - state.get(*u)).collect();
     let motion = problem.forward.motion(&moved, &problem.level).ok()?;
-    let cost = problem.objective.cost(&motion, &problem.level);
-    cost.is_finite().then_some(Trial { state: moved, cost, motion, damping, size })
+    let cost = problem.cost(&moved, &motion);
+    let promised = normal.promised(&delta);
+    cost.is_finite().then_some(Trial { state: moved, cost, motion, damping, delta, promised })
 }

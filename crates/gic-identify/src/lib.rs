@@ -1,11 +1,13 @@
 //! Material parameters from surfaces and masks, with error bars (paper section 4.3).
 
 mod adam;
+mod checkpoint;
 mod checks;
 mod coarse;
 mod data;
 mod dilution;
 mod error;
+mod finish;
 mod flight;
 mod input;
 mod interval;
@@ -16,14 +18,17 @@ mod normal;
 mod objective;
 mod parameter;
 mod result;
+mod search;
 mod settings;
 mod silhouette;
 mod simulation;
 mod stages;
 mod state;
 mod surface;
+mod vector;
 mod velocity;
 
+pub use checkpoint::{Checkpoint, Event};
 pub use error::IdentifyError;
 pub use input::{Input, Observation, View};
 pub use parameter::{MaterialKind, Parameter};

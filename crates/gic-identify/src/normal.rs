@@ -101,6 +101,12 @@ impl Normal {
         total
     }
 
+    /// How much the quadratic model falls along `delta`: -(g^T d + d^T H d / 2).
+    pub(crate) fn promised(&self, delta: &[f64]) -> f64 {
+        let d = DVector::from_column_slice(delta);
+        -(self.gradient.dot(&d) + 0.5 * (&self.hessian * &d).dot(&d))
+    }
+
     /// The damped step -(H + lambda diag H)^-1 g; `None` where the matrix is not positive definite.
     pub(crate) fn step(&self, lambda: f64) -> Option<DVector<f64>> {
         let mut damped = self.hessian.clone();

@@ -1,8 +1,10 @@
 //! Residuals of a hypothesis against the observations, and their normal equations.
 
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::data::{Data, Moment};
+use crate::levenberg::Tangents;
 use crate::normal::{Cluster, Modality, Normal, Weights};
 use crate::silhouette::{MaskView, Splats, alpha, pool};
 use crate::state::{State, Unknown};
@@ -19,6 +21,11 @@ pub(crate) struct Motion {
 }
 
 impl Motion {
+    /// The same motion with all Gaussians wider by a factor e^`step`.
+    pub(crate) fn drawn_wider(&self, step: f64) -> Motion {
+        Motion { splat_factor: self.splat_factor * step.exp() as f32, ..self.clone() }
+    }
+
     /// What is drawn at an observation.
     pub(crate) fn splats<'a>(&'a self, o: usize, opacities: &'a [f32]) -> Splats<'a> {
         Splats { opacities, scales: &self.scales[o], factor: self.splat_factor }
@@ -116,6 +123,30 @@ pub(crate) trait Forward: Sync {
     fn motion(&self, state: &State, level: &Level) -> Result<Motion, String>;
 }
 
+/// What is known of some unknowns besides the observations of the level: a Gaussian.
+#[derive(Clone, Debug)]
+pub(crate) struct Prior {
+    pub unknowns: Vec<Unknown>,
+    pub mean: DVector<f64>,
+    /// Inverse of the covariance.
+    pub information: DMatrix<f64>,
+}
+
+impl Prior {
+    fn deviation(&self, state: &State) -> DVector<f64> {
+        DVector::from_iterator(self.unknowns.len(), self.unknowns.iter().map(|u| state.get(*u))) - &self.mean
+    }
+
+    /// Its information matrix in the order of `unknowns`, zero elsewhere.
+    pub(crate) fn information_of(&self, unknowns: &[Unknown]) -> DMatrix<f64> {
+        let place = |u: &Unknown| self.unknowns.iter().position(|own| own == u);
+        DMatrix::from_fn(unknowns.len(), unknowns.len(), |i, j| match (place(&unknowns[i]), place(&unknowns[j])) {
+            (Some(a), Some(b)) => self.information[(a, b)],
+            _ => 0.0,
+        })
+    }
+}
+
 /// A forward model, the data, and what is varied.
 pub(crate) struct Problem<'a> {
     pub forward: &'a dyn Forward,
@@ -123,4 +154,36 @@ pub(crate) struct Problem<'a> {
     pub unknowns: Vec<Unknown>,
     pub parameters: &'a [crate::Parameter],
     pub level: Level,
+    pub prior: Option<&'a Prior>,
+}
+
+impl Problem<'_> {
+    /// Half the weighted sum of squares, that of the prior included.
+    pub(crate) fn cost(&self, state: &State, motion: &Motion) -> f64 {
+        let known = self.prior.map_or(0.0, |prior| {
+            let d = prior.deviation(state);
+            0.5 * (&prior.information * &d).dot(&d)
+        });
+        self.objective.cost(motion, &self.level) + known
+    }
+
+    /// Normal equations of the observations, kept apart by cluster.
+    pub(crate) fn clusters(&self, motion: &Motion, tangents: &Tangents) -> Vec<Cluster> {
+        self.objective.clusters(motion, &tangents.motions, &tangents.steps, &self.level)
+    }
+
+    /// Their sum, with the prior.
+    pub(crate) fn normal(&self, clusters: &[Cluster], state: &State) -> Normal {
+        let mut normal = Normal::sum(clusters, self.objective.weights, self.unknowns.len());
+        if let Some(prior) = self.prior {
+            normal.hessian += prior.information_of(&self.unknowns);
+            let pull = &prior.information * prior.deviation(state);
+            for (unknown, p) in prior.unknowns.iter().zip(pull.iter()) {
+                if let Some(k) = self.unknowns.iter().position(|u| u == unknown) {
+                    normal.gradient[k] += p;
+                }
+            }
+        }
+        normal
+    }
 }

@@ -2,6 +2,7 @@
 
 use gic_mpm::Material;
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::Parameter;
 
@@ -34,7 +35,7 @@ pub struct Loss {
 }
 
 /// A stage of identification.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Stage {
     /// Initial velocity from free flight.
     Velocity,
@@ -49,7 +50,7 @@ pub enum Stage {
 }
 
 /// One step of a stage, for progress, logs and curves.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Step {
     /// The stage.
     pub stage: Stage,
@@ -60,6 +61,7 @@ pub struct Step {
     /// Material parameters, in the order of `MaterialKind::parameters`.
     pub values: Vec<f64>,
     /// Initial velocity [m/s].
+    #[serde(with = "crate::vector")]
     pub velocity_m_s: DVec3,
     /// Rollouts so far.
     pub rollouts: usize,

@@ -1,6 +1,7 @@
 //! A hypothesis, and the coordinates in which it is varied.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::parameter::Parameter;
 
@@ -22,15 +23,18 @@ pub(crate) enum Unknown {
 }
 
 /// A point in the space of all unknowns.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct State {
     /// Search coordinates of the material parameters.
     pub material: Vec<f64>,
     /// Initial velocity of the centre of mass [m/s].
+    #[serde(with = "crate::vector")]
     pub velocity: DVec3,
     /// Initial angular velocity about the centre of mass [rad/s].
+    #[serde(with = "crate::vector")]
     pub angular: DVec3,
     /// Translation of all particles [m].
+    #[serde(with = "crate::vector")]
     pub offset: DVec3,
     /// Logarithm of the factor on the Gaussians' standard deviations.
     pub splat: f64,

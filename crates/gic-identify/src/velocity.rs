@@ -5,7 +5,7 @@ use glam::DVec3;
 use crate::Input;
 use crate::data::Data;
 use crate::flight::Flight;
-use crate::levenberg::{Fit, Limits, minimise};
+use crate::levenberg::{Fit, Limits, Tangents, minimise};
 use crate::normal::{Cluster, Normal};
 use crate::objective::{Level, Objective, Problem};
 use crate::state::{State, Unknown};
@@ -19,10 +19,10 @@ pub(crate) struct Launch {
     pub free: usize,
     /// Whether the data show a rotation.
     pub rotates: bool,
-    /// Normal equations of the last fit.
+    /// Normal equations at the state.
     pub clusters: Vec<Cluster>,
-    /// Number of unknowns of that fit.
-    pub unknowns: usize,
+    /// The unknowns that were fitted.
+    pub unknowns: Vec<Unknown>,
 }
 
 /// Splat size, position and velocity fitted to the frames before contact.
@@ -40,15 +40,15 @@ pub(crate) fn launch(
     let mut state = start;
     let run = |state: &mut State, unknowns: &[Unknown], end: usize, pooling: usize| -> Result<Fit, String> {
         let level = Level { first: 0, end, pooling };
-        let problem = Problem { forward: &flight, objective, unknowns: unknowns.to_vec(), parameters: &[], level };
-        let fit = minimise(
-            &problem,
-            state.clone(),
-            Limits { iterations: 10, step_tolerance: 0.1, gain_tolerance: 1e-5 },
-            &mut |_| {},
-        )?;
+        let problem = problem(&flight, objective, unknowns, level);
+        let limits = Limits { iterations: 10, step_tolerance: 0.1, gain_tolerance: 1e-5, secants: false };
+        let fit = minimise(&problem, state.clone(), limits, &mut |_| Ok(()))?;
         *state = fit.state.clone();
         Ok(fit)
+    };
+    let linearised = |fit: &Fit, unknowns: &[Unknown], end: usize| -> Result<Vec<Cluster>, String> {
+        let problem = problem(&flight, objective, unknowns, Level { first: 0, end, pooling: 1 });
+        Ok(problem.clusters(&fit.motion, &Tangents::measure(&problem, &fit.state, &fit.motion)?))
     };
     let masks = data.moments[0].views.iter().len() > 0;
     let mut all: Vec<Unknown> = (0..3).map(Unknown::Offset).collect();
@@ -81,25 +81,31 @@ pub(crate) fn launch(
     }
     all.extend(&speed);
     let mut fit = run(&mut state, &all, free.max(2), 1)?;
+    let mut clusters = linearised(&fit, &all, free.max(2))?;
     let mut rotates = false;
     if allow_rotation && !known && free >= 2 {
         let mut with_spin = all.clone();
         with_spin.extend((0..3).map(Unknown::Angular));
         let turning = run(&mut state.clone(), &with_spin, free, 1)?;
         // Rotation counts as shown when it explains a tenth of the residual and stands above its own uncertainty.
-        let normal = Normal::sum(&turning.clusters, objective.weights, with_spin.len());
-        if turning.cost < 0.9 * fit.cost && spin_significance(&normal, &turning, &with_spin, objective) > 5.0 {
-            (fit, all, rotates) = (turning, with_spin, true);
+        let spinning = linearised(&turning, &with_spin, free)?;
+        if turning.cost < 0.9 * fit.cost && spin_significance(&spinning, &turning, &with_spin, objective) > 5.0 {
+            (fit, all, clusters, rotates) = (turning, with_spin, spinning, true);
         }
     }
-    Ok(Launch { state: fit.state, free, rotates, clusters: fit.clusters, unknowns: all.len() })
+    Ok(Launch { state: fit.state, free, rotates, clusters, unknowns: all })
+}
+
+fn problem<'a>(flight: &'a Flight, objective: Objective<'a>, unknowns: &[Unknown], level: Level) -> Problem<'a> {
+    Problem { forward: flight, objective, unknowns: unknowns.to_vec(), parameters: &[], level, prior: None }
 }
 
 /// Size of the angular velocity in standard errors (clusters as independent).
-fn spin_significance(normal: &Normal, fit: &Fit, unknowns: &[Unknown], objective: Objective) -> f64 {
-    let Some(inverse) = normal.hessian.clone().try_inverse() else { return 0.0 };
+fn spin_significance(clusters: &[Cluster], fit: &Fit, unknowns: &[Unknown], objective: Objective) -> f64 {
+    let normal = Normal::sum(clusters, objective.weights, unknowns.len());
+    let Some(inverse) = normal.hessian.try_inverse() else { return 0.0 };
     let mut middle = nalgebra::DMatrix::zeros(unknowns.len(), unknowns.len());
-    for cluster in &fit.clusters {
+    for cluster in clusters {
         let g = &cluster.gradient * objective.weights.of(cluster.modality);
         middle += &g * g.transpose();
     }

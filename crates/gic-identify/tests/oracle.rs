@@ -1,9 +1,17 @@
 //! Solver without reconstruction: true particles at time 0 and true surfaces in every frame give the true parameters.
 
-use gic_identify::{Input, MaterialKind, Observation, Settings, Target, identify};
+use std::ops::ControlFlow;
+
+use gic_identify::{
+    Checkpoint, Event, Identification, IdentifyError, Input, MaterialKind, Observation, Settings, Target, identify,
+};
 use gic_mpm::{Body, Collider, Contact, Material, Motion, Options, Primitive, Stepping, World, rollout};
 use glam::{DQuat, DVec3};
 use rand::{RngExt, SeedableRng};
+
+fn run(input: &Input, kind: MaterialKind, settings: &Settings) -> Result<Identification, IdentifyError> {
+    identify(input, kind, settings, Checkpoint::default(), &mut |_| ControlFlow::Continue(()))
+}
 
 const SPACING: f64 = 0.02;
 const SUBSTEPS: usize = 60;
@@ -115,7 +123,7 @@ fn recovers(truth: Material, seed: u64, starts: u64) {
             .collect();
         let settings =
             Settings { target: Target::Surfaces, start: Some(start), resolution_check: None, ..Settings::default() };
-        let found = identify(&input, kind, &settings, &mut |_| {}).expect("identified");
+        let found = run(&input, kind, &settings).expect("identified");
         println!(
             "start {trial} {:?} -> {:?}, {} rollouts + {} coarse, {:.0} s",
             settings.start,
@@ -182,11 +190,10 @@ fn plastic_materials_are_recovered() {
 #[test]
 fn an_object_that_touches_nothing_keeps_its_velocity_only() {
     let velocity = DVec3::new(0.4, 1.5, 0.2);
-    let found = identify(
+    let found = run(
         &observed(ELASTIC, velocity, 4),
         MaterialKind::Elastic,
         &Settings { target: Target::Surfaces, ..Settings::default() },
-        &mut |_| {},
     )
     .expect("the velocity is found");
     assert!(found.velocity_m_s.distance(velocity) < 2e-3, "{:?}", found.velocity_m_s);
@@ -209,17 +216,54 @@ fn a_spin_that_the_data_show_is_estimated() {
         observation.surface = first.iter().map(|p| centre + turn * (*p - centre) + DVec3::Y * t + fall).collect();
     }
     let settings = Settings { target: Target::Surfaces, ..Settings::default() };
-    let found = identify(&input, MaterialKind::Elastic, &settings, &mut |_| {}).expect("the motion is found");
+    let found = run(&input, MaterialKind::Elastic, &settings).expect("the motion is found");
     assert!(found.angular_velocity_rad_s.distance(spin) < 0.02, "{:?}", found.angular_velocity_rad_s);
+}
+
+/// Stopped at every checkpoint and once in the middle of every stage, and taken up again through a file's text until it is done.
+#[test]
+fn an_interrupted_identification_ends_at_the_same_answer() {
+    let input = observed(NEWTONIAN, DVec3::new(0.4, -1.5, 0.2), 6);
+    let settings = Settings { target: Target::Surfaces, iterations: 3, ..Settings::default() };
+    let whole = run(&input, MaterialKind::Newtonian, &settings).expect("identified");
+    let (mut kept, mut stops) = (Checkpoint::default(), 0);
+    let pieces = loop {
+        let (mut events, mut last) = (0, kept.clone());
+        let result = identify(&input, MaterialKind::Newtonian, &settings, kept, &mut |event| {
+            events += 1;
+            if let Event::Reached(checkpoint) = event {
+                last = checkpoint.clone();
+                return ControlFlow::Break(());
+            }
+            if stops % 2 == 0 && events == 2 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        match result {
+            Err(IdentifyError::Interrupted) => stops += 1,
+            other => break other.expect("identified"),
+        }
+        assert!(stops < 30, "it never ends");
+        let text = serde_json::to_string(&last).expect("a checkpoint can be written");
+        kept = serde_json::from_str(&text).expect("and read");
+        assert_eq!(kept, last);
+    };
+    assert!(stops >= 4, "stopped {stops} times only");
+    let values = |found: &Identification| -> Vec<_> {
+        found
+            .estimates
+            .iter()
+            .map(|e| (e.value.to_bits(), e.interval_95.0.to_bits(), e.interval_95.1.to_bits()))
+            .collect()
+    };
+    assert_eq!(values(&pieces), values(&whole));
+    assert_eq!(pieces.velocity_m_s, whole.velocity_m_s);
 }
 
 #[test]
 fn bad_input_is_named() {
     let good = observed(SAND, DVec3::ZERO, 2);
     let settings = Settings { target: Target::Surfaces, ..Settings::default() };
-    let message = |input: &Input, settings: &Settings| {
-        identify(input, MaterialKind::Sand, settings, &mut |_| {}).expect_err("refused").to_string()
-    };
+    let message =
+        |input: &Input, settings: &Settings| run(input, MaterialKind::Sand, settings).expect_err("refused").to_string();
     let mut one = good.clone();
     one.observations.truncate(1);
     assert!(message(&one, &settings).contains("1 frame"));

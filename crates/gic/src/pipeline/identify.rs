@@ -1,14 +1,17 @@
 //! The stage `identify`: matter to material; writes the twin.
 
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use gic_identify::{
-    Identification, Input, Observation, Optimizer, Settings, Stage as IdentifyStage, Step, Target, View, identify,
+    Checkpoint, Event, Identification, IdentifyError, Input, Observation, Optimizer, Settings, Stage as IdentifyStage,
+    Step, Target, View, identify,
 };
 use serde::{Deserialize, Serialize};
 
 use super::fill::read_json;
+use super::stamp::Stamp;
 use super::{Continuum, Run, Stage};
 use crate::atomic;
 use crate::config::{Model, OptimizerChoice, TargetChoice};
@@ -89,21 +92,52 @@ pub struct StepRecord {
 }
 
 impl Run<'_> {
-    pub(super) fn identify(&self) -> Result<()> {
+    pub(super) fn identify(&self, stamp: &Stamp) -> Result<()> {
         let model = self.model()?;
         let continuum = self.continuum()?;
         let obstacles = self.obstacles()?;
         let input = self.identify_input(&continuum, &obstacles)?;
         let names: Vec<&str> = model.kind().parameters().iter().map(|p| p.name).collect();
         let settings = self.identify_settings();
-        let found = identify(&input, model.kind(), &settings, &mut |step| self.tell_step(&names, step))
-            .map_err(Error::stage("identification"))?;
+        let (begun, checkpoint) = (self.path("stamps/identify.begun.json"), self.path("identify.checkpoint.json"));
+        // Results of finished stages that belong to other settings or other matter must not be taken up.
+        let goes_on = Stamp::read(&begun).is_some_and(|found| found.outdated_for(stamp).is_none());
+        let resume: Checkpoint =
+            if goes_on && checkpoint.exists() { read_json(&checkpoint)? } else { Checkpoint::default() };
+        if !goes_on && checkpoint.exists() {
+            std::fs::remove_file(&checkpoint).map_err(Error::write(&checkpoint))?;
+        }
+        stamp.write(&begun)?;
+        let mut unwritten = None;
+        let found = identify(&input, model.kind(), &settings, resume, &mut |event| {
+            match event {
+                Event::Step(step) => self.tell_step(&names, step),
+                Event::Reached(state) => unwritten = atomic::write_json(&checkpoint, state).err(),
+                Event::Working => (),
+            }
+            if self.interrupt.requested() || unwritten.is_some() {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
+        });
+        let found = match (found, unwritten) {
+            (_, Some(error)) => return Err(error),
+            (Err(IdentifyError::Interrupted), None) => {
+                return Err(self.interrupted("the last finished stage of identification"));
+            }
+            (found, None) => found.map_err(Error::stage("identification"))?,
+        };
         for warning in &found.warnings {
             self.events.warn(Stage::Identify.name(), warning);
         }
         let record = record(model.name(), &found);
         atomic::write_json(&self.path("identify.json"), &record)?;
-        self.twin(&input, obstacles, &found, &record).write(&self.path("twin.json"))
+        self.twin(&input, obstacles, &found, &record).write(&self.path("twin.json"))?;
+        if checkpoint.exists() {
+            std::fs::remove_file(&checkpoint).map_err(Error::write(&checkpoint))?;
+        }
+        Ok(())
     }
 
     /// The material's model.

@@ -161,7 +161,7 @@ impl<'a> Run<'a> {
         match stage {
             Stage::Reconstruct => self.reconstruct(&stamp)?,
             Stage::Fill => self.fill()?,
-            Stage::Identify => self.identify()?,
+            Stage::Identify => self.identify(&stamp)?,
             Stage::Predict => self.predict()?,
         }
         stamp.after(meter.seconds()).write(&file)?;

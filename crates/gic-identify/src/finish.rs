@@ -1,0 +1,178 @@
+//! Intervals and checks at the estimate, and everything into one result.
+
+use std::sync::atomic::Ordering;
+
+use glam::DVec3;
+use nalgebra::DMatrix;
+
+use crate::checkpoint::Event;
+use crate::checks;
+use crate::flight::Flight;
+use crate::interval::{self, half_width};
+use crate::levenberg::Tangents;
+use crate::loss::mean_loss;
+use crate::objective::{Forward, Level, Motion, Prior, Problem};
+use crate::result::{Estimate, Identification, Loss, Stage};
+use crate::simulation::Simulation;
+use crate::stages::Job;
+use crate::state::{State, Unknown};
+use crate::velocity::Launch;
+use crate::{IdentifyError, MaterialKind, Parameter};
+
+impl Job<'_> {
+    fn material(&self, state: &State) -> gic_mpm::Material {
+        let values: Vec<f64> = self.parameters().iter().zip(&state.material).map(|(p, c)| p.value(*c)).collect();
+        self.kind.material(&values)
+    }
+
+    pub(crate) fn finish_untouched(&self, launched: &Launch) -> Identification {
+        let motion = Flight { input: self.input, data: &self.data }.motion(&launched.state, &self.all_frames());
+        let estimates = self
+            .parameters()
+            .iter()
+            .zip(&launched.state.material)
+            .map(|(p, c)| self.estimate(p, *c, None, None))
+            .collect();
+        self.result(launched, &launched.state, estimates, DVec3::NAN, motion.ok().as_ref())
+    }
+
+    /// Intervals, checks, and everything into one result.
+    pub(crate) fn finish(
+        &self,
+        launched: &Launch,
+        prior: Option<&Prior>,
+        state: &State,
+    ) -> Result<Identification, IdentifyError> {
+        let simulation = self.simulation(launched.free);
+        let mut unknowns = self.joint_unknowns(launched);
+        let count = unknowns.len();
+        unknowns.push(Unknown::Size);
+        let problem = Problem {
+            forward: &simulation,
+            objective: self.base_objective(),
+            unknowns,
+            parameters: self.parameters(),
+            level: self.joint_frames(launched, prior),
+            prior,
+        };
+        let motion = simulation.motion(state, &self.all_frames()).map_err(self.failure(1))?;
+        let (check, finer) = (self.settings.resolution_check, self.simulation(launched.free));
+        let (tangents, refined) = rayon::join(
+            || Tangents::measure(&problem, state, &motion),
+            || check.and_then(|factor| refined(finer, factor, state)),
+        );
+        self.tell(Event::Working).map_err(|_| IdentifyError::Interrupted)?;
+        let (mut covariance, mut shifts) = (None, None);
+        match tangents {
+            Ok(Tangents { mut motions, mut steps, .. }) => {
+                // A refined grid is one more direction in which the residuals move.
+                if let Some(motion) = refined {
+                    motions.push(motion);
+                    steps.push(1.0);
+                }
+                let clusters = problem.objective.clusters(&motion, &motions, &steps, &problem.level);
+                let known = prior.map_or(DMatrix::zeros(0, 0), |p| p.information_of(&problem.unknowns[..count]));
+                let mut nuisances = vec![(count, self.size_sigma())];
+                if steps.len() > count + 1 {
+                    shifts = interval::response(&clusters, self.weights, count, &known, count + 1);
+                    nuisances.push((count + 1, 1.0));
+                }
+                covariance = interval::covariance(&clusters, self.weights, count, &known, &nuisances);
+            }
+            Err(reason) => self.warn(format!("no intervals: {reason}")),
+        }
+        let place = |unknown: Unknown| problem.unknowns[..count].iter().position(|u| *u == unknown);
+        let deviation = |unknown: Unknown| {
+            let k = place(unknown)?;
+            covariance.as_ref().map(|c| half_width(c[(k, k)]))
+        };
+        let estimates = (0..self.parameters().len())
+            .map(|i| {
+                let unknown = Unknown::Material(i);
+                let shift = place(unknown).and_then(|k| shifts.as_ref().map(|s| s[k]));
+                self.estimate(&self.parameters()[i], state.material[i], deviation(unknown), shift)
+            })
+            .collect();
+        let velocity = DVec3::from_array([0, 1, 2].map(|a| deviation(Unknown::Velocity(a)).unwrap_or(0.0)));
+        checks::explained(self, launched, &motion);
+        Ok(self.result(launched, state, estimates, velocity, Some(&motion)))
+    }
+
+    /// Standard deviation of the logarithm of the continuum's size: a tenth of a particle spacing on each side.
+    fn size_sigma(&self) -> f64 {
+        let centre = self.input.centre();
+        let radius =
+            self.input.positions.iter().map(|p| p.distance(centre)).sum::<f64>() / self.input.positions.len() as f64;
+        0.1 * self.input.particle_volume_m3.cbrt() / radius
+    }
+
+    fn estimate(&self, p: &Parameter, coordinate: f64, half: Option<f64>, shift: Option<f64>) -> Estimate {
+        let value = p.value(coordinate);
+        let fixed = self.settings.fixed.iter().any(|(name, _)| name == p.name);
+        let (low, high) = p.limits();
+        let interval = match half {
+            _ if fixed => (value, value),
+            Some(half) => (p.value((coordinate - half).max(low)), p.value((coordinate + half).min(high))),
+            None => p.bounds,
+        };
+        let at_bound = !fixed && ((coordinate - low).abs() < 1e-3 || (coordinate - high).abs() < 1e-3);
+        let width = 0.5 * p.error(interval.1, interval.0).abs();
+        Estimate {
+            parameter: *p,
+            value,
+            interval_95: interval,
+            identifiable: !at_bound && width < p.widest,
+            fixed,
+            resolution_shift: shift.map(|s| p.value((coordinate + s).clamp(low, high)) - value),
+        }
+    }
+
+    /// Seconds of each stage, the time since the last checkpoint being that of the intervals.
+    fn seconds(&self) -> Vec<(Stage, f64)> {
+        let mut seconds = self.checkpoint.borrow().seconds.clone();
+        let booked: f64 = seconds.iter().map(|(_, s)| s).sum();
+        seconds.push((Stage::Intervals, self.before + self.clock.elapsed().as_secs_f64() - booked));
+        seconds
+    }
+
+    fn result(
+        &self,
+        launched: &Launch,
+        state: &State,
+        estimates: Vec<Estimate>,
+        velocity_interval_95: DVec3,
+        motion: Option<&Motion>,
+    ) -> Identification {
+        if self.kind != MaterialKind::Sand {
+            self.warn(format!(
+                "density is taken as {} kg/m^3: the video determines only the ratios of the moduli, stresses and viscosities to it",
+                self.input.density_kg_m3
+            ));
+        }
+        Identification {
+            material: self.material(state),
+            estimates,
+            velocity_m_s: state.velocity,
+            velocity_interval_95,
+            angular_velocity_rad_s: state.angular,
+            free_frames: launched.free,
+            loss: motion.map_or_else(Loss::default, |m| mean_loss(&self.data, &self.context, &self.input.opacities, m)),
+            trace: self.checkpoint.borrow().trace.clone(),
+            rollouts: self.fine.load(Ordering::Relaxed),
+            coarse_rollouts: self.coarse.load(Ordering::Relaxed),
+            seconds: self.seconds(),
+            warnings: self.warnings.borrow().clone(),
+            splat_factor: state.splat.exp(),
+            offset_m: state.offset,
+        }
+    }
+}
+
+/// The motion at `state` on a grid refined by `factor`, for the resolution check.
+fn refined(mut simulation: Simulation, factor: f64, state: &State) -> Option<Motion> {
+    let resolution = &mut simulation.resolution;
+    resolution.spacing_factor = 1.0 / factor;
+    resolution.substeps_per_frame = (resolution.substeps_per_frame as f64 * factor).ceil() as usize;
+    let level = Level { first: 0, end: simulation.data.moments.len(), pooling: 1 };
+    simulation.motion(state, &level).ok()
+}

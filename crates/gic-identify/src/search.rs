@@ -1,0 +1,164 @@
+//! The search: a grid of starts on a coarse simulation grid, judged again on the full one.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::IdentifyError;
+use crate::checkpoint::Event;
+use crate::coarse::Coarse;
+use crate::dilution::Dilution;
+use crate::objective::{Forward, Level, Objective};
+use crate::result::Stage;
+use crate::simulation::{Resolution, Simulation};
+use crate::stages::{BLUR, Job};
+use crate::state::State;
+use crate::velocity::Launch;
+
+/// Factor between the grid of the search and that of the estimate.
+const COARSE: f64 = 2.0;
+
+/// Starts that are improved on the coarse grid.
+const COARSE_FITS: usize = 3;
+
+/// Iterations of each.
+const COARSE_STEPS: usize = 5;
+
+/// Points of the grid of starts that are compared on the full grid: so many that their particles are about this many, but
+/// within limits. The fewer particles there are, the less does the coarse grid resolve, and the cheaper is the full one.
+const FULL_GRID_PARTICLES: usize = 40_000;
+const FULL_GRID_POINTS: (usize, usize) = (4, 16);
+
+/// Starts from which the material is fitted on the full grid.
+const FULL_GRID_FITS: usize = 2;
+
+/// Rollouts between two looks at whether to stop.
+const BATCH: usize = 8;
+
+impl Job<'_> {
+    /// Starting points for the full grid, best first: the cheapest points of a grid of starts, improved on the coarse grid.
+    pub(crate) fn search(&self, launched: &Launch) -> Result<Vec<State>, IdentifyError> {
+        let coarse = Coarse::new(self.input, COARSE);
+        let mut simulation = self.simulation(launched.free);
+        simulation.resolution = Resolution {
+            thinning: Some(coarse.ids.clone()),
+            spacing_factor: COARSE,
+            substeps_per_frame: (self.input.substeps_per_frame as f64 / COARSE).ceil() as usize,
+        };
+        simulation.rollouts = &self.coarse;
+        let thinned: Vec<DVec3> = coarse.ids.iter().map(|i| self.input.positions[*i]).collect();
+        let spacing = COARSE * self.input.particle_volume_m3.cbrt();
+        let dilution = Dilution::new(&thinned, &coarse.scales, spacing);
+        simulation.dilution = &dilution;
+        let context = self.context.thinned(&coarse.ids, COARSE);
+        let objective = Objective { surface_context: &context, ..self.objective(&coarse.opacities) };
+        let candidates = self.candidates(&launched.state);
+        let level = self.touched_frames(launched, BLUR);
+        let costs = self.costs(&simulation, objective, &candidates, &level)?;
+        let mut ranked: Vec<(f64, &State)> =
+            costs.iter().zip(&candidates).filter_map(|(cost, state)| Some((*cost.as_ref().ok()?, state))).collect();
+        ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut found: Vec<(f64, State)> = Vec::new();
+        for (_, start) in ranked.iter().take(COARSE_FITS) {
+            let unknowns = self.free_materials();
+            let (start, level) = ((*start).clone(), level.clone());
+            if let Ok(fit) =
+                self.minimise(Stage::Search, &simulation, objective, unknowns, level, None, start, COARSE_STEPS)
+            {
+                found.push((fit.cost, fit.state));
+            }
+            if self.stopped.get() {
+                return Err(IdentifyError::Interrupted);
+            }
+        }
+        // The coarse grid may lead astray: its best points go to the full grid as they are, too.
+        let points = (FULL_GRID_PARTICLES / self.input.positions.len()).clamp(FULL_GRID_POINTS.0, FULL_GRID_POINTS.1);
+        found.extend(ranked.iter().take(points).map(|(cost, state)| (*cost, (*state).clone())));
+        if found.is_empty() {
+            let reason = costs.into_iter().find_map(Result::err).unwrap_or_default();
+            return Err(IdentifyError::NoStart { starts: candidates.len(), reason });
+        }
+        self.rank_on_full_grid(launched, found)
+    }
+
+    /// What each of `states` costs, or why it cannot be simulated.
+    fn costs(
+        &self,
+        simulation: &Simulation,
+        objective: Objective,
+        states: &[State],
+        level: &Level,
+    ) -> Result<Vec<Result<f64, String>>, IdentifyError> {
+        let mut costs = Vec::new();
+        for batch in states.chunks(BATCH) {
+            let run = |state| simulation.motion(state, level).map(|motion| objective.cost(&motion, level));
+            costs.extend(batch.par_iter().with_max_len(1).map(run).collect::<Vec<_>>());
+            self.tell(Event::Working).map_err(|_| IdentifyError::Interrupted)?;
+        }
+        Ok(costs)
+    }
+
+    /// The coarse grid is biased: the last word between basins belongs to the full one.
+    fn rank_on_full_grid(&self, launched: &Launch, mut found: Vec<(f64, State)>) -> Result<Vec<State>, IdentifyError> {
+        found.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut distinct: Vec<State> = Vec::new();
+        for (_, state) in found {
+            let near = |other: &State| other.material.iter().zip(&state.material).all(|(a, b)| (a - b).abs() < 0.2);
+            if !distinct.iter().any(near) {
+                distinct.push(state);
+            }
+        }
+        if distinct.len() == 1 {
+            return Ok(distinct);
+        }
+        let level = self.touched_frames(launched, BLUR);
+        let simulation = self.simulation(launched.free);
+        let costs = self.costs(&simulation, self.base_objective(), &distinct, &level)?;
+        let mut ranked: Vec<(f64, State)> =
+            costs.into_iter().zip(distinct).filter_map(|(cost, state)| Some((cost.ok()?, state))).collect();
+        ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let Some(best) = ranked.first().map(|r| r.0) else {
+            return Err(IdentifyError::NoStart { starts: 1, reason: "no start runs on the full grid".to_owned() });
+        };
+        Ok(ranked
+            .into_iter()
+            .filter(|(cost, _)| *cost < 3.0 * best)
+            .take(FULL_GRID_FITS)
+            .map(|(_, state)| state)
+            .collect())
+    }
+
+    /// Points of the grid of starts: over the whole range of each parameter, plus the start that was given.
+    fn candidates(&self, from: &State) -> Vec<State> {
+        let mut list = vec![from.clone()];
+        for (i, p) in self.parameters().iter().enumerate() {
+            let fixed = self.settings.fixed.iter().find(|(name, _)| name == p.name);
+            let values: Vec<f64> = if let Some((_, value)) = fixed {
+                vec![p.coordinate(*value)]
+            } else {
+                let (low, high) = (p.coordinate(p.starts.0), p.coordinate(p.starts.1));
+                let count = p.grid;
+                (0..count).map(|k| low + (k as f64 + 0.5) / count as f64 * (high - low)).collect()
+            };
+            list = list
+                .into_iter()
+                .flat_map(|state| {
+                    values.iter().map(move |value| {
+                        let mut next = state.clone();
+                        next.material[i] = *value;
+                        next
+                    })
+                })
+                .collect();
+        }
+        if let Some(start) = &self.settings.start {
+            let mut given = from.clone();
+            for (i, p) in self.parameters().iter().enumerate() {
+                if !self.settings.fixed.iter().any(|(name, _)| name == p.name) {
+                    given.material[i] = p.coordinate(start[i]);
+                }
+            }
+            list.push(given);
+        }
+        list
+    }
+}
