@@ -2,6 +2,7 @@
 
 use gic_simd::Scalar;
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::error::SimulationError;
 use crate::grid::Impulse;
@@ -151,7 +152,7 @@ impl<'a, E: Engine> Rollout<'a, E> {
 
     /// The rate [1/s] that bounds the substep: of waves and motion across a cell, and of viscous diffusion.
     fn highest_rate(&self, body: &SceneBody, state: &State<E::Number>) -> f64 {
-        let speed = body.range.clone().map(|p| state.velocity_of(p).length()).fold(0.0, f64::max);
+        let speed = body.range.clone().map(|p| state.velocity_of(p).length_squared()).fold(0.0, f64::max).sqrt();
         // Gravity adds to the speed during the frame.
         let speed = speed + self.scene.gravity.length() * self.timing.frame_seconds;
         let diffusivity = body.material.viscous_diffusivity_m2_s(body.mass / body.volume);
@@ -174,14 +175,17 @@ impl<'a, E: Engine> Rollout<'a, E> {
 
     /// What is reported at the end of a frame.
     pub(crate) fn frame(&self, index: usize, state: &State<E::Number>, advanced: Option<&Advanced>) -> Frame {
-        let mut von_mises_pa = vec![0.0; state.len()];
-        let mut jacobian = vec![0.0; state.len()];
+        let (mut von_mises_pa, mut jacobian) = (Vec::with_capacity(state.len()), Vec::with_capacity(state.len()));
         for body in &self.scene.bodies {
-            for p in body.range.clone() {
-                let (stress, j) = self.stress(body, &in_f64(&state.affine[p]), &in_f64(&state.deformation[p]));
-                von_mises_pa[p] = stress as f32;
-                jacobian[p] = j as f32;
-            }
+            let of = |p: usize| self.stress(body, &in_f64(&state.affine[p]), &in_f64(&state.deformation[p]));
+            let particles = body.range.clone();
+            let (stress, j): (Vec<f32>, Vec<f32>) = if self.engine.is_parallel() {
+                particles.into_par_iter().map(of).unzip()
+            } else {
+                particles.map(of).unzip()
+            };
+            von_mises_pa.extend(stress);
+            jacobian.extend(j);
         }
         let contacts = match advanced {
             None => vec![ContactForce::default(); self.scene.colliders.len()],
@@ -206,7 +210,7 @@ impl<'a, E: Engine> Rollout<'a, E> {
     }
 
     /// Von Mises stress [Pa] and J of a particle.
-    fn stress(&self, body: &SceneBody, c: &Mat3<f64>, f: &Mat3<f64>) -> (f64, f64) {
+    fn stress(&self, body: &SceneBody, c: &Mat3<f64>, f: &Mat3<f64>) -> (f32, f32) {
         // The law of a substep so short that nothing moves: only the stress remains.
         let instant = 1e-12;
         let rules = self.scene.rules;
@@ -216,7 +220,8 @@ impl<'a, E: Engine> Rollout<'a, E> {
             _ => f.det(),
         };
         let deviator = tau.add_diagonal(-tau.trace() / 3.0);
-        ((1.5 * deviator.double_dot(&deviator)).sqrt() / j, j)
+        let von_mises = (1.5 * deviator.double_dot(&deviator)).sqrt() / j;
+        (von_mises as f32, j as f32)
     }
 }
 

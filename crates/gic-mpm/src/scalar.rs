@@ -68,6 +68,10 @@ impl<R: Scalar> Engine for ScalarEngine<R> {
         }
     }
 
+    fn is_parallel(&self) -> bool {
+        false
+    }
+
     fn tape_bytes(&self, particles: usize, substeps: usize) -> usize {
         State::<R>::bytes(particles) * (substeps + 1)
     }

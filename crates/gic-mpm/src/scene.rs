@@ -224,6 +224,9 @@ pub(crate) trait Engine: Sync {
     /// Turns the adjoint of a segment's end into that of its start, and adds to `bars`, one per body.
     fn reverse(&self, scene: &Scene, tape: Self::Tape, adjoint: &mut State<Self::Number>, bars: &mut [BodyBars]);
 
+    /// Whether it may use several threads.
+    fn is_parallel(&self) -> bool;
+
     /// Estimated bytes of a tape.
     fn tape_bytes(&self, particles: usize, substeps: usize) -> usize;
 }

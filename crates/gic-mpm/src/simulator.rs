@@ -207,9 +207,9 @@ impl<E: Engine + Send> Drive for Running<E> {
     }
 
     fn advance_frame(&mut self) -> Result<Frame, SimulationError> {
-        let mut state = self.state.clone();
-        let advanced = self.rollout().advance_frame(&mut state, self.index + 1, &mut |_, _| {})?;
-        self.state = state;
+        let rollout = Rollout::new(&self.engine, &self.scene, self.timing);
+        // In case of an error the state remains that of the last frame.
+        let advanced = rollout.advance_frame(&mut self.state, self.index + 1, &mut |_, _| {})?;
         self.index += 1;
         self.last = Some(advanced);
         Ok(self.frame())

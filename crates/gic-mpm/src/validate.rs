@@ -67,7 +67,9 @@ impl Body {
             return invalid(field("positions"), "[]", "must hold at least one particle");
         }
         for (particle, &position) in self.positions.iter().enumerate() {
-            finite(&field(&format!("positions[{particle}]")), position)?;
+            if !position.is_finite() {
+                finite(&field(&format!("positions[{particle}]")), position)?;
+            }
         }
         Ok(())
     }

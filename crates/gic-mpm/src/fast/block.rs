@@ -1,5 +1,7 @@
 //! Blocks of particles: 16 of them, number by number, so that lanes load what they need in one piece.
 
+use core::array;
+
 use gic_simd::{Lanes, MAX_LANES, Scalar};
 
 use crate::mat3::Mat3;
@@ -113,13 +115,6 @@ impl<T: Scalar> Block<T> {
         blocks
     }
 
-    /// The reverse of [`Self::gather`].
-    pub(super) fn scatter(blocks: &[Self], order: &[u32], state: &mut State<T>) {
-        for (slot, &particle) in order.iter().enumerate() {
-            blocks[slot / BLOCK].get_particle(slot % BLOCK, state, particle as usize);
-        }
-    }
-
     fn set_particle(&mut self, at: usize, state: &State<T>, p: usize) {
         for i in 0..3 {
             self.0[i][at] = state.position[p][i];
@@ -131,14 +126,10 @@ impl<T: Scalar> Block<T> {
         }
     }
 
-    fn get_particle(&self, at: usize, state: &mut State<T>, p: usize) {
-        for i in 0..3 {
-            state.position[p][i] = self.0[i][at];
-            state.velocity[p][i] = self.0[VELOCITY + i][at];
-        }
-        for i in 0..9 {
-            state.affine[p].0[i] = self.0[AFFINE + i][at];
-            state.deformation[p].0[i] = self.0[DEFORMATION + i][at];
-        }
+    /// x, v, C, F of a particle.
+    pub(super) fn particle(&self, at: usize) -> ([T; 3], [T; 3], Mat3<T>, Mat3<T>) {
+        let vector = |first: usize| array::from_fn(|i| self.0[first + i][at]);
+        let matrix = |first: usize| Mat3(array::from_fn(|i| self.0[first + i][at]));
+        (vector(0), vector(VELOCITY), matrix(AFFINE), matrix(DEFORMATION))
     }
 }

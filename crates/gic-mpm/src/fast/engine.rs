@@ -9,6 +9,7 @@ use super::block::{BLOCK, Block};
 use super::rows::Window;
 use super::transfer::{Chunk, Flags, Forward, G2pAdjoint, P2gAdjoint, Step};
 use crate::grid::{GridBox, GridUpdate, Impulse, Node};
+use crate::mat3::Mat3;
 use crate::scene::{BodyBars, Engine, Scene, Segment, Violation};
 use crate::state::State;
 
@@ -69,6 +70,9 @@ struct Layout<T> {
     chunks: Vec<Chunk<T>>,
 }
 
+/// Chunk and slot of a particle, and where its numbers go.
+type Particle<'a, T> = (&'a (u32, u32), &'a mut [T; 3], &'a mut [T; 3], &'a mut Mat3<T>, &'a mut Mat3<T>);
+
 /// How a segment ended.
 enum Outcome {
     Done,
@@ -91,7 +95,7 @@ impl<T: Machine> FastEngine<T> {
     ) -> Result<(Tape<T>, Vec<Impulse>), Violation> {
         let mut pad = PAD_CELLS;
         loop {
-            let layout = Layout::new(scene, state, segment, pad)?;
+            let layout = Layout::new(scene, state, segment, pad, self.parallel)?;
             let mut impulses = vec![Impulse::default(); scene.colliders.len()];
             let mut tape = Tape { segment, extent: layout.extent, chunks: layout.chunks, momenta: Vec::new() };
             if record {
@@ -141,7 +145,9 @@ impl<T: Machine> FastEngine<T> {
             let flags = tape.chunks.iter().map(|chunk| chunk.flags);
             let Flags { too_fast, escaped } = flags.fold(Flags::default(), Flags::or);
             if too_fast {
-                return Err(culprit(&tape.chunks, start, scene.spacing / segment.dt));
+                let mut state = start.clone();
+                self.put_back(&tape.chunks, &mut state);
+                return Err(culprit(&state, scene.spacing / segment.dt));
             }
             if escaped {
                 return Ok(Outcome::Escaped);
@@ -195,6 +201,28 @@ impl<T: Machine> FastEngine<T> {
         });
     }
 
+    /// Copies the chunks' particles (or adjoints) into a state (or adjoint).
+    fn put_back(&self, chunks: &[Chunk<T>], state: &mut State<T>) {
+        // By particle, not by chunk: then each thread writes a range of its own.
+        let mut places = vec![(0, 0); state.len()];
+        for (c, chunk) in chunks.iter().enumerate() {
+            for (slot, &particle) in chunk.order.iter().enumerate() {
+                places[particle as usize] = (c as u32, slot as u32);
+            }
+        }
+        let State { position, velocity, affine, deformation } = state;
+        let put = |(place, x, v, c, f): Particle<'_, T>| {
+            let (chunk, slot) = (place.0 as usize, place.1 as usize);
+            (*x, *v, *c, *f) = chunks[chunk].blocks[slot / BLOCK].particle(slot % BLOCK);
+        };
+        if self.parallel {
+            (&places, position, velocity, affine, deformation).into_par_iter().with_min_len(BLOCK).for_each(put);
+        } else {
+            let particles = places.iter().zip(position).zip(velocity).zip(affine).zip(deformation);
+            particles.for_each(|((((place, x), v), c), f)| put((place, x, v, c, f)));
+        }
+    }
+
     /// From momenta to velocities.
     fn update_grid(&self, update: &GridUpdate<'_>, grid: &mut [Node<T>], impulses: &mut [Impulse]) {
         let by_plane = self.for_planes(update.extent, grid, |x, plane| {
@@ -222,9 +250,7 @@ impl<T: Machine> Engine for FastEngine<T> {
         impulses: &mut [Impulse],
     ) -> Result<(), Violation> {
         let (tape, taken) = self.run(scene, state, segment, false)?;
-        for chunk in &tape.chunks {
-            Block::scatter(&chunk.blocks, &chunk.order, state);
-        }
+        self.put_back(&tape.chunks, state);
         for (total, impulse) in impulses.iter_mut().zip(taken) {
             *total += impulse;
         }
@@ -239,9 +265,7 @@ impl<T: Machine> Engine for FastEngine<T> {
         let Segment { dt, substeps, .. } = tape.segment;
         let states: Vec<Vec<Block<T>>> =
             tape.chunks.iter_mut().map(|chunk| chunk.tape.take().unwrap_or_default()).collect();
-        for chunk in &mut tape.chunks {
-            chunk.blocks = Block::gather(adjoint, &chunk.order);
-        }
+        self.for_chunks(&mut tape.chunks, |_, chunk| chunk.blocks = Block::gather(adjoint, &chunk.order));
         let nodes = tape.extent.nodes();
         let mut grid_bar = vec![[T::zero(); 4]; nodes];
         let mut velocities = grid_bar.clone();
@@ -272,13 +296,17 @@ impl<T: Machine> Engine for FastEngine<T> {
                 chunk.bars += bars;
             });
         }
+        self.put_back(&tape.chunks, adjoint);
         for chunk in &tape.chunks {
-            Block::scatter(&chunk.blocks, &chunk.order, adjoint);
             bars[chunk.body] += chunk.bars;
         }
         if let Ok(mut spare) = self.spare.lock() {
             spare.push(Buffers { states, momenta: tape.momenta });
         }
+    }
+
+    fn is_parallel(&self) -> bool {
+        self.parallel
     }
 
     fn tape_bytes(&self, particles: usize, substeps: usize) -> usize {
@@ -300,7 +328,7 @@ impl Flags {
 
 impl<T: Machine> Layout<T> {
     /// Sorts the particles of each body by cell and cuts them into chunks, on a grid with room for a segment.
-    fn new(scene: &Scene, state: &State<T>, segment: Segment, pad: f64) -> Result<Self, Violation> {
+    fn new(scene: &Scene, state: &State<T>, segment: Segment, pad: f64, parallel: bool) -> Result<Self, Violation> {
         let horizon = segment.dt * segment.substeps as f64;
         let extent = scene.extent(state, horizon, pad)?;
         let inverse = 1.0 / scene.spacing;
@@ -309,28 +337,33 @@ impl<T: Machine> Layout<T> {
             let at = [0, 1, 2].map(|axis| (base(p, axis) - extent.first[axis]) as usize);
             extent.index(at[0], at[1], at[2])
         };
-        let mut chunks = Vec::new();
+        let mut orders = Vec::new();
         for (body, scene_body) in scene.bodies.iter().enumerate() {
             let order = sorted(scene_body.range.clone(), cell, extent.nodes());
             let count = order.len().div_ceil(CHUNK_PARTICLES).min(MAX_CHUNKS);
             // Whole blocks, so that only the last chunk has a partial one.
             let blocks = order.len().div_ceil(BLOCK).div_ceil(count);
-            for order in order.chunks(blocks * BLOCK) {
-                let (window, first_node) = window(scene, state, order, extent, horizon, pad);
-                let blocks = Block::gather(state, order);
-                chunks.push(Chunk {
-                    body,
-                    order: order.to_vec(),
-                    tape: None,
-                    blocks,
-                    window,
-                    first_node,
-                    slab: vec![[T::zero(); 4]; window.nodes()],
-                    flags: Flags::default(),
-                    bars: BodyBars::default(),
-                });
-            }
+            orders.extend(order.chunks(blocks * BLOCK).map(|order| (body, order.to_vec())));
         }
+        let chunk = |(body, order): (usize, Vec<u32>)| {
+            let (window, first_node) = window(scene, state, &order, extent, horizon, pad);
+            Chunk {
+                body,
+                blocks: Block::gather(state, &order),
+                order,
+                window,
+                first_node,
+                slab: vec![[T::zero(); 4]; window.nodes()],
+                flags: Flags::default(),
+                tape: None,
+                bars: BodyBars::default(),
+            }
+        };
+        let chunks = if parallel {
+            orders.into_par_iter().with_max_len(1).map(chunk).collect()
+        } else {
+            orders.into_iter().map(chunk).collect()
+        };
         Ok(Self { extent, chunks })
     }
 }
@@ -376,14 +409,10 @@ fn window<T: Machine>(
 }
 
 /// The particle that broke the speed limit [m/s]; in case of doubt the fastest.
-fn culprit<T: Machine>(chunks: &[Chunk<T>], start: &State<T>, limit: f64) -> Violation {
-    let mut state = start.clone();
-    for chunk in chunks {
-        Block::scatter(&chunk.blocks, &chunk.order, &mut state);
-    }
+fn culprit<T: Machine>(state: &State<T>, limit: f64) -> Violation {
     let slow_enough = |p: &usize| state.velocity_of(*p).length() <= limit;
     let speed = |p: &usize| state.velocity_of(*p).length();
     let first = (0..state.len()).find(|p| !slow_enough(p));
     let fastest = || (0..state.len()).max_by(|a, b| speed(a).total_cmp(&speed(b)));
-    Violation::too_fast(&state, first.or_else(fastest).unwrap_or(0))
+    Violation::too_fast(state, first.or_else(fastest).unwrap_or(0))
 }
