@@ -59,8 +59,8 @@ pub enum SimulationError {
     },
     /// The time step that the material needs is beyond reason.
     #[error(
-        "bodies[{body}] needs {substeps:.3e} substeps per frame (wave speed {wave_speed_m_s:.1} m/s on a {grid_spacing_m} m grid), more \
-         than {limit}: lower its stiffness or viscosity, or raise `grid_spacing_m`"
+        "bodies[{body}] needs {substeps:.3e} substeps per frame (wave speed {wave_speed_m_s:.1} m/s, particles up to {speed_m_s:.1} m/s, on a \
+         {grid_spacing_m} m grid), more than {limit}: lower its stiffness, viscosity or velocity, or raise `grid_spacing_m`"
     )]
     TooStiff {
         /// Number of the body.
@@ -69,6 +69,8 @@ pub enum SimulationError {
         substeps: f64,
         /// Speed of sound [m/s].
         wave_speed_m_s: f64,
+        /// Speed of the fastest particle in the frame, with what gravity may add [m/s].
+        speed_m_s: f64,
         /// Grid spacing [m].
         grid_spacing_m: f64,
         /// Most substeps that are tried.

@@ -134,13 +134,15 @@ impl<'a, E: Engine> Rollout<'a, E> {
         };
         let mut substeps = fixed;
         for (index, body) in self.scene.bodies.iter().enumerate() {
-            let wanted = self.timing.frame_seconds * self.highest_rate(body, state) / courant;
+            let speed = self.highest_speed(body, state);
+            let wanted = self.timing.frame_seconds * self.highest_rate(body, speed) / courant;
             let possible = wanted <= MAX_SUBSTEPS as f64;
             if !possible {
                 return Err(SimulationError::TooStiff {
                     body: index,
                     substeps: wanted,
                     wave_speed_m_s: body.wave_speed(),
+                    speed_m_s: speed,
                     grid_spacing_m: self.scene.spacing,
                     limit: MAX_SUBSTEPS,
                 });
@@ -150,11 +152,14 @@ impl<'a, E: Engine> Rollout<'a, E> {
         Ok(substeps)
     }
 
-    /// The rate [1/s] that bounds the substep: of waves and motion across a cell, and of viscous diffusion.
-    fn highest_rate(&self, body: &SceneBody, state: &State<E::Number>) -> f64 {
+    /// The highest speed [m/s] of a body's particles in the coming frame, to which gravity adds.
+    fn highest_speed(&self, body: &SceneBody, state: &State<E::Number>) -> f64 {
         let speed = body.range.clone().map(|p| state.velocity_of(p).length_squared()).fold(0.0, f64::max).sqrt();
-        // Gravity adds to the speed during the frame.
-        let speed = speed + self.scene.gravity.length() * self.timing.frame_seconds;
+        speed + self.scene.gravity.length() * self.timing.frame_seconds
+    }
+
+    /// The rate [1/s] that bounds the substep: of waves and motion across a cell, and of viscous diffusion.
+    fn highest_rate(&self, body: &SceneBody, speed: f64) -> f64 {
         let diffusivity = body.material.viscous_diffusivity_m2_s(body.mass / body.volume);
         let dx = self.scene.spacing;
         ((body.wave_speed() + speed) / dx).max(6.0 * diffusivity / (dx * dx))
