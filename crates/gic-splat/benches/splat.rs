@@ -12,8 +12,13 @@ use gic_simd::Level;
 use gic_splat::twin::{self, Cutoffs, Pictures, Set};
 use gic_splat::{Channels, Gaussians, ImageGradients, RenderSettings, Shape, alpha_tangents, backward, render};
 use glam::{DMat3, DVec2};
+use mimalloc::MiMalloc;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+
+/// The allocator of the program.
+#[global_allocator]
+static ALLOCATOR: MiMalloc = MiMalloc;
 
 /// Time on the processor of the thread that measures, where the system tells (Linux); time on the wall elsewhere. Other work
 /// on the machine does not count in it.
