@@ -8,10 +8,8 @@ use std::time::{Duration, Instant};
 
 use criterion::measurement::{Measurement, ValueFormatter, WallTime};
 use criterion::{BatchSize, BenchmarkId, Criterion, Throughput};
-use gic_mpm::{
-    Body, Collider, Contact, Level, Material, Motion, Options, Primitive, Simulator, Stepping, World, gradient,
-};
-use glam::{DQuat, DVec3};
+use gic_mpm::{Body, Collider, Contact, Level, Material, Options, Simulator, Stepping, World, gradient};
+use glam::DVec3;
 
 /// CPU time of the calling thread; wall time where the system does not tell.
 struct CpuTime(WallTime);
@@ -66,16 +64,7 @@ fn world(material: Material, particles: usize, substeps: usize) -> World {
             velocity_m_s: DVec3::new(0.5, -2.0, 0.25),
             angular_velocity_rad_s: DVec3::ZERO,
         }],
-        colliders: vec![Collider {
-            primitive: Primitive::HalfSpace { normal: DVec3::Y },
-            motion: Motion::Uniform {
-                position_m: DVec3::ZERO,
-                rotation: DQuat::IDENTITY,
-                velocity_m_s: DVec3::ZERO,
-                angular_velocity_rad_s: DVec3::ZERO,
-            },
-            contact: Contact::Sticky,
-        }],
+        colliders: vec![Collider::plane(DVec3::ZERO, DVec3::Y, Contact::Sticky)],
         gravity_m_s2: DVec3::new(0.0, -9.8, 0.0),
         grid_spacing_m: 0.02,
         frame_rate_hz: 4800.0 / substeps as f64,

@@ -4,8 +4,8 @@
 
 use std::time::Instant;
 
-use gic_mpm::{Body, Collider, Contact, Material, Motion, Options, Primitive, Stepping, World, gradient};
-use glam::{DQuat, DVec3};
+use gic_mpm::{Body, Collider, Contact, Material, Options, Stepping, World, gradient};
+use glam::DVec3;
 
 const SIDE: usize = 39;
 const FRAMES: usize = 14;
@@ -43,16 +43,7 @@ fn world(material: Material) -> World {
             velocity_m_s: DVec3::new(0.5, -2.0, 0.25),
             angular_velocity_rad_s: DVec3::ZERO,
         }],
-        colliders: vec![Collider {
-            primitive: Primitive::HalfSpace { normal: DVec3::Y },
-            motion: Motion::Uniform {
-                position_m: DVec3::ZERO,
-                rotation: DQuat::IDENTITY,
-                velocity_m_s: DVec3::ZERO,
-                angular_velocity_rad_s: DVec3::ZERO,
-            },
-            contact: Contact::Sticky,
-        }],
+        colliders: vec![Collider::plane(DVec3::ZERO, DVec3::Y, Contact::Sticky)],
         gravity_m_s2: DVec3::new(0.0, -9.8, 0.0),
         grid_spacing_m: 0.02,
         frame_rate_hz: 24.0,

@@ -194,6 +194,17 @@ fn profile_distance(a: f64, b: f64, a_normal: DVec3, b_normal: DVec3) -> (f64, D
 }
 
 impl Collider {
+    /// The plane through a point [m] with a unit normal, at rest; solid behind it.
+    pub fn plane(point: DVec3, normal: DVec3, contact: Contact) -> Self {
+        let motion = Motion::Uniform {
+            position_m: point,
+            rotation: DQuat::IDENTITY,
+            velocity_m_s: DVec3::ZERO,
+            angular_velocity_rad_s: DVec3::ZERO,
+        };
+        Self { primitive: Primitive::HalfSpace { normal }, motion, contact }
+    }
+
     /// Signed distance [m] from a point of the world [m] at a time [s]; negative inside.
     pub fn signed_distance(&self, point: DVec3, time: f64) -> f64 {
         let pose = self.motion.pose(time);

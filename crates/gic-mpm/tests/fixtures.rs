@@ -5,10 +5,10 @@
 use std::{fs::File, io::BufReader, path::PathBuf};
 
 use gic_mpm::{
-    Body, BodyGradient, Collider, Contact, Frame, Gradient, Material, Motion, Options, Precision, Primitive, Rules,
-    Simulator, Stepping, World, gradient, rollout,
+    Body, BodyGradient, Collider, Contact, Frame, Gradient, Material, Options, Precision, Rules, Simulator, Stepping,
+    World, gradient, rollout,
 };
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 use serde_json::Value;
 
 /// Frame 0 included.
@@ -58,16 +58,7 @@ impl Fixture {
                 velocity_m_s: DVec3::new(0.5, -2.0, 0.25),
                 angular_velocity_rad_s: DVec3::ZERO,
             }],
-            colliders: vec![Collider {
-                primitive: Primitive::HalfSpace { normal: DVec3::Y },
-                motion: Motion::Uniform {
-                    position_m: DVec3::ZERO,
-                    rotation: DQuat::IDENTITY,
-                    velocity_m_s: DVec3::ZERO,
-                    angular_velocity_rad_s: DVec3::ZERO,
-                },
-                contact: Contact::Sticky,
-            }],
+            colliders: vec![Collider::plane(DVec3::ZERO, DVec3::Y, Contact::Sticky)],
             gravity_m_s2: DVec3::new(0.0, -9.8, 0.0),
             grid_spacing_m: self.number("/dx"),
             frame_rate_hz: self.number("/fps"),

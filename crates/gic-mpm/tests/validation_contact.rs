@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{GRAVITY, block, body, frame_after, mean, next, plane, side_walls, simulator, world};
+use common::{GRAVITY, block, body, frame_after, mean, next, side_walls, simulator, world};
 use gic_mpm::{Collider, Contact, Material, Motion, Primitive};
 use glam::{DQuat, DVec3};
 
@@ -17,7 +17,7 @@ fn slide(angle: f64, friction: f64, seconds: f64) -> (f64, f64, f64) {
     // A box lying on the plane through the origin, which falls towards +x.
     let positions: Vec<DVec3> =
         block(DVec3::new(-0.06, 0.0, -0.06), DVec3::new(0.12, 0.06, 0.12), dx).into_iter().map(|x| tilt * x).collect();
-    let ground = plane(DVec3::ZERO, tilt * DVec3::Y, Contact::Separating { friction });
+    let ground = Collider::plane(DVec3::ZERO, tilt * DVec3::Y, Contact::Separating { friction });
     let world = world(body(material, positions.clone(), dx), vec![ground], dx, 10.0 / seconds);
     let mut simulator = simulator(&world);
     next(&mut simulator);
@@ -59,8 +59,8 @@ fn heap_angle(friction_angle_deg: f64) -> f64 {
     let material = Material::Sand { friction_angle_deg, youngs_modulus_pa: 1e5, poisson_ratio: 0.3 };
     let positions = block(DVec3::ZERO, DVec3::new(0.1, 0.1, width), dx);
     let mut walls = vec![
-        plane(DVec3::ZERO, DVec3::Y, Contact::Sticky),
-        plane(DVec3::ZERO, DVec3::X, Contact::Slip { friction: 0.0 }),
+        Collider::plane(DVec3::ZERO, DVec3::Y, Contact::Sticky),
+        Collider::plane(DVec3::ZERO, DVec3::X, Contact::Slip { friction: 0.0 }),
     ];
     walls.extend(side_walls(width));
     let end = frame_after(&world(body(material, positions, dx), walls, dx, 5.0), 5);
@@ -110,7 +110,7 @@ fn dent(material: Material) -> (f64, f64) {
         },
         contact: Contact::Separating { friction: 0.0 },
     };
-    let ground = plane(DVec3::ZERO, DVec3::Y, Contact::Sticky);
+    let ground = Collider::plane(DVec3::ZERO, DVec3::Y, Contact::Sticky);
     let world = world(body(material, positions.clone(), dx), vec![ground, ball], dx, 10.0);
     let mut simulator = simulator(&world);
     // The particles of the top layer around the axis.

@@ -4,8 +4,8 @@
 
 mod common;
 
-use common::{DENSITY, GRAVITY, block, body, frame_after, mean, next, plane, side_walls, simulator, world};
-use gic_mpm::{Contact, Frame, Material, World};
+use common::{DENSITY, GRAVITY, block, body, frame_after, mean, next, side_walls, simulator, world};
+use gic_mpm::{Collider, Contact, Frame, Material, World};
 use glam::DVec3;
 
 const FRICTIONLESS: Contact = Contact::Slip { friction: 0.0 };
@@ -26,9 +26,9 @@ fn resting_column(cells_high: usize, height: f64) -> (World, Frame, f64) {
     let material = Material::Newtonian { viscosity_pa_s: 300.0, bulk_modulus_pa };
     let width = 3.0 * dx;
     let mut walls = vec![
-        plane(DVec3::ZERO, DVec3::Y, FRICTIONLESS),
-        plane(DVec3::ZERO, DVec3::X, FRICTIONLESS),
-        plane(DVec3::X * width, DVec3::NEG_X, FRICTIONLESS),
+        Collider::plane(DVec3::ZERO, DVec3::Y, FRICTIONLESS),
+        Collider::plane(DVec3::ZERO, DVec3::X, FRICTIONLESS),
+        Collider::plane(DVec3::X * width, DVec3::NEG_X, FRICTIONLESS),
     ];
     walls.extend(side_walls(width));
     let positions = block(DVec3::ZERO, DVec3::new(width, height, width), dx);
@@ -81,7 +81,10 @@ fn dam_break(cells: usize) -> Vec<(f64, f64)> {
     let bulk_modulus_pa = DENSITY * 400.0 * GRAVITY * a / 7.0;
     let material = Material::Newtonian { viscosity_pa_s: 1e-3, bulk_modulus_pa };
     let width = 2.0 * dx;
-    let mut walls = vec![plane(DVec3::ZERO, DVec3::Y, FRICTIONLESS), plane(DVec3::ZERO, DVec3::X, FRICTIONLESS)];
+    let mut walls = vec![
+        Collider::plane(DVec3::ZERO, DVec3::Y, FRICTIONLESS),
+        Collider::plane(DVec3::ZERO, DVec3::X, FRICTIONLESS),
+    ];
     walls.extend(side_walls(width));
     let positions = block(DVec3::ZERO, DVec3::new(a, 2.0 * a, width), dx);
     let rate = 20.0 * (2.0 * GRAVITY / a).sqrt();
@@ -140,7 +143,8 @@ fn slump(yield_stress_pa: f64, frames: usize) -> Vec<(f64, f64)> {
         plastic_viscosity_pa_s: 20.0,
     };
     let positions = block(DVec3::new(-0.05, 0.0, -0.05), DVec3::new(0.1, 0.15, 0.1), dx);
-    let world = world(body(material, positions, dx), vec![plane(DVec3::ZERO, DVec3::Y, Contact::Sticky)], dx, 10.0);
+    let world =
+        world(body(material, positions, dx), vec![Collider::plane(DVec3::ZERO, DVec3::Y, Contact::Sticky)], dx, 10.0);
     let mut simulator = simulator(&world);
     (0..frames)
         .map(|_| {

@@ -6,8 +6,8 @@ mod common;
 
 use std::f64::consts::PI;
 
-use common::{DENSITY, block, body, first_return_to_zero, next, plane, set_velocities, simulator, world};
-use gic_mpm::{Contact, Material, World};
+use common::{DENSITY, block, body, first_return_to_zero, next, set_velocities, simulator, world};
+use gic_mpm::{Collider, Contact, Material, World};
 use glam::DVec3;
 
 const YOUNG: f64 = 1e5;
@@ -95,7 +95,7 @@ fn cantilever_frequency(cells: usize) -> f64 {
     let positions = block(DVec3::ZERO, DVec3::new(length, height, 2.0 * dx), dx);
     let exact = timoshenko_frequency(length, height);
     let rate = 40.0 * exact / PI;
-    let clamp = plane(DVec3::ZERO, DVec3::X, Contact::Sticky);
+    let clamp = Collider::plane(DVec3::ZERO, DVec3::X, Contact::Sticky);
     let world = without_gravity(world(body(material(), positions.clone(), dx), vec![clamp], dx, rate));
     let shape = |x: DVec3| {
         let (k, ratio) = (1.875104 / length, 0.734096);

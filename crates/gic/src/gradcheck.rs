@@ -1,8 +1,8 @@
 //! `gic gradcheck`: the simulator's adjoint against finite differences in f64, per parameter.
 
 use gic_mpm::{
-    Body, Collider, Contact, Frame, Gradient, Material, Motion, Options, Precision, Primitive, SimulationError,
-    Stepping, Unknown, World, gradient, rollout,
+    Body, Collider, Contact, Frame, Gradient, Material, Options, Precision, SimulationError, Stepping, Unknown, World,
+    gradient, rollout,
 };
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
@@ -108,16 +108,7 @@ fn block(material: Material) -> World {
             velocity_m_s: DVec3::new(0.5, -4.0, 0.25),
             angular_velocity_rad_s: DVec3::new(2.0, -1.0, 3.0),
         }],
-        colliders: vec![Collider {
-            primitive: Primitive::HalfSpace { normal: DVec3::Y },
-            motion: Motion::Uniform {
-                position_m: DVec3::ZERO,
-                rotation: DQuat::IDENTITY,
-                velocity_m_s: DVec3::ZERO,
-                angular_velocity_rad_s: DVec3::ZERO,
-            },
-            contact: Contact::Sticky,
-        }],
+        colliders: vec![Collider::plane(DVec3::ZERO, DVec3::Y, Contact::Sticky)],
         gravity_m_s2: DVec3::new(0.0, -9.8, 0.0),
         grid_spacing_m: 2.0 * SPACING_M,
         frame_rate_hz: 200.0,

@@ -1,8 +1,8 @@
 //! What the validation scenes share.
 #![allow(dead_code)]
 
-use gic_mpm::{Body, Collider, Contact, Frame, Material, Motion, Options, Primitive, Simulator, Stepping, World};
-use glam::{DQuat, DVec3};
+use gic_mpm::{Body, Collider, Contact, Frame, Material, Options, Simulator, Stepping, World};
+use glam::DVec3;
 
 /// Standard gravity of the scenes [m/s^2], downwards along y.
 pub(crate) const GRAVITY: f64 = 9.8;
@@ -49,24 +49,10 @@ pub(crate) fn world(body: Body, colliders: Vec<Collider>, grid_spacing_m: f64, f
     }
 }
 
-/// A plane through `point` that stays where it is.
-pub(crate) fn plane(point: DVec3, normal: DVec3, contact: Contact) -> Collider {
-    Collider {
-        primitive: Primitive::HalfSpace { normal },
-        motion: Motion::Uniform {
-            position_m: point,
-            rotation: DQuat::IDENTITY,
-            velocity_m_s: DVec3::ZERO,
-            angular_velocity_rad_s: DVec3::ZERO,
-        },
-        contact,
-    }
-}
-
 /// Two frictionless walls across z, at 0 and `width`: the flow between them is plane.
 pub(crate) fn side_walls(width: f64) -> [Collider; 2] {
     let slip = Contact::Slip { friction: 0.0 };
-    [plane(DVec3::ZERO, DVec3::Z, slip), plane(DVec3::Z * width, DVec3::NEG_Z, slip)]
+    [Collider::plane(DVec3::ZERO, DVec3::Z, slip), Collider::plane(DVec3::Z * width, DVec3::NEG_Z, slip)]
 }
 
 /// A simulator, or the error as a failure of the test.
