@@ -22,6 +22,7 @@ mod level;
 mod packed;
 mod plain;
 mod polynomial;
+mod prefetch;
 mod real;
 
 #[cfg(target_arch = "x86_64")]
@@ -33,4 +34,5 @@ mod neon;
 
 pub use lanes::{Call, Lanes, MAX_LANES};
 pub use level::{Kernel, Level, LevelError, dispatch, oracle};
+pub use prefetch::prefetch;
 pub use real::{Real, Scalar};

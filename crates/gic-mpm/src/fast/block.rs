@@ -1,6 +1,7 @@
 //! Blocks of particles: 16 of them, number by number, so that lanes load what they need in one piece.
 
 use core::array;
+use core::marker::PhantomData;
 
 use gic_simd::{Lanes, MAX_LANES, Scalar};
 
@@ -126,10 +127,46 @@ impl<T: Scalar> Block<T> {
         }
     }
 
-    /// x, v, C, F of a particle.
-    pub(super) fn particle(&self, at: usize) -> ([T; 3], [T; 3], Mat3<T>, Mat3<T>) {
-        let vector = |first: usize| array::from_fn(|i| self.0[first + i][at]);
-        let matrix = |first: usize| Mat3(array::from_fn(|i| self.0[first + i][at]));
-        (vector(0), vector(VELOCITY), matrix(AFFINE), matrix(DEFORMATION))
+    /// The reverse of [`Self::gather`].
+    ///
+    /// # Safety
+    /// `order` must hold particles of the state that no other thread is writing.
+    pub(super) unsafe fn scatter(blocks: &[Self], order: &[u32], state: &SharedState<T>) {
+        for (slot, &particle) in order.iter().enumerate() {
+            let (block, at, p) = (&blocks[slot / BLOCK], slot % BLOCK, particle as usize);
+            let vector = |first: usize| array::from_fn(|i| block.0[first + i][at]);
+            let matrix = |first: usize| Mat3(array::from_fn(|i| block.0[first + i][at]));
+            // SAFETY: as the caller says.
+            unsafe {
+                *state.position.add(p) = vector(0);
+                *state.velocity.add(p) = vector(VELOCITY);
+                *state.affine.add(p) = matrix(AFFINE);
+                *state.deformation.add(p) = matrix(DEFORMATION);
+            }
+        }
+    }
+}
+
+/// A state that several threads write, each the particles that it owns.
+pub(super) struct SharedState<'a, T> {
+    position: *mut [T; 3],
+    velocity: *mut [T; 3],
+    affine: *mut Mat3<T>,
+    deformation: *mut Mat3<T>,
+    borrowed: PhantomData<&'a mut State<T>>,
+}
+
+// SAFETY: writing through it is left to callers of unsafe functions.
+unsafe impl<T: Send> Sync for SharedState<'_, T> {}
+
+impl<'a, T> SharedState<'a, T> {
+    pub(super) fn new(state: &'a mut State<T>) -> Self {
+        Self {
+            position: state.position.as_mut_ptr(),
+            velocity: state.velocity.as_mut_ptr(),
+            affine: state.affine.as_mut_ptr(),
+            deformation: state.deformation.as_mut_ptr(),
+            borrowed: PhantomData,
+        }
     }
 }

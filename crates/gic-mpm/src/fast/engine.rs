@@ -5,11 +5,10 @@ use std::sync::Mutex;
 use gic_simd::{Kernel, Level, Scalar, dispatch, oracle};
 use rayon::prelude::*;
 
-use super::block::{BLOCK, Block};
+use super::block::{BLOCK, Block, SharedState};
 use super::rows::Window;
 use super::transfer::{Chunk, Flags, Forward, G2pAdjoint, P2gAdjoint, Step};
 use crate::grid::{GridBox, GridUpdate, Impulse, Node};
-use crate::mat3::Mat3;
 use crate::scene::{BodyBars, Engine, Scene, Segment, Violation};
 use crate::state::State;
 
@@ -69,9 +68,6 @@ struct Layout<T> {
     extent: GridBox,
     chunks: Vec<Chunk<T>>,
 }
-
-/// Chunk and slot of a particle, and where its numbers go.
-type Particle<'a, T> = (&'a (u32, u32), &'a mut [T; 3], &'a mut [T; 3], &'a mut Mat3<T>, &'a mut Mat3<T>);
 
 /// How a segment ended.
 enum Outcome {
@@ -146,7 +142,7 @@ impl<T: Machine> FastEngine<T> {
             let Flags { too_fast, escaped } = flags.fold(Flags::default(), Flags::or);
             if too_fast {
                 let mut state = start.clone();
-                self.put_back(&tape.chunks, &mut state);
+                self.put_back(&mut tape.chunks, &mut state);
                 return Err(culprit(&state, scene.spacing / segment.dt));
             }
             if escaped {
@@ -202,25 +198,10 @@ impl<T: Machine> FastEngine<T> {
     }
 
     /// Copies the chunks' particles (or adjoints) into a state (or adjoint).
-    fn put_back(&self, chunks: &[Chunk<T>], state: &mut State<T>) {
-        // By particle, not by chunk: then each thread writes a range of its own.
-        let mut places = vec![(0, 0); state.len()];
-        for (c, chunk) in chunks.iter().enumerate() {
-            for (slot, &particle) in chunk.order.iter().enumerate() {
-                places[particle as usize] = (c as u32, slot as u32);
-            }
-        }
-        let State { position, velocity, affine, deformation } = state;
-        let put = |(place, x, v, c, f): Particle<'_, T>| {
-            let (chunk, slot) = (place.0 as usize, place.1 as usize);
-            (*x, *v, *c, *f) = chunks[chunk].blocks[slot / BLOCK].particle(slot % BLOCK);
-        };
-        if self.parallel {
-            (&places, position, velocity, affine, deformation).into_par_iter().with_min_len(BLOCK).for_each(put);
-        } else {
-            let particles = places.iter().zip(position).zip(velocity).zip(affine).zip(deformation);
-            particles.for_each(|((((place, x), v), c), f)| put((place, x, v, c, f)));
-        }
+    fn put_back(&self, chunks: &mut [Chunk<T>], state: &mut State<T>) {
+        let shared = SharedState::new(state);
+        // SAFETY: no particle is in two chunks, and all are particles of the state.
+        self.for_chunks(chunks, |_, chunk| unsafe { Block::scatter(&chunk.blocks, &chunk.order, &shared) });
     }
 
     /// From momenta to velocities.
@@ -249,8 +230,8 @@ impl<T: Machine> Engine for FastEngine<T> {
         segment: Segment,
         impulses: &mut [Impulse],
     ) -> Result<(), Violation> {
-        let (tape, taken) = self.run(scene, state, segment, false)?;
-        self.put_back(&tape.chunks, state);
+        let (mut tape, taken) = self.run(scene, state, segment, false)?;
+        self.put_back(&mut tape.chunks, state);
         for (total, impulse) in impulses.iter_mut().zip(taken) {
             *total += impulse;
         }
@@ -296,7 +277,7 @@ impl<T: Machine> Engine for FastEngine<T> {
                 chunk.bars += bars;
             });
         }
-        self.put_back(&tape.chunks, adjoint);
+        self.put_back(&mut tape.chunks, adjoint);
         for chunk in &tape.chunks {
             bars[chunk.body] += chunk.bars;
         }

@@ -3,7 +3,7 @@
 //! Forward, a pass takes the particles from the grid of one substep to that of the next (g2p, then law and p2g) while they are in
 //! cache. Backward there are two passes, one on each side of the grid.
 
-use gic_simd::{Call, Kernel, Lanes, Scalar};
+use gic_simd::{Call, Kernel, Lanes, Scalar, prefetch};
 
 use super::block::{BLOCK, Block};
 use super::rows::{Gift, Pending, Received, Stencils, Window, gather, gather_slopes, scatter};
@@ -160,6 +160,14 @@ fn packs<L: Lanes>(block: usize, particles: usize) -> impl Iterator<Item = (usiz
     (0..BLOCK).step_by(L::LANES).take_while(move |&at| at < left).map(move |at| (at, (left - at).min(L::LANES)))
 }
 
+/// Asks for the block after `b`, which comes from main memory.
+#[inline(always)]
+fn prefetch_next<T>(blocks: &[Block<T>], b: usize) {
+    if let Some(next) = blocks.get(b + 1) {
+        prefetch(next);
+    }
+}
+
 /// One pass of the forward direction over a chunk.
 pub(super) struct Forward<'a, T> {
     pub(super) step: Step<'a>,
@@ -182,6 +190,7 @@ impl<T: Scalar> Kernel<T> for Forward<'_, T> {
             self.chunk.slab.fill([T::zero(); 4]);
         }
         for b in 0..self.chunk.blocks.len() {
+            prefetch_next(&self.chunk.blocks, b);
             if let Some(velocities) = self.velocities {
                 for (at, _) in packs::<L>(b, particles) {
                     self.g2p::<L>(b, at, velocities, &mut scratch);
@@ -280,6 +289,8 @@ impl<T: Scalar> Kernel<T> for G2pAdjoint<'_, T> {
         let slab = slab.as_flattened_mut();
         let Scratch { stencils, gift, received_slopes, .. } = &mut scratch;
         for b in 0..blocks.len() {
+            prefetch_next(blocks, b);
+            prefetch_next(self.before, b);
             for (at, count) in packs::<L>(b, order.len()) {
                 let adjoint = &mut blocks[b];
                 let (offset, _) = stencils.set(self.before[b].position::<L>(at), inverse_dx, window);
@@ -325,15 +336,22 @@ impl<T: Scalar> Kernel<T> for P2gAdjoint<'_, T> {
     fn run<L: Lanes<Scalar = T>>(self) -> BodyBars {
         let mut scratch = Scratch::new();
         let mut bars = BodyBars::default();
+        let mut lane_bars = LaneBars::<L>::zero();
         let Chunk { blocks, window, first_node, order, .. } = self.chunk;
         let grid_bar = self.grid_bar[*first_node..*first_node + window.nodes()].as_flattened();
         for b in 0..blocks.len() {
+            prefetch_next(blocks, b);
+            prefetch_next(self.before, b);
             for (at, count) in packs::<L>(b, order.len()) {
                 let pack = Pack { step: self.step, before: &self.before[b], at, count };
                 // SAFETY: the slice holds the window's nodes.
-                bars += unsafe { pack.adjoint::<L>(&mut blocks[b], grid_bar.as_ptr(), window, &mut scratch) };
+                unsafe { pack.adjoint::<L>(&mut blocks[b], grid_bar.as_ptr(), window, &mut scratch, &mut lane_bars) };
+            }
+            if b % BLOCKS_PER_SUM == BLOCKS_PER_SUM - 1 {
+                lane_bars.flush(self.step.body.volume, &mut bars);
             }
         }
+        lane_bars.flush(self.step.body.volume, &mut bars);
         bars
     }
 }
@@ -356,7 +374,8 @@ impl<T: Scalar> Pack<'_, T> {
         grid_bar: *const T,
         window: &Window,
         scratch: &mut Scratch<T>,
-    ) -> BodyBars {
+        bars: &mut LaneBars<L>,
+    ) {
         let Scratch { stencils, gift, received, received_slopes } = scratch;
         let at = self.at;
         let inverse_dx = L::splat(1.0 / self.step.spacing);
@@ -389,24 +408,43 @@ impl<T: Scalar> Pack<'_, T> {
             each([0, 1, 2], |i: usize| inverse_dx.mul_add(by_slope[i] - through_offset[i], position_bar[i]));
         adjoint.set_position(at, position_bar);
 
-        // Lanes beyond the count repeat a particle that has already been counted.
-        let real = L::lane_index().lt(L::splat(self.count as f64));
-        let mut coefficients = [0.0; MAX_COEFFICIENTS];
-        for (total, bar) in coefficients.iter_mut().zip(law_bar.coefficients) {
-            *total = sum_where(real, bar);
-        }
         let through_inertia = L::splat(self.step.spacing) * affine_bar.double_dot(&c);
         let by_velocity = px * velocity[0] + py * velocity[1] + pz * velocity[2];
-        BodyBars {
-            coefficients,
-            mass: sum_where(real, mass_bar + by_velocity + through_inertia),
-            volume: sum_where(real, stress * affine_bar.double_dot(&law_bar.tau)) / self.step.body.volume,
+        // Lanes beyond the count repeat a particle that has already been counted.
+        let real = L::lane_index().lt(L::splat(self.count as f64));
+        bars.mass += L::select(real, mass_bar + by_velocity + through_inertia, L::zero());
+        bars.volume_term += L::select(real, stress * affine_bar.double_dot(&law_bar.tau), L::zero());
+        for i in 0..MAX_COEFFICIENTS {
+            bars.coefficients[i] += L::select(real, law_bar.coefficients[i], L::zero());
         }
     }
 }
 
-/// Sum over the lanes where `mask` is set, in f64.
-#[inline(always)]
-fn sum_where<L: Lanes>(mask: L::Mask, value: L) -> f64 {
-    L::select(mask, value, L::zero()).sum_lanes()
+/// Blocks whose parameter derivatives are summed lane by lane before they are added up in f64.
+const BLOCKS_PER_SUM: usize = 4;
+
+/// [`BodyBars`] of a few blocks, lane by lane.
+struct LaneBars<L> {
+    coefficients: [L; MAX_COEFFICIENTS],
+    mass: L,
+    /// The rest volume times the derivative with respect to it.
+    volume_term: L,
+}
+
+impl<L: Lanes> LaneBars<L> {
+    #[inline(always)]
+    fn zero() -> Self {
+        Self { coefficients: [L::zero(); MAX_COEFFICIENTS], mass: L::zero(), volume_term: L::zero() }
+    }
+
+    /// Adds the sums to `bars` and starts over; `volume` is a particle's rest volume [m^3].
+    #[inline(always)]
+    fn flush(&mut self, volume: f64, bars: &mut BodyBars) {
+        for i in 0..MAX_COEFFICIENTS {
+            bars.coefficients[i] += self.coefficients[i].sum_lanes();
+        }
+        bars.mass += self.mass.sum_lanes();
+        bars.volume += self.volume_term.sum_lanes() / volume;
+        *self = Self::zero();
+    }
 }
