@@ -2,14 +2,13 @@
 
 use gic_simd::Scalar;
 use glam::DVec3;
-use rayon::prelude::*;
 
 use crate::error::SimulationError;
 use crate::grid::Impulse;
 use crate::law::Law;
 use crate::mat3::Mat3;
 use crate::scene::{Engine, Scene, SceneBody, Segment, Violation, ViolationKind, with_law};
-use crate::state::State;
+use crate::state::{State, map_particles};
 use crate::{Material, Stepping, World};
 
 /// Most substeps per frame that are tried.
@@ -180,17 +179,14 @@ impl<'a, E: Engine> Rollout<'a, E> {
 
     /// What is reported at the end of a frame.
     pub(crate) fn frame(&self, index: usize, state: &State<E::Number>, advanced: Option<&Advanced>) -> Frame {
+        let parallel = self.engine.is_parallel();
         let (mut von_mises_pa, mut jacobian) = (Vec::with_capacity(state.len()), Vec::with_capacity(state.len()));
         for body in &self.scene.bodies {
             let of = |p: usize| self.stress(body, &in_f64(&state.affine[p]), &in_f64(&state.deformation[p]));
-            let particles = body.range.clone();
-            let (stress, j): (Vec<f32>, Vec<f32>) = if self.engine.is_parallel() {
-                particles.into_par_iter().map(of).unzip()
-            } else {
-                particles.map(of).unzip()
-            };
-            von_mises_pa.extend(stress);
-            jacobian.extend(j);
+            for (stress, j) in map_particles(parallel, body.range.clone(), of) {
+                von_mises_pa.push(stress);
+                jacobian.push(j);
+            }
         }
         let contacts = match advanced {
             None => vec![ContactForce::default(); self.scene.colliders.len()],
@@ -198,8 +194,8 @@ impl<'a, E: Engine> Rollout<'a, E> {
         };
         Frame {
             index,
-            positions: (0..state.len()).map(|p| state.position_of(p)).collect(),
-            velocities: (0..state.len()).map(|p| state.velocity_of(p)).collect(),
+            positions: map_particles(parallel, 0..state.len(), |p| state.position_of(p)),
+            velocities: map_particles(parallel, 0..state.len(), |p| state.velocity_of(p)),
             von_mises_pa,
             jacobian,
             contacts,

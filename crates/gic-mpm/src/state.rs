@@ -1,6 +1,9 @@
 //! The state of all particles between two substeps; also the shape of its adjoint.
 
+use core::ops::Range;
+
 use glam::DVec3;
+use rayon::prelude::*;
 
 use crate::mat3::Mat3;
 use crate::scene::Scene;
@@ -86,6 +89,15 @@ impl<R: Scalar> State<R> {
     pub(crate) fn velocity_of(&self, particle: usize) -> DVec3 {
         double(self.velocity[particle])
     }
+}
+
+/// `f` of each particle, on several threads if asked for.
+pub(crate) fn map_particles<U: Send>(
+    parallel: bool,
+    particles: Range<usize>,
+    f: impl Fn(usize) -> U + Send + Sync,
+) -> Vec<U> {
+    if parallel { particles.into_par_iter().map(f).collect() } else { particles.map(f).collect() }
 }
 
 /// The matrix of `w x`.

@@ -1,5 +1,6 @@
 //! Segments: sort, cut into chunks, run the passes and the grid updates, forward and backward.
 
+use core::ops::Range;
 use std::sync::Mutex;
 
 use gic_simd::{Kernel, Level, Scalar, dispatch, oracle};
@@ -10,7 +11,7 @@ use super::rows::Window;
 use super::transfer::{Chunk, Flags, Forward, G2pAdjoint, P2gAdjoint, Step};
 use crate::grid::{GridBox, GridUpdate, Impulse, Node};
 use crate::scene::{BodyBars, Engine, Scene, Segment, Violation};
-use crate::state::State;
+use crate::state::{State, map_particles};
 
 /// Particles per chunk, about: few enough for several chunks per core, many enough for a slab to pay.
 const CHUNK_PARTICLES: usize = 16_384;
@@ -316,11 +317,12 @@ impl<T: Machine> Layout<T> {
         let base = |p: usize, axis: usize| (state.position[p][axis].to_f64() * inverse - 0.5).floor() as i32;
         let cell = |p: usize| {
             let at = [0, 1, 2].map(|axis| (base(p, axis) - extent.first[axis]) as usize);
-            extent.index(at[0], at[1], at[2])
+            extent.index(at[0], at[1], at[2]) as u32
         };
         let mut orders = Vec::new();
         for (body, scene_body) in scene.bodies.iter().enumerate() {
-            let order = sorted(scene_body.range.clone(), cell, extent.nodes());
+            let keys = map_particles(parallel, scene_body.range.clone(), cell);
+            let order = sorted(scene_body.range.clone(), &keys, extent.nodes());
             let count = order.len().div_ceil(CHUNK_PARTICLES).min(MAX_CHUNKS);
             // Whole blocks, so that only the last chunk has a partial one.
             let blocks = order.len().div_ceil(BLOCK).div_ceil(count);
@@ -350,17 +352,16 @@ impl<T: Machine> Layout<T> {
 }
 
 /// Particles in the order of their cells; those of a cell in the order of their numbers.
-fn sorted(particles: core::ops::Range<usize>, cell: impl Fn(usize) -> usize, cells: usize) -> Vec<u32> {
-    let keys: Vec<usize> = particles.clone().map(cell).collect();
+fn sorted(particles: Range<usize>, keys: &[u32], cells: usize) -> Vec<u32> {
     let mut next = vec![0u32; cells + 1];
-    for &key in &keys {
+    for key in keys.iter().map(|&key| key as usize) {
         next[key + 1] += 1;
     }
     for key in 0..cells {
         next[key + 1] += next[key];
     }
     let mut order = vec![0; keys.len()];
-    for (particle, key) in particles.zip(keys) {
+    for (particle, key) in particles.zip(keys.iter().map(|&key| key as usize)) {
         order[next[key] as usize] = particle as u32;
         next[key] += 1;
     }
