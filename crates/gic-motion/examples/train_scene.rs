@@ -1,20 +1,26 @@
 //! Reconstructs a scene and prints how well a held-out camera is reproduced.
 //!
 //! `cargo run --release -p gic-motion --example train_scene -- SCENE [--held-out 3] [--out FOLDER] [--settings FILE.json]
-//! [--set KEY=JSON]... [--paper] [--seed 0]`, where KEY is a path such as `loss.scale`.
+//! [--set KEY=JSON]... [--paper] [--seed 0] [--pictures FOLDER]`, where KEY is a path such as `loss.scale`. The pictures show
+//! each view: rendered, true, their difference, and the depth.
 
 use std::error::Error;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Instant;
 
-use gic_motion::{TrainSettings, ViewScore, evaluate, train};
-use gic_scene::Scene;
+use gic_motion::{DynamicGaussians, TrainSettings, ViewScore, evaluate, train};
+use gic_scene::{Scene, View};
+use gic_splat::{RenderSettings, render};
 use serde_json::Value;
+
+/// A step of training makes and drops tens of megabytes: the same allocator as the program's.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut scene = None;
-    let (mut out, mut checkpoint, mut seed) = (None, None, 0);
+    let (mut out, mut checkpoint, mut pictures, mut seed) = (None, None, None, 0);
     let mut settings = serde_json::to_value(TrainSettings::default())?;
     let mut args = std::env::args().skip(1);
     while let Some(arg) = args.next() {
@@ -26,6 +32,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             "--out" => out = Some(PathBuf::from(value()?)),
             "--checkpoint" => checkpoint = Some(PathBuf::from(value()?)),
             "--seed" => seed = value()?.parse()?,
+            "--pictures" => pictures = Some(PathBuf::from(value()?)),
             "--set" => set(&mut settings, &value()?)?,
             _ => scene = Some(PathBuf::from(arg)),
         }
@@ -64,7 +71,40 @@ fn main() -> Result<(), Box<dyn Error>> {
     if let Some(folder) = out {
         model.save(&folder)?;
     }
+    if let Some(folder) = pictures {
+        std::fs::create_dir_all(&folder)?;
+        for view in &scene.views {
+            let name = format!("{}_{}.png", view.camera, view.frame);
+            comparison(&model, &scene, view)?.save(folder.join(name))?;
+        }
+    }
     Ok(())
+}
+
+/// Rendered, true, their difference and the depth side by side.
+fn comparison(model: &DynamicGaussians, scene: &Scene, view: &View) -> Result<image::RgbImage, Box<dyn Error>> {
+    let camera = scene.camera_of(view);
+    let (picture, mask) = scene.load(view)?;
+    let rendered = render(&model.at(scene.times[view.frame]), camera, &RenderSettings::default());
+    let depth = |i: usize| rendered.depth[i] / rendered.alpha[i];
+    let seen = || (0..rendered.alpha.len()).filter(|&i| rendered.alpha[i] > 0.5);
+    let near = seen().map(depth).fold(f32::INFINITY, f32::min);
+    let far = seen().map(depth).fold(near, f32::max);
+    let byte = |v: f32| (v * 255.0).round().clamp(0.0, 255.0) as u8;
+    let width = camera.width as u32;
+    Ok(image::RgbImage::from_fn(4 * width, camera.height as u32, |column, y| {
+        let (panel, x) = (column / width, column % width);
+        let i = (y * width + x) as usize;
+        let truth = picture.at(x as usize, y as usize).map(|c| c * mask.at(x as usize, y as usize));
+        let pixel = match panel {
+            0 => rendered.color[i],
+            1 => truth,
+            2 => core::array::from_fn(|c| (rendered.color[i][c] - truth[c]).abs()),
+            _ if rendered.alpha[i] > 0.5 => [1.0 - 0.9 * (depth(i) - near) / (far - near); 3],
+            _ => [0.0; 3],
+        };
+        image::Rgb(pixel.map(byte))
+    }))
 }
 
 /// Sets a dotted key to a JSON value.

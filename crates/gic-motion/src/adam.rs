@@ -41,6 +41,23 @@ impl Moments {
         );
     }
 
+    /// One step of Adam that scales all parameters alike, by the root of the mean second moment: the direction that was smoothed
+    /// over neighbours stays smooth.
+    pub(crate) fn update_alike(&mut self, parameters: &mut [f32], gradient: &[f32], rate: f64, step: usize) {
+        assert!(parameters.len() == gradient.len() && self.first.len() == gradient.len(), "one gradient per parameter");
+        let correction1 = 1.0 - f64::from(BETA1).powf(step as f64);
+        let correction2 = 1.0 - f64::from(BETA2).powf(step as f64);
+        for ((m, v), g) in self.first.iter_mut().zip(&mut self.second).zip(gradient) {
+            *m = BETA1 * *m + (1.0 - BETA1) * g;
+            *v = BETA2 * *v + (1.0 - BETA2) * g * g;
+        }
+        let mean = self.second.iter().map(|v| f64::from(*v)).sum::<f64>() / self.second.len().max(1) as f64;
+        let scale = (rate / correction1 / ((mean / correction2).sqrt() + f64::from(EPSILON))) as f32;
+        for (p, m) in parameters.iter_mut().zip(&self.first) {
+            *p -= scale * m;
+        }
+    }
+
     /// Keeps the rows of `width` numbers listed in `rows`, in that order; `None` makes a row of zeros.
     pub(crate) fn select(&mut self, rows: &[Option<usize>], width: usize) {
         for moments in [&mut self.first, &mut self.second] {

@@ -5,10 +5,12 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::adam::Moments;
+use crate::base_fit::Base;
 use crate::parameters::{ParameterMoments, Parameters, ScreenGradients, details_per_gaussian};
+use crate::smoothing::Anchors;
 use crate::tensor_file::{self, TensorFile};
 use crate::trainer::{Best, State};
-use crate::{Domain, MotionError, MotionNetwork, TrainSettings};
+use crate::{BaseMotion, Domain, MotionError, MotionNetwork, TrainSettings};
 
 const FILE: &str = "checkpoint.safetensors";
 
@@ -21,11 +23,14 @@ struct Header {
     domain: Domain,
     spacing: f64,
     network_steps: usize,
+    base: Option<Base>,
+    anchors: usize,
     mean_loss: Option<f64>,
     lowest_loss: Option<f64>,
     stale: usize,
     gaussians: usize,
     best: Option<(f64, usize)>,
+    best_base: Option<BaseMotion>,
 }
 
 /// Saves the state into `folder`, which is made if it is missing.
@@ -38,11 +43,14 @@ pub(crate) fn save(folder: &Path, state: &State, settings: &TrainSettings, seed:
         domain: state.domain,
         spacing: state.spacing,
         network_steps: state.network_steps,
+        base: state.base.clone(),
+        anchors: state.anchors.positions().len(),
         mean_loss: state.mean_loss.is_finite().then_some(state.mean_loss),
         lowest_loss: state.lowest_loss,
         stale: state.stale,
         gaussians: state.parameters.len(),
         best: state.best.as_ref().map(|best| (best.psnr, best.parameters.len())),
+        best_base: state.best.as_ref().and_then(|best| best.base.clone()),
     };
     let mut tensors: Vec<(String, usize, &[f32])> = Vec::new();
     push_parameters(&mut tensors, "", &state.parameters);
@@ -53,6 +61,7 @@ pub(crate) fn save(folder: &Path, state: &State, settings: &TrainSettings, seed:
     push_moments(&mut tensors, "opacity_logits", &state.moments.opacity_logits);
     push_moments(&mut tensors, "features", &state.moments.features);
     push_moments(&mut tensors, "details", &state.moments.details);
+    tensors.push(("anchors".into(), 3, state.anchors.positions().as_flattened()));
     tensors.push(("screen.sum".into(), 1, &state.screen.sum));
     tensors.push(("screen.views".into(), 1, &state.screen.views));
     if let Some(best) = &state.best {
@@ -93,6 +102,7 @@ pub(crate) fn load(
             psnr,
             parameters: parameters(&file, "best.", n, sh_degree)?,
             network: file.numbers_exactly("best.network", weights)?,
+            base: header.best_base,
         }),
         None => None,
     };
@@ -115,6 +125,8 @@ pub(crate) fn load(
             sum: file.numbers_exactly("screen.sum", n)?,
             views: file.numbers_exactly("screen.views", n)?,
         },
+        base: header.base,
+        anchors: Anchors::new(file.triples("anchors", header.anchors)?, header.spacing),
         mean_loss: header.mean_loss.unwrap_or(f64::NAN),
         lowest_loss: header.lowest_loss,
         best,

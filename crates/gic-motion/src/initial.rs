@@ -89,7 +89,12 @@ fn share(targets: &[&Target], x: DVec3) -> f64 {
 ///
 /// With several cameras at one time the hull is what every mask shows; of a moving object seen by one camera at a time it keeps
 /// what most pictures show. Points are the surface cells of a grid as fine as `count` asks for, moved at random within them.
-pub(crate) fn hull_surface(targets: &[&Target], same_time: bool, count: usize, rng: &mut impl Rng) -> Option<Points> {
+pub(crate) fn hull_surface(
+    targets: &[&Target],
+    same_time: bool,
+    (count, inset): (usize, f64),
+    rng: &mut impl Rng,
+) -> Option<Points> {
     let stride = targets.len().div_ceil(MAX_HULL_VIEWS);
     let views: Vec<(&Target, Mask, Picture)> =
         targets.par_iter().step_by(stride).map(|&target| (target, target.mask(), target.picture())).collect();
@@ -106,7 +111,10 @@ pub(crate) fn hull_surface(targets: &[&Target], same_time: bool, count: usize, r
         views.iter().map(|(target, _, picture)| (&target.camera, picture)).collect();
     let colors = hull.colours(&surface, &pictures);
     let mut jitter = || DVec3::from_array(core::array::from_fn(|_| rng.random_range(-0.5..0.5)));
-    let positions = surface.iter().map(|point| (point.position + hull.cell * jitter()).as_vec3().to_array()).collect();
+    let positions = surface
+        .iter()
+        .map(|point| (point.position + hull.cell * (jitter() - inset * point.normal)).as_vec3().to_array())
+        .collect();
     Some(Points { positions, colors, spacing: hull.cell })
 }
 

@@ -3,6 +3,8 @@
 //! [`train`] turns a [`gic_scene::Scene`] into [`DynamicGaussians`], which give [`gic_splat::Gaussians`] at any time.
 
 mod adam;
+mod base;
+mod base_fit;
 mod checkpoint;
 mod error;
 mod evaluate;
@@ -11,13 +13,14 @@ mod loss;
 mod model;
 mod network;
 mod parameters;
-mod path;
 mod settings;
+mod smoothing;
 mod storage;
 mod targets;
 mod tensor_file;
 mod trainer;
 
+pub use base::{Affine, BaseMotion};
 pub use error::MotionError;
 pub use evaluate::{ViewScore, evaluate};
 pub use model::{Domain, DynamicGaussians, Motion};

@@ -93,7 +93,7 @@ mod tests {
         let mut rendered = gic_splat::render(&nothing, &camera, &gic_splat::RenderSettings::default());
         rendered.color = (0..n).map(|i| [wave(i, 0.12), wave(i, 0.53), wave(i, 0.07)]).collect();
         rendered.alpha = (0..n).map(|i| wave(i, 0.29)).collect();
-        let weights = LossWeights { color: 0.8, ssim: 0.3, mask: 0.7, scale: 0.0 };
+        let weights = LossWeights { color: 0.8, ssim: 0.3, mask: 0.7, ..LossWeights::default() };
         let loss = |r: &Rendered| picture_loss(r, (&color, &mask), (width, height), 20.0, &weights).unwrap();
         let gradient = loss(&rendered).gradient;
         // Steps that are wide for f32 but smaller than every difference, so that no absolute value is crossed.

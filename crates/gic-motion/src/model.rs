@@ -3,7 +3,7 @@
 use gic_splat::{Gaussians, Shape};
 use serde::{Deserialize, Serialize};
 
-use crate::MotionNetwork;
+use crate::{BaseMotion, MotionNetwork};
 
 /// How the network's units relate to the scene's.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -53,15 +53,22 @@ pub struct Motion {
     pub network: MotionNetwork<f32>,
     /// Its units.
     pub domain: Domain,
+    /// The motion to which the network's residuals are added; without it they are the whole motion, as in the paper.
+    pub base: Option<BaseMotion>,
 }
 
 impl DynamicGaussians {
-    /// The Gaussians at `time` [s from the first frame] (paper eq. 3, with s the logarithm of the scale).
+    /// The Gaussians at `time` [s from the first frame]: paper eq. 3 with the base motion in front, and s the logarithm of the
+    /// scale.
     pub fn at(&self, time: f64) -> Gaussians {
         let mut gaussians = self.canonical.clone();
-        let Some(Motion { network, domain }) = &self.motion else { return gaussians };
+        let Some(Motion { network, domain, base }) = &self.motion else { return gaussians };
         let normalised = domain.normalised(&gaussians.positions);
         let residuals = domain.residuals(&network.forward(&normalised, domain.normalised_time(time)).residuals);
+        if let Some(base) = base {
+            let map = base.at(time);
+            gaussians.positions.iter_mut().for_each(|x| *x = base.moved(&map, *x));
+        }
         for (position, residual) in gaussians.positions.iter_mut().zip(&residuals) {
             for axis in 0..3 {
                 position[axis] += residual[axis];

@@ -72,7 +72,8 @@ impl Parameters {
         }
     }
 
-    /// Adds the gradient of drawn Gaussians to `gradient` and to the residuals' gradient, by the chain rule.
+    /// Adds the gradient of drawn Gaussians to `gradient` and to the residuals' gradient, by the chain rule. The residuals' stands
+    /// for the drawn positions as well; how those follow from the canonical ones is the motion's business.
     pub(crate) fn pull_back(
         &self,
         drawn: &Gaussians,
@@ -89,7 +90,6 @@ impl Parameters {
             gradient.log_scales[i] += d_log_scale;
             d_residuals[i][3] += d_log_scale;
             for axis in 0..3 {
-                gradient.positions[i][axis] += slope.positions[i][axis];
                 d_residuals[i][axis] += slope.positions[i][axis];
             }
             let opacity = drawn.opacities[i];
@@ -147,24 +147,25 @@ impl ParameterMoments {
         }
     }
 
-    /// One step of Adam on every attribute; `fraction` of the training is over, `extent` is the object's size [m].
+    /// One step of Adam on every attribute; `fraction` of the training is over, `extent` is the object's size [m]. With `alike`,
+    /// all positions are scaled by the same number.
     pub(crate) fn update(
         &mut self,
         p: &mut Parameters,
         g: &Gradient,
         rates: &LearningRates,
         (step, fraction): (usize, f64),
-        extent: f64,
+        (extent, alike): (f64, bool),
     ) {
         use crate::adam::decayed;
         let rate = |ends| decayed(ends, fraction);
         let feature = rate(rates.feature);
-        self.positions.update(
-            p.positions.as_flattened_mut(),
-            g.positions.as_flattened(),
-            rate(rates.position) * extent,
-            step,
-        );
+        let (positions, d_positions) = (p.positions.as_flattened_mut(), g.positions.as_flattened());
+        let rate_of_positions = rate(rates.position) * extent;
+        match alike {
+            true => self.positions.update_alike(positions, d_positions, rate_of_positions, step),
+            false => self.positions.update(positions, d_positions, rate_of_positions, step),
+        }
         self.log_scales.update(&mut p.log_scales, &g.log_scales, rate(rates.scale), step);
         self.opacity_logits.update(&mut p.opacity_logits, &g.opacity_logits, rate(rates.opacity), step);
         self.features.update(p.features.as_flattened_mut(), g.features.as_flattened(), feature, step);
@@ -336,7 +337,6 @@ mod tests {
                 assert!((f64::from(*got) - expected).abs() < 2e-4, "{name} {i}: {got} against {expected}");
             }
         };
-        check(gradient.positions.as_flattened(), "position", &|p, _, i, h| p.positions.as_flattened_mut()[i] += h);
         check(&gradient.log_scales, "scale", &|p, _, i, h| p.log_scales[i] += h);
         check(&gradient.opacity_logits, "opacity", &|p, _, i, h| p.opacity_logits[i] += h);
         check(gradient.features.as_flattened(), "feature", &|p, _, i, h| p.features.as_flattened_mut()[i] += h);

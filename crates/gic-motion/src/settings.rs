@@ -16,16 +16,27 @@ pub struct TrainSettings {
     pub warm_up_steps: usize,
     /// Steps over which the training window grows from the first frame to the whole video after the warm-up.
     pub growth_steps: usize,
-    /// Steps that fit one affine map per frame to the pictures, each frame from the last, for a first guess of the motion.
+    /// Steps that first fit each frame's affine map of the base motion to the pictures, each frame from the last; 0 leaves all
+    /// motion to the network.
     pub affine_steps: usize,
-    /// Steps of regression that teach the network this first guess before its first picture; 0 turns it off.
-    pub path_steps: usize,
+    /// Steps on the frames that those maps explain (an object in free flight), before the network starts: more views of the
+    /// same shape.
+    pub mapped_steps: usize,
     /// Views rendered per step, all of the same time; the network is evaluated once for all of them.
     pub views_per_step: usize,
     /// How the first points are chosen.
     pub initial: InitialPoints,
     /// Distance between the first points, as seen in the pictures [pixels].
     pub initial_spacing_px: f64,
+    /// How far inside the hull's surface the first points lie, in their spacings. Gaussians reach beyond their centres, and
+    /// where no silhouette shows it, nothing but the start makes room for that.
+    pub initial_inset: f64,
+    /// Standard deviation of the first Gaussians in units of their spacing.
+    pub first_scale: f64,
+    /// Opacity of the first Gaussians.
+    pub first_opacity: f64,
+    /// Over how many spacings neighbours share the pull on their positions: in the first step, and from the network's first step on.
+    pub smoothing: (f64, f64),
     /// At most this many Gaussians per pixel of the object's mean mask area.
     pub gaussians_per_pixel: f64,
     /// Degree of the spherical harmonics, 0 to 3; `None` takes what the number of viewpoints can tell: 3 from 50 cameras on, 1
@@ -76,11 +87,14 @@ pub struct LossWeights {
     pub mask: f64,
     /// Weight of the mean scale s(t), measured in initial point spacings.
     pub scale: f64,
+    /// Weight of the mean squared distance of neighbours, in spacings: shrinks what no picture holds, such as the ridges of a
+    /// visual hull. Only where positions are smoothed.
+    pub tension: f64,
 }
 
 impl Default for LossWeights {
     fn default() -> Self {
-        LossWeights { color: 0.8, ssim: 0.2, mask: 1.0, scale: 0.03 }
+        LossWeights { color: 0.8, ssim: 0.2, mask: 1.0, scale: 0.03, tension: 0.2 }
     }
 }
 
@@ -96,6 +110,8 @@ pub struct LearningRates {
     pub opacity: (f64, f64),
     /// Logarithm of the scale.
     pub scale: (f64, f64),
+    /// The base motion's maps: matrices, and shifts as a fraction of the object's size.
+    pub base: (f64, f64),
     /// The network's weights; rises from zero in the network's first steps.
     pub network: (f64, f64),
 }
@@ -107,6 +123,7 @@ impl Default for LearningRates {
             feature: (2.0e-2, 2.5e-3),
             opacity: (5.0e-2, 1.0e-2),
             scale: (1.0e-2, 1.0e-3),
+            base: (5.0e-4, 2.0e-5),
             network: (8.0e-4, 5.0e-5),
         }
     }
@@ -151,14 +168,18 @@ impl Default for TrainSettings {
     fn default() -> Self {
         TrainSettings {
             held_out: Vec::new(),
-            steps: 1500,
-            warm_up_steps: 250,
+            steps: 1200,
+            warm_up_steps: 150,
             growth_steps: 0,
             affine_steps: 40,
-            path_steps: 500,
-            views_per_step: 4,
+            mapped_steps: 250,
+            views_per_step: 6,
             initial: InitialPoints::Auto,
             initial_spacing_px: 3.0,
+            initial_inset: 0.5,
+            first_scale: 0.5,
+            first_opacity: 0.9,
+            smoothing: (4.0, 1.0),
             gaussians_per_pixel: 0.5,
             sh_degree: None,
             sh_interval: 1000,
@@ -181,9 +202,10 @@ impl TrainSettings {
             warm_up_steps: 3_000,
             growth_steps: 0,
             affine_steps: 0,
-            path_steps: 0,
+            mapped_steps: 0,
             views_per_step: 1,
             initial: InitialPoints::Random,
+            smoothing: (0.0, 0.0),
             gaussians_per_pixel: 10.0,
             sh_degree: Some(3),
             rates: LearningRates {
@@ -192,6 +214,7 @@ impl TrainSettings {
                 opacity: (0.05, 0.05),
                 scale: (1.0e-3, 1.0e-3),
                 network: (8.0e-4, 1.6e-6),
+                ..LearningRates::default()
             },
             density: DensitySettings {
                 from: 500,
@@ -202,7 +225,7 @@ impl TrainSettings {
                 min_opacity: 0.005,
                 opacity_reset_every: 3_000,
             },
-            loss: LossWeights { color: 1.0, ssim: 1.0, mask: 1.0, scale: 0.01 },
+            loss: LossWeights { color: 1.0, ssim: 1.0, mask: 1.0, scale: 0.01, tension: 0.0 },
             evaluate_every: 2_000,
             ..TrainSettings::default()
         }

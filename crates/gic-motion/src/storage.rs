@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::tensor_file::{self, TensorFile};
-use crate::{Architecture, Domain, DynamicGaussians, Motion, MotionError, MotionNetwork};
+use crate::{Architecture, BaseMotion, Domain, DynamicGaussians, Motion, MotionError, MotionNetwork};
 
 const CANONICAL: &str = "canonical.ply";
 const MOTION: &str = "motion.safetensors";
@@ -15,9 +15,15 @@ struct Header {
     schema: String,
     architecture: Architecture,
     domain: Domain,
+    base: Option<BaseMotion>,
 }
 
-const SCHEMA: &str = "gic.motion/1";
+#[derive(Deserialize)]
+struct Version {
+    schema: String,
+}
+
+const SCHEMA: &str = "gic.motion/2";
 
 impl DynamicGaussians {
     /// Writes `canonical.ply` and, for a moving scene, `motion.safetensors` into `folder`, which is made if it is missing.
@@ -29,14 +35,15 @@ impl DynamicGaussians {
         let path = folder.join(CANONICAL);
         gic_splat::write_ply(&path, &self.canonical)?;
         let path = folder.join(MOTION);
-        let Some(Motion { network, domain }) = &self.motion else {
+        let Some(Motion { network, domain, base }) = &self.motion else {
             // What a moving scene may have left there must not animate this one.
             return match std::fs::remove_file(&path) {
                 Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(MotionError::file(&path)(error)),
                 _ => Ok(()),
             };
         };
-        let header = Header { schema: SCHEMA.into(), architecture: network.architecture(), domain: *domain };
+        let header =
+            Header { schema: SCHEMA.into(), architecture: network.architecture(), domain: *domain, base: base.clone() };
         tensor_file::write(&path, &[("parameters".into(), 1, &network.parameters)], &header)
     }
 
@@ -52,24 +59,33 @@ impl DynamicGaussians {
             return Ok(DynamicGaussians { canonical, motion: None });
         }
         let file = TensorFile::open(&path)?;
-        let header: Header = file.text()?;
-        if header.schema != SCHEMA {
-            let reason = format!("schema {:?} where {SCHEMA:?} is supported; use the gic that wrote it", header.schema);
+        // The version first: what else the text holds depends on it.
+        let Version { schema } = file.text()?;
+        if schema != SCHEMA {
+            let reason = format!(
+                "schema {schema:?} where {SCHEMA:?} is supported; use the gic that wrote it, or `gic reconstruct` again"
+            );
             return Err(MotionError::content(&path, reason));
+        }
+        let header: Header = file.text()?;
+        if let Some(complaint) = header.base.as_ref().and_then(BaseMotion::complaint) {
+            return Err(MotionError::content(&path, format!("base motion: {complaint}; write the file anew")));
         }
         let mut network = MotionNetwork::zeros(header.architecture);
         network.parameters = file.numbers_exactly("parameters", network.parameters.len())?;
-        Ok(DynamicGaussians { canonical, motion: Some(Motion { network, domain: header.domain }) })
+        Ok(DynamicGaussians { canonical, motion: Some(Motion { network, domain: header.domain, base: header.base }) })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use gic_splat::{Gaussians, Shape};
+    use glam::DMat3;
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
+    use crate::Affine;
 
     fn model() -> DynamicGaussians {
         let mut rng = ChaCha8Rng::seed_from_u64(7);
@@ -84,7 +100,10 @@ mod tests {
         let architecture = Architecture { width: 16, ..Architecture::default() };
         let domain = Domain { centre: [0.1, 0.0, -0.1], extent: 0.4, start: 0.0, duration: 0.5 };
         let network = MotionNetwork::random(architecture, &mut rng);
-        DynamicGaussians { canonical, motion: Some(Motion { network, domain }) }
+        let turned = DMat3::from_rotation_x(0.3).to_cols_array();
+        let maps = vec![Affine::IDENTITY, Affine { matrix: turned, shift: [0.1, -0.2, 1.0 / 3.0] }];
+        let base = BaseMotion { origin: [0.1, 0.2, 0.3], times: vec![0.0, 0.5], maps };
+        DynamicGaussians { canonical, motion: Some(Motion { network, domain, base: Some(base) }) }
     }
 
     #[test]
@@ -103,6 +122,26 @@ mod tests {
             // The file holds logarithms, so the scales come back rounded.
             assert!(a.iter().zip(b).all(|(a, b)| (a / b - 1.0).abs() < 1e-5));
         }
+    }
+
+    #[test]
+    fn a_base_motion_that_cannot_be_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut model = model();
+        model.motion.as_mut().unwrap().base.as_mut().unwrap().times = vec![0.5, 0.5];
+        model.save(folder.path()).unwrap();
+        let error = DynamicGaussians::load(folder.path()).unwrap_err().to_string();
+        assert!(error.contains("times must ascend"), "{error}");
+    }
+
+    #[test]
+    fn another_version_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        model().save(folder.path()).unwrap();
+        let path = folder.path().join(MOTION);
+        tensor_file::write(&path, &[], &serde_json::json!({ "schema": "gic.motion/1" })).unwrap();
+        let error = DynamicGaussians::load(folder.path()).unwrap_err().to_string();
+        assert!(error.contains("gic.motion/1") && error.contains("gic reconstruct"), "{error}");
     }
 
     #[test]

@@ -13,26 +13,25 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use crate::adam::{Moments, decayed};
+use crate::base_fit::{AffineFit, Base};
 use crate::initial::{self, Ball, Points};
 use crate::loss::picture_loss;
 use crate::parameters::{
     self, Gradient, ParameterMoments, Parameters, ScreenGradients, control_density, details_per_gaussian, logit,
 };
-use crate::path::{Affine, AffineFit};
+use crate::smoothing::Anchors;
 use crate::targets::{self, Bounds, Target, windowed};
 use crate::{
-    Domain, DynamicGaussians, InitialPoints, Motion, MotionError, MotionNetwork, TrainSettings, ViewScore, checkpoint,
-    evaluate,
+    Affine, BaseMotion, Deformation, Domain, DynamicGaussians, InitialPoints, Motion, MotionError, MotionNetwork,
+    TrainSettings, ViewScore, checkpoint, evaluate,
 };
 
-/// Opacity of the first Gaussians.
-const FIRST_OPACITY: f64 = 0.7;
-/// Standard deviation of the first Gaussians in units of their spacing.
-const FIRST_SCALE: f64 = 0.6;
 /// Value of the degree-0 harmonic: colour = 0.5 + this * coefficient.
 const SH0: f32 = 0.282_094_8;
-/// Points of each step of the path regression.
-const PATH_POINTS: usize = 256;
+/// Learning rate of the first fit of a frame's affine map, first and last step; shifts in units of the object's size.
+const FOLLOW_RATE: (f64, f64) = (1.5e-2, 1.5e-3);
+/// An affine map explains a frame whose loss is at most this many times the first frame's.
+const EXPLAINED: f64 = 1.5;
 /// Length of the network's unit, in radii of the object's ball at the first frame.
 const EXTENT_RADII: f64 = 2.0;
 /// A camera's frames need at least this many views at one time to carve a hull of that time.
@@ -93,6 +92,9 @@ pub(crate) struct State {
     pub(crate) network_moments: Moments,
     pub(crate) network_steps: usize,
     pub(crate) screen: ScreenGradients,
+    /// What smoothing goes by.
+    pub(crate) anchors: Anchors,
+    pub(crate) base: Option<Base>,
     pub(crate) mean_loss: f64,
     pub(crate) lowest_loss: Option<f64>,
     pub(crate) best: Option<Best>,
@@ -106,6 +108,18 @@ pub(crate) struct Best {
     pub(crate) psnr: f64,
     pub(crate) parameters: Parameters,
     pub(crate) network: Vec<f32>,
+    pub(crate) base: Option<BaseMotion>,
+}
+
+/// What takes part in a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    /// The Gaussians alone.
+    Still,
+    /// Gaussians and the base motion, on the frames that it explains.
+    Mapped,
+    /// Everything.
+    Network,
 }
 
 struct Trainer<'a> {
@@ -120,6 +134,8 @@ struct Trainer<'a> {
     sh_degree: usize,
     /// The warm-up uses the first frame (several cameras see it), not all of them (one moving camera).
     synchronous: bool,
+    /// There will be a base motion.
+    follows: bool,
 }
 
 /// Reconstructs a scene: trains Gaussians, and their motion if it has several times, to reproduce its pictures.
@@ -213,7 +229,20 @@ impl<'a> Trainer<'a> {
             _ => 0,
         });
         let is_static = frames.len() == 1;
-        Ok(Trainer { settings, seed, targets, held_out, frames, is_static, max_gaussians, sh_degree, synchronous })
+        let mut trainer = Trainer {
+            settings,
+            seed,
+            targets,
+            held_out,
+            frames,
+            is_static,
+            max_gaussians,
+            sh_degree,
+            synchronous,
+            follows: false,
+        };
+        trainer.follows = !is_static && settings.affine_steps > 0 && trainer.centres().is_some();
+        Ok(trainer)
     }
 
     /// Random numbers of one step, so that a resumed run draws the same as an uninterrupted one.
@@ -246,8 +275,8 @@ impl<'a> Trainer<'a> {
         };
         let n = points.positions.len();
         let parameters = Parameters {
-            log_scales: vec![(FIRST_SCALE * points.spacing).ln() as f32; n],
-            opacity_logits: vec![logit(FIRST_OPACITY) as f32; n],
+            log_scales: vec![(self.settings.first_scale * points.spacing).ln() as f32; n],
+            opacity_logits: vec![logit(self.settings.first_opacity) as f32; n],
             features: points.colors.iter().map(|c| c.map(|v| (v - 0.5) / SH0)).collect(),
             details: vec![[0.0; 3]; n * details_per_gaussian(self.sh_degree)],
             positions: points.positions,
@@ -260,6 +289,8 @@ impl<'a> Trainer<'a> {
             spacing: points.spacing,
             moments: ParameterMoments::zeros(&parameters),
             screen: ScreenGradients::zeros(n),
+            anchors: Anchors::default(),
+            base: None,
             parameters,
             network_moments: Moments::zeros(network.parameters.len()),
             network,
@@ -292,7 +323,8 @@ impl<'a> Trainer<'a> {
             }
             _ => {}
         }
-        initial::hull_surface(seen, self.synchronous, count, rng).ok_or_else(|| {
+        let inset = self.settings.initial_inset;
+        initial::hull_surface(seen, self.synchronous, (count, inset), rng).ok_or_else(|| {
             let reason = "the masks have no common visual hull: a camera's pose or axes are wrong (see `gic inspect`)";
             MotionError::NothingToTrain(reason.into())
         })
@@ -312,7 +344,7 @@ impl<'a> Trainer<'a> {
             let held_out = self.judge(state)?;
             let seconds = started.elapsed().as_secs_f64();
             let progress = Progress {
-                phase: if self.moves(state.step - 1) { Phase::Motion } else { Phase::WarmUp },
+                phase: if self.stage(state.step - 1) == Stage::Still { Phase::WarmUp } else { Phase::Motion },
                 step: state.step,
                 steps,
                 loss: state.mean_loss,
@@ -336,25 +368,36 @@ impl<'a> Trainer<'a> {
         Ok(())
     }
 
-    /// Whether the network takes part in `step` (counted from 0).
-    fn moves(&self, step: usize) -> bool {
-        !self.is_static && step >= self.settings.warm_up_steps
+    /// What takes part in `step` (counted from 0).
+    fn stage(&self, step: usize) -> Stage {
+        if self.is_static || step < self.settings.warm_up_steps {
+            Stage::Still
+        } else if step < self.network_start() {
+            Stage::Mapped
+        } else {
+            Stage::Network
+        }
     }
 
-    /// Views of one step: of one frame, a few cameras.
-    fn draw_views(&self, step: usize, rng: &mut impl Rng) -> Vec<&Target> {
-        let all: Vec<usize>;
-        let pool = if self.moves(step) {
-            let grown = (step - self.settings.warm_up_steps + 1) as f64 / self.settings.growth_steps.max(1) as f64;
-            let frames = (grown * self.frames.len() as f64).ceil() as usize;
-            &self.frames[rng.random_range(0..frames.clamp(1, self.frames.len()))]
-        } else if self.synchronous {
-            &self.frames[0]
-        } else {
-            all = self.frames.concat();
-            &all
+    /// The first step in which the network takes part.
+    fn network_start(&self) -> usize {
+        self.settings.warm_up_steps + if self.follows { self.settings.mapped_steps } else { 0 }
+    }
+
+    /// Views of one step: of one frame (which is told when the step knows motion), a few cameras.
+    fn draw_views(&self, state: &State, rng: &mut impl Rng) -> (usize, Vec<&Target>) {
+        let explained = state.base.as_ref().map_or(1, |base| base.explained);
+        let frames = match self.stage(state.step) {
+            Stage::Still if !self.synchronous => return (0, self.choose(self.frames.concat(), rng)),
+            Stage::Still => 1,
+            Stage::Mapped => explained,
+            Stage::Network => {
+                let grown = (state.step - self.network_start() + 1) as f64 / self.settings.growth_steps.max(1) as f64;
+                explained.max((grown * self.frames.len() as f64).ceil() as usize)
+            }
         };
-        self.choose(pool.clone(), rng)
+        let frame = rng.random_range(0..frames.clamp(1, self.frames.len()));
+        (frame, self.choose(self.frames[frame].clone(), rng))
     }
 
     /// A random few of the targets in `pool`.
@@ -370,15 +413,20 @@ impl<'a> Trainer<'a> {
     /// One step of training; returns the PSNR of what it rendered.
     fn step(&self, state: &mut State) -> Result<f64, MotionError> {
         let mut rng = self.rng(state.step);
-        let moves = self.moves(state.step);
-        if moves && state.network_steps == 0 {
-            self.teach_path(state, &mut rng)?;
+        let stage = self.stage(state.step);
+        if stage != Stage::Still && self.follows && state.base.is_none() {
+            state.base = Some(self.follow(state, &mut rng)?);
         }
-        let views = self.draw_views(state.step, &mut rng);
-        let time = state.domain.normalised_time(views[0].time);
-        let deformation =
-            moves.then(|| state.network.forward(&state.domain.normalised(&state.parameters.positions), time));
-        let residuals = deformation.as_ref().map(|d| state.domain.residuals(&d.residuals));
+        let (frame, views) = self.draw_views(state, &mut rng);
+        let map = match stage {
+            Stage::Still => None,
+            _ => state.base.as_ref().map(|base| base.motion.maps[frame]),
+        };
+        let deformation = (stage == Stage::Network).then(|| {
+            let time = state.domain.normalised_time(views[0].time);
+            state.network.forward(&state.domain.normalised(&state.parameters.positions), time)
+        });
+        let residuals = state.residuals(map.as_ref(), deformation.as_ref());
         let gaussians = state.parameters.gaussians(residuals.as_deref());
         let degree = state.step / self.settings.sh_interval.max(1);
 
@@ -402,21 +450,49 @@ impl<'a> Trainer<'a> {
             if state.mean_loss.is_finite() { state.mean_loss + AVERAGE * (loss - state.mean_loss) } else { loss };
 
         let fraction = state.step as f64 / self.settings.steps as f64;
+        let size = 2.0 * state.domain.extent / EXTENT_RADII;
+        let positions = &state.parameters.positions;
+        if let (Some(base), Some(map)) = (&mut state.base, map) {
+            let slope = base.motion.pull_back(&map, positions, &d_residuals, &mut gradient.positions);
+            base.update(frame, &slope, decayed(self.settings.rates.base, fraction), size);
+        } else {
+            for (g, d) in gradient.positions.iter_mut().zip(&d_residuals) {
+                g.iter_mut().zip(d).for_each(|(g, d)| *g += d);
+            }
+        }
         if let Some(deformation) = deformation {
             self.update_network(state, &deformation, &mut d_residuals, &mut gradient, fraction);
         }
-        let radius = state.domain.extent / EXTENT_RADII;
         state.step += 1;
         let (rates, when) = (&self.settings.rates, (state.step, fraction));
-        state.moments.update(&mut state.parameters, &gradient, rates, when, 2.0 * radius);
+        let alike = self.smooth(state, &mut gradient, rendered.len());
+        state.moments.update(&mut state.parameters, &gradient, rates, when, (size, alike));
         self.control_density(state, &mut rng);
         Ok(-10.0 * (squared.0 / squared.1.max(1) as f64).log10())
+    }
+
+    /// Shares the pull on each point with its neighbours; false when that is over.
+    fn smooth(&self, state: &mut State, gradient: &mut Gradient, views: usize) -> bool {
+        let (first, last) = self.settings.smoothing;
+        let over = state.step as f64 / self.network_start().max(1) as f64;
+        let reach = first + (last - first) * over.min(1.0);
+        if reach <= 0.0 {
+            return false;
+        }
+        if state.anchors.positions().len() != state.parameters.len() {
+            state.anchors = Anchors::new(state.parameters.positions.clone(), state.spacing);
+        }
+        let neighbourhood = state.anchors.neighbourhood();
+        let weight = self.settings.loss.tension * views as f64;
+        neighbourhood.tension(weight, &state.parameters.positions, state.spacing, &mut gradient.positions);
+        neighbourhood.smooth(reach, &mut gradient.positions);
+        true
     }
 
     fn update_network(
         &self,
         state: &mut State,
-        deformation: &crate::Deformation<f32>,
+        deformation: &Deformation<f32>,
         d_residuals: &mut [[f32; 4]],
         gradient: &mut Gradient,
         fraction: f64,
@@ -502,98 +578,89 @@ impl<'a> Trainer<'a> {
         state.screen = ScreenGradients::zeros(state.parameters.len());
     }
 
-    /// Teaches the network a first motion (see [`crate::path`]), so that the Gaussians overlap their pictures at every frame when
-    /// they are first rendered there. Needs several views of every frame.
-    fn teach_path(&self, state: &mut State, rng: &mut impl Rng) -> Result<(), MotionError> {
-        let path = self.follow(state, rng)?;
-        if path.is_empty() {
-            return Ok(());
+    /// For each frame the point nearest to the rays through its masks' centres; `None` when a frame has too few views for that.
+    fn centres(&self) -> Option<Vec<DVec3>> {
+        let centre = |frame: &Vec<usize>| {
+            let seen = frame.iter().map(|&i| &self.targets[i]).filter(|t| t.area > 0.0);
+            (seen.clone().count() >= MIN_SYNCHRONOUS).then(|| initial::mask_centre(seen))?
+        };
+        self.frames.iter().map(centre).collect()
+    }
+
+    /// The first base motion: the affine map of every frame, each fitted from where the last two lead.
+    fn follow(&self, state: &State, rng: &mut impl Rng) -> Result<Base, MotionError> {
+        let Some(centres) = self.centres() else { unreachable!("only a scene with centres is followed") };
+        let times = self.frames.iter().map(|frame| self.targets[frame[0]].time).collect();
+        let mut motion = BaseMotion { origin: centres[0].to_array(), times, maps: vec![Affine::IDENTITY] };
+        let first_loss = self.mapped_loss(state, &motion, 0)?;
+        let mut explained = 1;
+        for frame in 1..self.frames.len() {
+            let last = motion.maps[frame - 1];
+            let before = motion.maps[frame.saturating_sub(2)];
+            motion.maps.push(last.extrapolated(&before, centres[frame] - centres[0]));
+            self.fit_map(state, &mut motion, frame, rng)?;
+            let loss = self.mapped_loss(state, &motion, frame)?;
+            if explained == frame && loss <= EXPLAINED * first_loss {
+                explained += 1;
+            }
         }
-        let positions = &state.parameters.positions;
-        let rate = self.settings.rates.network.0;
-        for step in 0..self.settings.path_steps {
-            let (time, map) = path[rng.random_range(0..path.len())];
-            let sample: Vec<[f32; 3]> =
-                (0..PATH_POINTS).map(|_| positions[rng.random_range(0..positions.len())]).collect();
-            let out = state.network.forward(&state.domain.normalised(&sample), time);
-            let d: Vec<[f32; 4]> = out
-                .residuals
-                .iter()
-                .zip(&sample)
-                .map(|(r, &x)| {
-                    let wanted = (map.displacement(x) / state.domain.extent).as_vec3();
-                    [r[0] - wanted.x, r[1] - wanted.y, r[2] - wanted.z, r[3]]
-                })
-                .collect();
-            let slope = state.network.backward(&out, &d);
-            state.network_steps += 1;
-            // Down to a tenth at the end, so that the regression settles.
-            let rate = decayed((rate, 0.1 * rate), step as f64 / self.settings.path_steps as f64);
-            state.network_moments.update(&mut state.network.parameters, &slope.parameters, rate, state.network_steps);
+        Ok(Base::new(motion, explained))
+    }
+
+    /// Fits one frame's map to its pictures.
+    fn fit_map(
+        &self,
+        state: &State,
+        motion: &mut BaseMotion,
+        frame: usize,
+        rng: &mut impl Rng,
+    ) -> Result<(), MotionError> {
+        let mut fit = AffineFit::new();
+        let size = 2.0 * state.domain.extent / EXTENT_RADII;
+        for step in 0..self.settings.affine_steps {
+            let map = motion.maps[frame];
+            let gaussians = state.mapped(motion, &map);
+            let views = self.choose(self.frames[frame].clone(), rng);
+            let rendered: Vec<ViewGradient> =
+                views.par_iter().map(|view| self.view_gradient(view, &gaussians, 0)).collect::<Result<_, _>>()?;
+            let mut slope = vec![[0.0f32; 4]; gaussians.len()];
+            for view in &rendered {
+                for (s, g) in slope.iter_mut().zip(&view.slope.positions) {
+                    s.iter_mut().zip(g).for_each(|(s, g)| *s += g);
+                }
+            }
+            let points = &state.parameters.positions;
+            let slope = motion.pull_back(&map, points, &slope, &mut vec![[0.0; 3]; points.len()]);
+            let rate = decayed(FOLLOW_RATE, step as f64 / self.settings.affine_steps as f64);
+            fit.update(&mut motion.maps[frame], &slope, rate, size);
         }
-        state.network_moments = Moments::zeros(state.network.parameters.len());
-        state.network_steps = 0;
         Ok(())
     }
 
-    /// The affine map of every frame, with its time in the network's unit, each fitted from where the last two lead; empty
-    /// when a frame has too few views.
-    fn follow(&self, state: &State, rng: &mut impl Rng) -> Result<Vec<(f32, Affine)>, MotionError> {
-        let mut path: Vec<(f32, Affine)> = Vec::new();
-        let steps = self.settings.affine_steps;
-        for frame in &self.frames {
-            let seen = frame.iter().map(|&i| &self.targets[i]).filter(|t| t.area > 0.0);
-            if seen.clone().count() < MIN_SYNCHRONOUS {
-                return Ok(Vec::new());
-            }
-            let Some(centre) = initial::mask_centre(seen) else { return Ok(Vec::new()) };
-            let time = state.domain.normalised_time(self.targets[frame[0]].time);
-            let Some((_, last)) = path.last() else {
-                path.push((time, Affine::identity(centre)));
-                continue;
-            };
-            let before = path.len().checked_sub(2).map_or(last, |i| &path[i].1);
-            let start = last.extrapolated(before, centre - path[0].1.origin);
-            let mut fit = AffineFit::new(start, 2.0 * state.domain.extent / EXTENT_RADII, steps);
-            for _ in 0..steps {
-                let views = self.choose(frame.clone(), rng);
-                let residuals: Vec<[f32; 4]> = state
-                    .parameters
-                    .positions
-                    .iter()
-                    .map(|&x| {
-                        let d = fit.map.displacement(x).as_vec3();
-                        [d.x, d.y, d.z, 0.0]
-                    })
-                    .collect();
-                let gaussians = state.parameters.gaussians(Some(&residuals));
-                let rendered: Vec<ViewGradient> =
-                    views.par_iter().map(|view| self.view_gradient(view, &gaussians, 0)).collect::<Result<_, _>>()?;
-                let mut slope = vec![[0.0f32; 3]; gaussians.len()];
-                for view in &rendered {
-                    for (s, g) in slope.iter_mut().flatten().zip(view.slope.positions.iter().flatten()) {
-                        *s += g;
-                    }
-                }
-                fit.update(&state.parameters.positions, &slope);
-            }
-            path.push((time, fit.map));
-        }
-        Ok(path)
+    /// Mean loss over all views of a frame to which the Gaussians are only mapped.
+    fn mapped_loss(&self, state: &State, motion: &BaseMotion, frame: usize) -> Result<f64, MotionError> {
+        let gaussians = state.mapped(motion, &motion.maps[frame]);
+        let views = &self.frames[frame];
+        let losses: Vec<f64> = views
+            .par_iter()
+            .map(|&i| self.view_gradient(&self.targets[i], &gaussians, 0).map(|view| view.loss))
+            .collect::<Result<_, _>>()?;
+        Ok(losses.iter().sum::<f64>() / views.len() as f64)
     }
 
     /// Measures the held-out views when it is time, and remembers the best state.
     fn judge(&self, state: &mut State) -> Result<Option<ViewScore>, MotionError> {
         let every = self.settings.evaluate_every;
         let now = every > 0 && (state.step.is_multiple_of(every) || state.step == self.settings.steps);
-        if !now || (!self.is_static && !self.moves(state.step)) {
+        if !now || (!self.is_static && self.stage(state.step) == Stage::Still) {
             return Ok(None);
         }
         if self.held_out.is_empty() {
             self.judge_loss(state);
             return Ok(None);
         }
-        let model = self.model(&state.parameters, &state.network, state.domain);
+        let base = state.base.as_ref().map(|base| &base.motion);
+        let model = self.model(&state.parameters, &state.network, base, state.domain);
         let score = ViewScore::mean(&evaluate::score_targets(&self.held_out, |time| model.at(time))?);
         if state.best.as_ref().is_none_or(|best| score.psnr > best.psnr + PROGRESS_DB) {
             state.stale = 0;
@@ -602,7 +669,8 @@ impl<'a> Trainer<'a> {
         }
         if state.best.as_ref().is_none_or(|best| score.psnr > best.psnr) {
             let (parameters, network) = (state.parameters.clone(), state.network.parameters.clone());
-            state.best = Some(Best { psnr: score.psnr, parameters, network });
+            let base = state.base.as_ref().map(|base| base.motion.clone());
+            state.best = Some(Best { psnr: score.psnr, parameters, network, base });
         }
         Ok(Some(score))
     }
@@ -621,18 +689,53 @@ impl<'a> Trainer<'a> {
         self.settings.patience > 0 && state.stale >= self.settings.patience
     }
 
-    fn finish(&self, mut state: State) -> DynamicGaussians {
-        if let Some(best) = state.best.take() {
-            state.parameters = best.parameters;
-            state.network.parameters = best.network;
-        }
-        self.model(&state.parameters, &state.network, state.domain)
+    fn finish(&self, state: State) -> DynamicGaussians {
+        let State { best, parameters, mut network, base, domain, .. } = state;
+        let base = base.map(|base| base.motion);
+        let Some(best) = best else { return self.model(&parameters, &network, base.as_ref(), domain) };
+        network.parameters = best.network;
+        self.model(&best.parameters, &network, best.base.as_ref(), domain)
     }
 
-    fn model(&self, parameters: &Parameters, network: &MotionNetwork<f32>, domain: Domain) -> DynamicGaussians {
-        DynamicGaussians {
-            canonical: parameters.gaussians(None),
-            motion: (!self.is_static).then(|| Motion { network: network.clone(), domain }),
+    fn model(
+        &self,
+        parameters: &Parameters,
+        network: &MotionNetwork<f32>,
+        base: Option<&BaseMotion>,
+        domain: Domain,
+    ) -> DynamicGaussians {
+        let motion = || Motion { network: network.clone(), domain, base: base.cloned() };
+        DynamicGaussians { canonical: parameters.gaussians(None), motion: (!self.is_static).then(motion) }
+    }
+}
+
+impl State {
+    /// Displacements [m] and changes of the logarithm of the scale; `None` where nothing moves.
+    fn residuals(&self, map: Option<&Affine>, deformation: Option<&Deformation<f32>>) -> Option<Vec<[f32; 4]>> {
+        let mut residuals = match deformation {
+            Some(deformation) => self.domain.residuals(&deformation.residuals),
+            None if map.is_none() => return None,
+            None => vec![[0.0; 4]; self.parameters.len()],
+        };
+        if let (Some(base), Some(map)) = (&self.base, map) {
+            add_displacements(&mut residuals, &self.parameters.positions, &base.motion, map);
+        }
+        Some(residuals)
+    }
+
+    /// The canonical Gaussians moved by a map alone.
+    fn mapped(&self, motion: &BaseMotion, map: &Affine) -> Gaussians {
+        let mut residuals = vec![[0.0; 4]; self.parameters.len()];
+        add_displacements(&mut residuals, &self.parameters.positions, motion, map);
+        self.parameters.gaussians(Some(&residuals))
+    }
+}
+
+fn add_displacements(residuals: &mut [[f32; 4]], positions: &[[f32; 3]], motion: &BaseMotion, map: &Affine) {
+    for (residual, &x) in residuals.iter_mut().zip(positions) {
+        let moved = motion.moved(map, x);
+        for axis in 0..3 {
+            residual[axis] += moved[axis] - x[axis];
         }
     }
 }

@@ -96,7 +96,7 @@ fn settings(steps: usize) -> TrainSettings {
         held_out: vec![2],
         warm_up_steps: steps / 6,
         growth_steps: steps / 4,
-        path_steps: 100,
+        mapped_steps: steps / 6,
         initial_spacing_px: 1.5,
         gaussians_per_pixel: 3.0,
         network: Architecture { width: 48, ..Architecture::default() },
@@ -112,7 +112,7 @@ fn run(scene: &Scene, settings: &TrainSettings, checkpoint: Option<&Path>, stop_
 }
 
 fn same(a: &DynamicGaussians, b: &DynamicGaussians) -> bool {
-    let motion = |m: &DynamicGaussians| m.motion.as_ref().map(|m| m.network.parameters.clone());
+    let motion = |m: &DynamicGaussians| m.motion.as_ref().map(|m| (m.network.parameters.clone(), m.base.clone()));
     a.canonical == b.canonical && motion(a) == motion(b)
 }
 

@@ -1,0 +1,236 @@
+//! The base motion: one affine map per frame, in which the network's residuals are small.
+//!
+//! A network that must learn the whole way of an object from single pictures forgets one moment while it learns another. Twelve
+//! numbers per frame carry what a body does as a whole (fall, turn, stretch); the network adds the rest.
+
+use glam::{DMat3, DVec3};
+use serde::{Deserialize, Serialize};
+
+/// An affine map of every frame, in between interpolated smoothly.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct BaseMotion {
+    /// The point about which the maps turn and stretch [m].
+    pub origin: [f64; 3],
+    /// Times of the frames, ascending [s].
+    pub times: Vec<f64>,
+    /// The map of each frame.
+    pub maps: Vec<Affine>,
+}
+
+/// The map `x -> matrix (x - origin) + origin + shift`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Affine {
+    /// Column by column.
+    pub matrix: [f64; 9],
+    /// Displacement of the origin [m].
+    pub shift: [f64; 3],
+}
+
+impl Affine {
+    /// The map that moves nothing.
+    pub const IDENTITY: Affine = Affine { matrix: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0], shift: [0.0; 3] };
+
+    /// Twice this map minus the one before, but shifted by what is known from elsewhere [m].
+    pub(crate) fn extrapolated(&self, before: &Affine, shift: DVec3) -> Affine {
+        Affine { matrix: core::array::from_fn(|i| 2.0 * self.matrix[i] - before.matrix[i]), shift: shift.to_array() }
+    }
+
+    fn linear(&self) -> DMat3 {
+        DMat3::from_cols_array(&self.matrix)
+    }
+}
+
+impl BaseMotion {
+    /// The map at a time [s]: a cubic through the frames' maps whose slope at each is that of the parabola through it and its
+    /// neighbours, so that free fall is met exactly; outside the frames' times, the nearest frame's map.
+    pub fn at(&self, time: f64) -> Affine {
+        let mut map = Affine { matrix: [0.0; 9], shift: [0.0; 3] };
+        for (weight, frame) in self.weights(time) {
+            let add = |sum: &mut [f64], part: &[f64]| sum.iter_mut().zip(part).for_each(|(s, p)| *s += weight * p);
+            add(&mut map.matrix, &self.maps[frame].matrix);
+            add(&mut map.shift, &self.maps[frame].shift);
+        }
+        map
+    }
+
+    /// How much each frame's map counts at `time`.
+    fn weights(&self, time: f64) -> Vec<(f64, usize)> {
+        let last = self.times.len() - 1;
+        let after = self.times.partition_point(|&t| t <= time);
+        if after == 0 || after > last {
+            return vec![(1.0, if after == 0 { 0 } else { last })];
+        }
+        let before = after - 1;
+        let h = self.times[after] - self.times[before];
+        let s = (time - self.times[before]) / h;
+        // Hermite's basis.
+        let mut weights = vec![((1.0 + 2.0 * s) * (1.0 - s) * (1.0 - s), before), ((3.0 - 2.0 * s) * s * s, after)];
+        let slopes = [(s * (1.0 - s) * (1.0 - s) * h, before), (s * s * (s - 1.0) * h, after)];
+        for (weight, frame) in slopes {
+            weights.extend(self.slope(frame).into_iter().map(|(w, f)| (weight * w, f)));
+        }
+        weights
+    }
+
+    /// The slope [1/s] at a frame as a combination of maps.
+    fn slope(&self, frame: usize) -> Vec<(f64, usize)> {
+        let last = self.times.len() - 1;
+        let between = |a: usize, b: usize, weight: f64| {
+            let rate = weight / (self.times[b] - self.times[a]);
+            [(-rate, a), (rate, b)]
+        };
+        if frame == 0 {
+            return between(0, 1, 1.0).to_vec();
+        }
+        if frame == last {
+            return between(last - 1, last, 1.0).to_vec();
+        }
+        let (t0, t1, t2) = (self.times[frame - 1], self.times[frame], self.times[frame + 1]);
+        let share = (t1 - t0) / (t2 - t0);
+        [between(frame - 1, frame, 1.0 - share), between(frame, frame + 1, share)].concat()
+    }
+
+    /// Where `map` takes a point [m].
+    pub fn moved(&self, map: &Affine, x: [f32; 3]) -> [f32; 3] {
+        let origin = DVec3::from_array(self.origin);
+        let offset = DVec3::from_array(x.map(f64::from)) - origin;
+        (map.linear() * offset + origin + DVec3::from_array(map.shift)).as_vec3().to_array()
+    }
+
+    /// From the loss's derivative with respect to the moved points to that with respect to the map, and to the points themselves,
+    /// to which it is added.
+    pub(crate) fn pull_back(
+        &self,
+        map: &Affine,
+        points: &[[f32; 3]],
+        slope: &[[f32; 4]],
+        d_points: &mut [[f32; 3]],
+    ) -> Affine {
+        let origin = DVec3::from_array(self.origin);
+        let back = map.linear().transpose();
+        let (mut d_matrix, mut d_shift) = (DMat3::ZERO, DVec3::ZERO);
+        for ((x, g), d) in points.iter().zip(slope).zip(d_points) {
+            let g = DVec3::new(g[0].into(), g[1].into(), g[2].into());
+            let offset = DVec3::from_array(x.map(f64::from)) - origin;
+            d_matrix += DMat3::from_cols(g * offset.x, g * offset.y, g * offset.z);
+            d_shift += g;
+            let own = (back * g).as_vec3();
+            for axis in 0..3 {
+                d[axis] += own[axis];
+            }
+        }
+        Affine { matrix: d_matrix.to_cols_array(), shift: d_shift.to_array() }
+    }
+
+    /// Why this cannot be a base motion, if so; for files.
+    pub(crate) fn complaint(&self) -> Option<&'static str> {
+        let ascending = self.times.windows(2).all(|pair| pair[0] < pair[1]);
+        let finite = |numbers: &[f64]| numbers.iter().all(|x| x.is_finite());
+        if self.times.len() < 2 || self.times.len() != self.maps.len() {
+            Some("needs two frames at least, and as many maps as times")
+        } else if !ascending || !finite(&self.times) {
+            Some("times must ascend")
+        } else if !finite(&self.origin) || !self.maps.iter().all(|m| finite(&m.matrix) && finite(&m.shift)) {
+            Some("holds numbers that are not finite")
+        } else {
+            None
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bent(t: f64) -> Affine {
+        Affine {
+            matrix: core::array::from_fn(|i| Affine::IDENTITY.matrix[i] + 0.3 * t * (i as f64 - 4.0) - 0.2 * t * t),
+            shift: [0.1 * t, -4.9 * t * t, 0.3 - t],
+        }
+    }
+
+    fn motion() -> BaseMotion {
+        let times = vec![0.0, 0.1, 0.25, 0.3, 0.5];
+        BaseMotion { origin: [0.1, -0.2, 0.3], maps: times.iter().map(|&t| bent(t)).collect(), times }
+    }
+
+    #[test]
+    fn meets_the_frames_and_follows_free_fall_between_them() {
+        let motion = motion();
+        let close = |a: &Affine, b: &Affine| {
+            let numbers = |m: &Affine| m.matrix.into_iter().chain(m.shift).collect::<Vec<f64>>();
+            numbers(a).iter().zip(numbers(b)).all(|(a, b)| (a - b).abs() < 1e-12)
+        };
+        for (time, map) in motion.times.iter().zip(&motion.maps) {
+            assert!(close(&motion.at(*time), map), "{time}");
+        }
+        for time in [0.12, 0.2, 0.27] {
+            assert!(close(&motion.at(time), &bent(time)), "a parabola at {time}");
+        }
+        assert!(close(&motion.at(-1.0), &motion.maps[0]) && close(&motion.at(9.0), &motion.maps[4]));
+    }
+
+    #[test]
+    fn pulling_back_agrees_with_finite_differences() {
+        let motion = motion();
+        let map = bent(0.4);
+        let points: Vec<[f32; 3]> =
+            (0..5).map(|i| core::array::from_fn(|k| ((i * 3 + k) as f32 * 0.7).sin() * 0.5)).collect();
+        let slope: Vec<[f32; 4]> = (0..5).map(|i| core::array::from_fn(|k| ((i * 4 + k) as f32 * 1.3).cos())).collect();
+        let loss = |map: &Affine, points: &[[f32; 3]]| -> f64 {
+            let moved = points.iter().map(|&x| motion.moved(map, x));
+            moved.zip(&slope).map(|(x, g)| (0..3).map(|k| f64::from(x[k]) * f64::from(g[k])).sum::<f64>()).sum()
+        };
+        let mut d_points = vec![[0.5f32; 3]; 5];
+        let d_map = motion.pull_back(&map, &points, &slope, &mut d_points);
+        let h = 1e-2;
+        for i in 0..12 {
+            let nudged = |step: f64| {
+                let mut map = map;
+                if i < 9 {
+                    map.matrix[i] += step
+                } else {
+                    map.shift[i - 9] += step
+                }
+                loss(&map, &points)
+            };
+            let expected = (nudged(h) - nudged(-h)) / (2.0 * h);
+            let got = if i < 9 { d_map.matrix[i] } else { d_map.shift[i - 9] };
+            assert!((got - expected).abs() < 1e-4, "number {i}: {got} against {expected}");
+        }
+        for i in 0..5 {
+            for axis in 0..3 {
+                let nudged = |step: f32| {
+                    let mut points = points.clone();
+                    points[i][axis] += step;
+                    loss(&map, &points)
+                };
+                let expected = (nudged(h as f32) - nudged(-h as f32)) / (2.0 * h);
+                let got = f64::from(d_points[i][axis]) - 0.5;
+                assert!((got - expected).abs() < 1e-4, "point {i} axis {axis}: {got} against {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn extrapolation_goes_on_alike() {
+        let mut a = Affine::IDENTITY;
+        a.matrix[4] = 0.9;
+        let b = a.extrapolated(&Affine::IDENTITY, DVec3::X);
+        assert!((b.matrix[4] - 0.8).abs() < 1e-12 && b.shift == [1.0, 0.0, 0.0]);
+    }
+
+    #[test]
+    fn damage_is_told() {
+        assert_eq!(motion().complaint(), None);
+        let mut other = motion();
+        other.times[1] = f64::NAN;
+        assert!(other.complaint().is_some());
+        let mut other = motion();
+        other.maps.pop();
+        assert!(other.complaint().is_some());
+        let mut other = motion();
+        other.maps[2].shift[0] = f64::INFINITY;
+        assert!(other.complaint().is_some());
+    }
+}
