@@ -2,6 +2,8 @@
 
 use thiserror::Error;
 
+use crate::projection::SHORTEST_QUATERNION;
+
 /// The covariance of each Gaussian.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
@@ -14,7 +16,7 @@ pub enum Shape {
     Anisotropic {
         /// Standard deviations along the local axes [m], shape [n, 3].
         scales: Vec<[f32; 3]>,
-        /// Unit quaternions (w, x, y, z) from local to world axes, shape [n, 4]; normalised when used.
+        /// Unit quaternions (w, x, y, z) from local to world axes, shape [n, 4]; normalised when used, rejected if shorter than 1e-6.
         rotations: Vec<[f32; 4]>,
     },
 }
@@ -98,8 +100,8 @@ impl Gaussians {
             Shape::Anisotropic { scales, rotations } => {
                 finite("scale", &|i| scales[i].iter().all(|&s| s >= 0.0 && s.is_finite()))?;
                 finite("rotation", &|i| {
-                    let norm2: f32 = rotations[i].iter().map(|v| v * v).sum();
-                    norm2 > 0.0 && norm2.is_finite()
+                    let norm2: f64 = rotations[i].iter().map(|&v| f64::from(v).powi(2)).sum();
+                    norm2 >= SHORTEST_QUATERNION.powi(2) && norm2.is_finite()
                 })?;
             }
         }

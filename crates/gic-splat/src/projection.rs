@@ -134,10 +134,14 @@ impl Root {
     }
 }
 
-/// A quaternion (w, x, y, z) made a rotation, and its length. Not finite if the length is zero.
+/// A quaternion shorter than this is no rotation: gradients grow with the reciprocal of the length.
+pub(crate) const SHORTEST_QUATERNION: f64 = 1e-6;
+
+/// A quaternion (w, x, y, z) made a rotation, and its length. Not finite if it is too short.
 fn unit_quaternion(q: [f32; 4]) -> (DQuat, f64) {
     let [w, x, y, z] = q.map(f64::from);
     let length = (w * w + x * x + y * y + z * z).sqrt();
+    let length = if length < SHORTEST_QUATERNION { 0.0 } else { length };
     (DQuat::from_xyzw(x / length, y / length, z / length, w / length), length)
 }
 
