@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::adam::Moments;
-use crate::base_fit::Base;
+use crate::base_fit::{Base, PoseFit};
 use crate::parameters::{ParameterMoments, Parameters, ScreenGradients, details_per_gaussian};
 use crate::smoothing::Anchors;
 use crate::tensor_file::{self, TensorFile};
@@ -23,7 +23,7 @@ struct Header {
     domain: Domain,
     spacing: f64,
     network_steps: usize,
-    base: Option<Base>,
+    base: Option<BaseHeader>,
     anchors: usize,
     mean_loss: Option<f64>,
     lowest_loss: Option<f64>,
@@ -31,6 +31,15 @@ struct Header {
     gaussians: usize,
     best: Option<(f64, usize)>,
     best_base: Option<BaseMotion>,
+}
+
+/// What of [`Base`] is no tensor.
+#[derive(Serialize, Deserialize)]
+struct BaseHeader {
+    motion: BaseMotion,
+    explained: usize,
+    /// Adam's steps of the map and of the bend, per frame.
+    steps: Vec<(usize, usize)>,
 }
 
 /// Saves the state into `folder`, which is made if it is missing.
@@ -43,7 +52,11 @@ pub(crate) fn save(folder: &Path, state: &State, settings: &TrainSettings, seed:
         domain: state.domain,
         spacing: state.spacing,
         network_steps: state.network_steps,
-        base: state.base.clone(),
+        base: state.base.as_ref().map(|base| BaseHeader {
+            motion: base.motion.clone(),
+            explained: base.explained,
+            steps: base.fits.iter().map(|fit| (fit.map_steps, fit.bend_steps)).collect(),
+        }),
         anchors: state.anchors.positions().len(),
         mean_loss: state.mean_loss.is_finite().then_some(state.mean_loss),
         lowest_loss: state.lowest_loss,
@@ -52,7 +65,15 @@ pub(crate) fn save(folder: &Path, state: &State, settings: &TrainSettings, seed:
         best: state.best.as_ref().map(|best| (best.psnr, best.parameters.len())),
         best_base: state.best.as_ref().and_then(|best| best.base.clone()),
     };
-    let mut tensors: Vec<(String, usize, &[f32])> = Vec::new();
+    let bends = state.base.as_ref().map_or(Vec::new(), |base| base.motion.bends.concat());
+    let best_base = state.best.as_ref().and_then(|best| best.base.as_ref());
+    let best_bends = best_base.map_or(Vec::new(), |base| base.bends.concat());
+    let mut tensors: Vec<(String, usize, &[f32])> =
+        vec![("bends".into(), 3, bends.as_flattened()), ("best.bends".into(), 3, best_bends.as_flattened())];
+    for (frame, fit) in state.base.iter().flat_map(|base| &base.fits).enumerate() {
+        push_moments(&mut tensors, &format!("map.{frame}"), &fit.map);
+        push_moments(&mut tensors, &format!("bend.{frame}"), &fit.bend);
+    }
     push_parameters(&mut tensors, "", &state.parameters);
     tensors.push(("network".into(), 1, &state.network.parameters));
     push_moments(&mut tensors, "network", &state.network_moments);
@@ -97,12 +118,20 @@ pub(crate) fn load(
     network.parameters = file.numbers_exactly("network", weights)?;
     let n = header.gaussians;
     let details = n * details_per_gaussian(sh_degree);
+    let base = header.base.map(|base| restored(&file, base)).transpose()?;
+    let best_base = match header.best_base {
+        Some(mut motion) => {
+            motion.bends = file.bends("best.bends", &motion)?;
+            Some(motion)
+        }
+        None => None,
+    };
     let best = match header.best {
         Some((psnr, n)) => Some(Best {
             psnr,
             parameters: parameters(&file, "best.", n, sh_degree)?,
             network: file.numbers_exactly("best.network", weights)?,
-            base: header.best_base,
+            base: best_base,
         }),
         None => None,
     };
@@ -125,13 +154,25 @@ pub(crate) fn load(
             sum: file.numbers_exactly("screen.sum", n)?,
             views: file.numbers_exactly("screen.views", n)?,
         },
-        base: header.base,
+        base,
         anchors: Anchors::new(file.triples("anchors", header.anchors)?, header.spacing),
         mean_loss: header.mean_loss.unwrap_or(f64::NAN),
         lowest_loss: header.lowest_loss,
         best,
         stale: header.stale,
     }))
+}
+
+fn restored(file: &TensorFile, header: BaseHeader) -> Result<Base, MotionError> {
+    let BaseHeader { mut motion, explained, steps } = header;
+    motion.bends = file.bends("bends", &motion)?;
+    let fit = |(frame, &(map_steps, bend_steps)): (usize, &(usize, usize))| {
+        let map = moments(file, &format!("map.{frame}"), 12)?;
+        let bend = moments(file, &format!("bend.{frame}"), 3 * motion.lattice.nodes())?;
+        Ok(PoseFit { map, map_steps, bend, bend_steps })
+    };
+    let fits = steps.iter().enumerate().map(fit).collect::<Result<_, MotionError>>()?;
+    Ok(Base::new(motion, fits, explained))
 }
 
 fn push_parameters<'a>(tensors: &mut Vec<(String, usize, &'a [f32])>, prefix: &str, p: &'a Parameters) {

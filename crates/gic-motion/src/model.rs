@@ -66,8 +66,8 @@ impl DynamicGaussians {
         let normalised = domain.normalised(&gaussians.positions);
         let residuals = domain.residuals(&network.forward(&normalised, domain.normalised_time(time)).residuals);
         if let Some(base) = base {
-            let map = base.at(time);
-            gaussians.positions.iter_mut().for_each(|x| *x = base.moved(&map, *x));
+            let pose = base.at(time);
+            gaussians.positions.iter_mut().for_each(|x| *x = base.moved(&pose, *x));
         }
         for (position, residual) in gaussians.positions.iter_mut().zip(&residuals) {
             for axis in 0..3 {

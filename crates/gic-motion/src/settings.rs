@@ -19,9 +19,13 @@ pub struct TrainSettings {
     /// Steps that first fit each frame's affine map of the base motion to the pictures, each frame from the last; 0 leaves all
     /// motion to the network.
     pub affine_steps: usize,
+    /// Steps that then bend each frame that its map does not explain.
+    pub bend_steps: usize,
     /// Steps on the frames that those maps explain (an object in free flight), before the network starts: more views of the
     /// same shape.
     pub mapped_steps: usize,
+    /// Steps on all frames with the base motion alone, which cost less than those with the network.
+    pub bent_steps: usize,
     /// Views rendered per step, all of the same time; the network is evaluated once for all of them.
     pub views_per_step: usize,
     /// How the first points are chosen.
@@ -110,7 +114,7 @@ pub struct LearningRates {
     pub opacity: (f64, f64),
     /// Logarithm of the scale.
     pub scale: (f64, f64),
-    /// The base motion's maps: matrices, and shifts as a fraction of the object's size.
+    /// The base motion's poses: matrices, and shifts and bends as a fraction of the object's size.
     pub base: (f64, f64),
     /// The network's weights; rises from zero in the network's first steps.
     pub network: (f64, f64),
@@ -172,7 +176,9 @@ impl Default for TrainSettings {
             warm_up_steps: 150,
             growth_steps: 0,
             affine_steps: 40,
-            mapped_steps: 250,
+            bend_steps: 50,
+            mapped_steps: 200,
+            bent_steps: 400,
             views_per_step: 6,
             initial: InitialPoints::Auto,
             initial_spacing_px: 3.0,
@@ -202,7 +208,9 @@ impl TrainSettings {
             warm_up_steps: 3_000,
             growth_steps: 0,
             affine_steps: 0,
+            bend_steps: 0,
             mapped_steps: 0,
+            bent_steps: 0,
             views_per_step: 1,
             initial: InitialPoints::Random,
             smoothing: (0.0, 0.0),

@@ -44,7 +44,10 @@ impl DynamicGaussians {
         };
         let header =
             Header { schema: SCHEMA.into(), architecture: network.architecture(), domain: *domain, base: base.clone() };
-        tensor_file::write(&path, &[("parameters".into(), 1, &network.parameters)], &header)
+        let bends = base.as_ref().map_or(Vec::new(), |base| base.bends.concat());
+        let tensors =
+            [("parameters".into(), 1, network.parameters.as_slice()), ("bends".into(), 3, bends.as_flattened())];
+        tensor_file::write(&path, &tensors, &header)
     }
 
     /// Reads what [`DynamicGaussians::save`] wrote. Without `motion.safetensors` the Gaussians stand still.
@@ -67,7 +70,10 @@ impl DynamicGaussians {
             );
             return Err(MotionError::content(&path, reason));
         }
-        let header: Header = file.text()?;
+        let mut header: Header = file.text()?;
+        if let Some(base) = &mut header.base {
+            base.bends = file.bends("bends", base)?;
+        }
         if let Some(complaint) = header.base.as_ref().and_then(BaseMotion::complaint) {
             return Err(MotionError::content(&path, format!("base motion: {complaint}; write the file anew")));
         }
@@ -85,7 +91,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
-    use crate::Affine;
+    use crate::{Affine, Lattice};
 
     fn model() -> DynamicGaussians {
         let mut rng = ChaCha8Rng::seed_from_u64(7);
@@ -102,7 +108,10 @@ mod tests {
         let network = MotionNetwork::random(architecture, &mut rng);
         let turned = DMat3::from_rotation_x(0.3).to_cols_array();
         let maps = vec![Affine::IDENTITY, Affine { matrix: turned, shift: [0.1, -0.2, 1.0 / 3.0] }];
-        let base = BaseMotion { origin: [0.1, 0.2, 0.3], times: vec![0.0, 0.5], maps };
+        let lattice = Lattice { low: [-0.3; 3], cell: 0.2, size: [4; 3] };
+        let bend = (0..64).map(|_| core::array::from_fn(|_| rng.random_range(-0.05..0.05))).collect();
+        let bends = vec![vec![[0.0; 3]; 64], bend];
+        let base = BaseMotion { origin: [0.1, 0.2, 0.3], times: vec![0.0, 0.5], maps, lattice, bends };
         DynamicGaussians { canonical, motion: Some(Motion { network, domain, base: Some(base) }) }
     }
 

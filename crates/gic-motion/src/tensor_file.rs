@@ -5,7 +5,7 @@ use std::path::Path;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Serialize, de::DeserializeOwned};
 
-use crate::MotionError;
+use crate::{BaseMotion, MotionError};
 
 /// Name of the tensor of bytes that holds the JSON text. Not in the format's own metadata, whose order in the file is random.
 const TEXT: &str = "json";
@@ -78,6 +78,16 @@ impl TensorFile {
     pub(crate) fn triples(&self, name: &str, rows: usize) -> Result<Vec<[f32; 3]>, MotionError> {
         let numbers = self.numbers_exactly(name, 3 * rows)?;
         Ok(numbers.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect())
+    }
+
+    /// The bends of a base motion whose other parts are known; none where the lattice is none, which its owner will complain of.
+    pub(crate) fn bends(&self, name: &str, base: &BaseMotion) -> Result<Vec<Vec<[f32; 3]>>, MotionError> {
+        if !base.lattice.is_valid() {
+            return Ok(Vec::new());
+        }
+        let nodes = base.lattice.nodes();
+        let rows = self.triples(name, nodes * base.times.len())?;
+        Ok(rows.chunks_exact(nodes).map(<[_]>::to_vec).collect())
     }
 
     /// The JSON text.

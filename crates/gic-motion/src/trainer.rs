@@ -13,7 +13,8 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use crate::adam::{Moments, decayed};
-use crate::base_fit::{AffineFit, Base};
+use crate::base::Pose;
+use crate::base_fit::{Base, Freedom, PoseFit};
 use crate::initial::{self, Ball, Points};
 use crate::loss::picture_loss;
 use crate::parameters::{
@@ -22,14 +23,18 @@ use crate::parameters::{
 use crate::smoothing::Anchors;
 use crate::targets::{self, Bounds, Target, windowed};
 use crate::{
-    Affine, BaseMotion, Deformation, Domain, DynamicGaussians, InitialPoints, Motion, MotionError, MotionNetwork,
+    BaseMotion, Deformation, Domain, DynamicGaussians, InitialPoints, Lattice, Motion, MotionError, MotionNetwork,
     TrainSettings, ViewScore, checkpoint, evaluate,
 };
 
 /// Value of the degree-0 harmonic: colour = 0.5 + this * coefficient.
 const SH0: f32 = 0.282_094_8;
 /// Learning rate of the first fit of a frame's affine map, first and last step; shifts in units of the object's size.
-const FOLLOW_RATE: (f64, f64) = (1.5e-2, 1.5e-3);
+const MAP_RATE: (f64, f64) = (1.5e-2, 1.5e-3);
+/// The same of its bend.
+const BEND_RATE: (f64, f64) = (4.0e-3, 8.0e-4);
+/// Views per step of these fits.
+const FOLLOW_VIEWS: usize = 4;
 /// An affine map explains a frame whose loss is at most this many times the first frame's.
 const EXPLAINED: f64 = 1.5;
 /// Length of the network's unit, in radii of the object's ball at the first frame.
@@ -116,8 +121,10 @@ pub(crate) struct Best {
 enum Stage {
     /// The Gaussians alone.
     Still,
-    /// Gaussians and the base motion, on the frames that it explains.
+    /// Gaussians and affine maps, on the frames that these explain.
     Mapped,
+    /// Gaussians and the whole base motion, on all frames.
+    Bent,
     /// Everything.
     Network,
 }
@@ -372,8 +379,10 @@ impl<'a> Trainer<'a> {
     fn stage(&self, step: usize) -> Stage {
         if self.is_static || step < self.settings.warm_up_steps {
             Stage::Still
-        } else if step < self.network_start() {
+        } else if self.follows && step < self.settings.warm_up_steps + self.settings.mapped_steps {
             Stage::Mapped
+        } else if step < self.network_start() {
+            Stage::Bent
         } else {
             Stage::Network
         }
@@ -381,28 +390,33 @@ impl<'a> Trainer<'a> {
 
     /// The first step in which the network takes part.
     fn network_start(&self) -> usize {
-        self.settings.warm_up_steps + if self.follows { self.settings.mapped_steps } else { 0 }
+        let base_steps = if self.follows { self.settings.mapped_steps + self.settings.bent_steps } else { 0 };
+        self.settings.warm_up_steps + base_steps
     }
 
     /// Views of one step: of one frame (which is told when the step knows motion), a few cameras.
     fn draw_views(&self, state: &State, rng: &mut impl Rng) -> (usize, Vec<&Target>) {
         let explained = state.base.as_ref().map_or(1, |base| base.explained);
         let frames = match self.stage(state.step) {
-            Stage::Still if !self.synchronous => return (0, self.choose(self.frames.concat(), rng)),
+            Stage::Still if !self.synchronous => {
+                return (0, self.choose(self.frames.concat(), self.settings.views_per_step, rng));
+            }
             Stage::Still => 1,
             Stage::Mapped => explained,
+            Stage::Bent => self.frames.len(),
+            Stage::Network if state.base.is_some() => self.frames.len(),
             Stage::Network => {
                 let grown = (state.step - self.network_start() + 1) as f64 / self.settings.growth_steps.max(1) as f64;
-                explained.max((grown * self.frames.len() as f64).ceil() as usize)
+                (grown * self.frames.len() as f64).ceil() as usize
             }
         };
         let frame = rng.random_range(0..frames.clamp(1, self.frames.len()));
-        (frame, self.choose(self.frames[frame].clone(), rng))
+        (frame, self.choose(self.frames[frame].clone(), self.settings.views_per_step, rng))
     }
 
     /// A random few of the targets in `pool`.
-    fn choose(&self, mut pool: Vec<usize>, rng: &mut impl Rng) -> Vec<&Target> {
-        let count = self.settings.views_per_step.min(pool.len());
+    fn choose(&self, mut pool: Vec<usize>, count: usize, rng: &mut impl Rng) -> Vec<&Target> {
+        let count = count.min(pool.len());
         for i in 0..count {
             let j = rng.random_range(i..pool.len());
             pool.swap(i, j);
@@ -418,15 +432,15 @@ impl<'a> Trainer<'a> {
             state.base = Some(self.follow(state, &mut rng)?);
         }
         let (frame, views) = self.draw_views(state, &mut rng);
-        let map = match stage {
+        let pose = match stage {
             Stage::Still => None,
-            _ => state.base.as_ref().map(|base| base.motion.maps[frame]),
+            _ => state.base.as_ref().map(|base| base.motion.pose(frame)),
         };
         let deformation = (stage == Stage::Network).then(|| {
             let time = state.domain.normalised_time(views[0].time);
             state.network.forward(&state.domain.normalised(&state.parameters.positions), time)
         });
-        let residuals = state.residuals(map.as_ref(), deformation.as_ref());
+        let residuals = state.residuals(pose.as_ref(), deformation.as_ref());
         let gaussians = state.parameters.gaussians(residuals.as_deref());
         let degree = state.step / self.settings.sh_interval.max(1);
 
@@ -452,9 +466,10 @@ impl<'a> Trainer<'a> {
         let fraction = state.step as f64 / self.settings.steps as f64;
         let size = 2.0 * state.domain.extent / EXTENT_RADII;
         let positions = &state.parameters.positions;
-        if let (Some(base), Some(map)) = (&mut state.base, map) {
-            let slope = base.motion.pull_back(&map, positions, &d_residuals, &mut gradient.positions);
-            base.update(frame, &slope, decayed(self.settings.rates.base, fraction), size);
+        if let (Some(base), Some(pose)) = (&mut state.base, pose) {
+            let slope = base.motion.pull_back(&pose, positions, &d_residuals, &mut gradient.positions);
+            let freedom = if stage == Stage::Mapped { Freedom::Map } else { Freedom::MapAndBend };
+            base.update(frame, slope, freedom, (decayed(self.settings.rates.base, fraction), size));
         } else {
             for (g, d) in gradient.positions.iter_mut().zip(&d_residuals) {
                 g.iter_mut().zip(d).for_each(|(g, d)| *g += d);
@@ -566,7 +581,13 @@ impl<'a> Trainer<'a> {
     fn control_density(&self, state: &mut State, rng: &mut impl Rng) {
         let d = &self.settings.density;
         let until = (d.until * self.settings.steps as f64) as usize;
-        if d.every == 0 || state.step < d.from || state.step > until || !state.step.is_multiple_of(d.every) {
+        // A followed surface was sampled densely from its hull, and its points' neighbourhoods are what holds it together.
+        if self.follows
+            || d.every == 0
+            || state.step < d.from
+            || state.step > until
+            || !state.step.is_multiple_of(d.every)
+        {
             return;
         }
         let extent = 2.0 * state.domain.extent / EXTENT_RADII;
@@ -587,40 +608,47 @@ impl<'a> Trainer<'a> {
         self.frames.iter().map(centre).collect()
     }
 
-    /// The first base motion: the affine map of every frame, each fitted from where the last two lead.
+    /// The first base motion: the pose of every frame, each fitted from where the last two lead. Frames bend from the first one
+    /// on that no affine map explains.
     fn follow(&self, state: &State, rng: &mut impl Rng) -> Result<Base, MotionError> {
         let Some(centres) = self.centres() else { unreachable!("only a scene with centres is followed") };
         let times = self.frames.iter().map(|frame| self.targets[frame[0]].time).collect();
-        let mut motion = BaseMotion { origin: centres[0].to_array(), times, maps: vec![Affine::IDENTITY] };
-        let first_loss = self.mapped_loss(state, &motion, 0)?;
-        let mut explained = 1;
+        let lattice = Lattice::around(&state.parameters.positions);
+        let first_loss = self.posed_loss(state, &BaseMotion::still(centres[0], Vec::new(), lattice), 0)?;
+        let first = PoseFit::new(&lattice);
+        let mut base = Base::new(BaseMotion::still(centres[0], times, lattice), vec![first], 1);
         for frame in 1..self.frames.len() {
-            let last = motion.maps[frame - 1];
-            let before = motion.maps[frame.saturating_sub(2)];
-            motion.maps.push(last.extrapolated(&before, centres[frame] - centres[0]));
-            self.fit_map(state, &mut motion, frame, rng)?;
-            let loss = self.mapped_loss(state, &motion, frame)?;
-            if explained == frame && loss <= EXPLAINED * first_loss {
-                explained += 1;
+            base.push(centres[frame] - centres[0]);
+            self.fit_pose(state, &mut base, frame, Freedom::Map, rng)?;
+            if base.explained == frame && self.posed_loss(state, &base.motion, frame)? <= EXPLAINED * first_loss {
+                base.explained += 1;
+            } else {
+                self.fit_pose(state, &mut base, frame, Freedom::MapAndBend, rng)?;
             }
         }
-        Ok(Base::new(motion, explained))
+        // The history of these fits, at other rates and with other Gaussians, is no guide from here on.
+        base.fits = vec![PoseFit::new(&lattice); self.frames.len()];
+        Ok(base)
     }
 
-    /// Fits one frame's map to its pictures.
-    fn fit_map(
+    /// Fits one frame's pose to its pictures.
+    fn fit_pose(
         &self,
         state: &State,
-        motion: &mut BaseMotion,
+        base: &mut Base,
         frame: usize,
+        freedom: Freedom,
         rng: &mut impl Rng,
     ) -> Result<(), MotionError> {
-        let mut fit = AffineFit::new();
         let size = 2.0 * state.domain.extent / EXTENT_RADII;
-        for step in 0..self.settings.affine_steps {
-            let map = motion.maps[frame];
-            let gaussians = state.mapped(motion, &map);
-            let views = self.choose(self.frames[frame].clone(), rng);
+        let (steps, rates) = match freedom {
+            Freedom::Map => (self.settings.affine_steps, MAP_RATE),
+            Freedom::MapAndBend => (self.settings.bend_steps, BEND_RATE),
+        };
+        for step in 0..steps {
+            let pose = base.motion.pose(frame);
+            let gaussians = state.posed(&base.motion, &pose);
+            let views = self.choose(self.frames[frame].clone(), FOLLOW_VIEWS, rng);
             let rendered: Vec<ViewGradient> =
                 views.par_iter().map(|view| self.view_gradient(view, &gaussians, 0)).collect::<Result<_, _>>()?;
             let mut slope = vec![[0.0f32; 4]; gaussians.len()];
@@ -630,16 +658,15 @@ impl<'a> Trainer<'a> {
                 }
             }
             let points = &state.parameters.positions;
-            let slope = motion.pull_back(&map, points, &slope, &mut vec![[0.0; 3]; points.len()]);
-            let rate = decayed(FOLLOW_RATE, step as f64 / self.settings.affine_steps as f64);
-            fit.update(&mut motion.maps[frame], &slope, rate, size);
+            let slope = base.motion.pull_back(&pose, points, &slope, &mut vec![[0.0; 3]; points.len()]);
+            base.update(frame, slope, freedom, (decayed(rates, step as f64 / steps as f64), size));
         }
         Ok(())
     }
 
-    /// Mean loss over all views of a frame to which the Gaussians are only mapped.
-    fn mapped_loss(&self, state: &State, motion: &BaseMotion, frame: usize) -> Result<f64, MotionError> {
-        let gaussians = state.mapped(motion, &motion.maps[frame]);
+    /// Mean loss over all views of a frame that the base motion alone explains.
+    fn posed_loss(&self, state: &State, motion: &BaseMotion, frame: usize) -> Result<f64, MotionError> {
+        let gaussians = state.posed(motion, &motion.pose(frame));
         let views = &self.frames[frame];
         let losses: Vec<f64> = views
             .par_iter()
@@ -711,29 +738,29 @@ impl<'a> Trainer<'a> {
 
 impl State {
     /// Displacements [m] and changes of the logarithm of the scale; `None` where nothing moves.
-    fn residuals(&self, map: Option<&Affine>, deformation: Option<&Deformation<f32>>) -> Option<Vec<[f32; 4]>> {
+    fn residuals(&self, pose: Option<&Pose>, deformation: Option<&Deformation<f32>>) -> Option<Vec<[f32; 4]>> {
         let mut residuals = match deformation {
             Some(deformation) => self.domain.residuals(&deformation.residuals),
-            None if map.is_none() => return None,
+            None if pose.is_none() => return None,
             None => vec![[0.0; 4]; self.parameters.len()],
         };
-        if let (Some(base), Some(map)) = (&self.base, map) {
-            add_displacements(&mut residuals, &self.parameters.positions, &base.motion, map);
+        if let (Some(base), Some(pose)) = (&self.base, pose) {
+            add_displacements(&mut residuals, &self.parameters.positions, &base.motion, pose);
         }
         Some(residuals)
     }
 
-    /// The canonical Gaussians moved by a map alone.
-    fn mapped(&self, motion: &BaseMotion, map: &Affine) -> Gaussians {
+    /// The canonical Gaussians moved by a pose alone.
+    fn posed(&self, motion: &BaseMotion, pose: &Pose) -> Gaussians {
         let mut residuals = vec![[0.0; 4]; self.parameters.len()];
-        add_displacements(&mut residuals, &self.parameters.positions, motion, map);
+        add_displacements(&mut residuals, &self.parameters.positions, motion, pose);
         self.parameters.gaussians(Some(&residuals))
     }
 }
 
-fn add_displacements(residuals: &mut [[f32; 4]], positions: &[[f32; 3]], motion: &BaseMotion, map: &Affine) {
+fn add_displacements(residuals: &mut [[f32; 4]], positions: &[[f32; 3]], motion: &BaseMotion, pose: &Pose) {
     for (residual, &x) in residuals.iter_mut().zip(positions) {
-        let moved = motion.moved(map, x);
+        let moved = motion.moved(pose, x);
         for axis in 0..3 {
             residual[axis] += moved[axis] - x[axis];
         }

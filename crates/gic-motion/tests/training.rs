@@ -97,6 +97,7 @@ fn settings(steps: usize) -> TrainSettings {
         warm_up_steps: steps / 6,
         growth_steps: steps / 4,
         mapped_steps: steps / 6,
+        bent_steps: steps / 6,
         initial_spacing_px: 1.5,
         gaussians_per_pixel: 3.0,
         network: Architecture { width: 48, ..Architecture::default() },
