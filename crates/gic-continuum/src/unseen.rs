@@ -2,14 +2,17 @@
 //!
 //! The largest body that agrees with all views hangs down in wedges below every part whose underside no camera sees. The smallest
 //! one is what the seen boundary encloses: a point belongs to it if some straight line through the point leaves the largest body
-//! at both ends through boundary that is seen. The truth lies between; the surface half-way is right within a few per cent for
-//! both extremes, flat undersides (where the smallest body is right) and round ones.
+//! at both ends through boundary that is seen. The truth lies between, at the smallest body for flat undersides and further out for
+//! round ones; [`FillSettings::unseen_share`] says where.
 
 use crate::view::Evidence;
 use crate::{DensityField, FillSettings};
 
 /// Boundary within so many voxels of a rendered surface counts as seen.
 const SEEN_WITHIN: f64 = 1.5;
+/// ... from a camera that it faces: cosine between its normal and the direction to the camera. The sides of a wedge that hangs below
+/// an unseen part are what rays along silhouettes leave behind, so that no camera looks at them from the front.
+const FACING: f64 = 0.25;
 /// If the seen boundary encloses less than this share of the body, too little is seen to say anything.
 const MIN_ENCLOSED: f64 = 0.5;
 
@@ -30,7 +33,7 @@ const DIRECTIONS: [[i64; 3]; 13] = [
     [-1, 1, 1],
 ];
 
-/// Lowers the density beyond the surface half-way between the smallest and the largest body; linear in the number of voxels.
+/// Lowers the density beyond a surface between the smallest and the largest body; linear in the number of voxels.
 pub(crate) fn halve_unseen(field: &mut DensityField, views: &[Evidence], inset: f64, settings: &FillSettings) {
     let body: Vec<bool> = field.values.iter().map(|&v| f64::from(v) >= settings.th_min).collect();
     let seen = seen_boundary(field, &body, views, inset, settings);
@@ -45,7 +48,8 @@ pub(crate) fn halve_unseen(field: &mut DensityField, views: &[Evidence], inset: 
     let to_outside = distances(field, &outside, &vec![true; body.len()]);
     for i in 0..body.len() {
         if body[i] && !enclosed[i] {
-            field.values[i] *= (0.5 + 0.5 * (to_outside[i] - to_enclosed[i])).clamp(0.0, 1.0);
+            let share = settings.unseen_share as f32;
+            field.values[i] *= (0.5 + share * to_outside[i] - (1.0 - share) * to_enclosed[i]).clamp(0.0, 1.0);
         }
     }
 }
@@ -67,8 +71,12 @@ fn seen_boundary(
                 return false;
             }
             let point = field.centre(field.voxel(i));
+            let normal = -field.gradient(point).normalize_or_zero();
             settings.ground.is_some_and(|g| g.height(point) < near)
-                || views.iter().any(|v| v.look(point).is_some_and(|s| (f64::from(s.behind) + inset).abs() < near))
+                || views.iter().any(|v| {
+                    normal.dot(v.direction_from(point)) > FACING
+                        && v.look(point).is_some_and(|s| (f64::from(s.behind) + inset).abs() < near)
+                })
         })
         .collect()
 }

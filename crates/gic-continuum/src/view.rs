@@ -134,6 +134,11 @@ impl<'a> Evidence<'a> {
         inside.then(|| pixel.y as usize * w + pixel.x as usize)
     }
 
+    /// Unit vector from a point [m] to the camera.
+    pub(crate) fn direction_from(&self, point: DVec3) -> DVec3 {
+        (self.camera.centre - point).normalize_or_zero()
+    }
+
     /// What this view says about a point [m]; `None` where it does not see it: behind the camera or outside the image.
     pub(crate) fn look(&self, point: DVec3) -> Option<Seen> {
         let (pixel, z) = self.camera.project(point)?;

@@ -11,13 +11,17 @@ use crate::flight::Flight;
 use crate::interval::{self, half_width};
 use crate::levenberg::Tangents;
 use crate::loss::mean_loss;
-use crate::objective::{Forward, Level, Motion, Prior, Problem};
+use crate::objective::{Forward, Level, Motion, Problem};
 use crate::result::{Estimate, Identification, Loss, Stage};
 use crate::simulation::Simulation;
-use crate::stages::Job;
+use crate::stages::{Flown, Job};
 use crate::state::{State, Unknown};
 use crate::velocity::Launch;
 use crate::{IdentifyError, MaterialKind, Parameter};
+
+/// Standard deviation of the position of the surface that was reconstructed, in particle spacings: the masks' outline shows it to
+/// about this, and undersides are seen less well.
+const SHAPE_SIGMA: f64 = 0.15;
 
 impl Job<'_> {
     fn material(&self, state: &State) -> gic_mpm::Material {
@@ -40,19 +44,23 @@ impl Job<'_> {
     pub(crate) fn finish(
         &self,
         launched: &Launch,
-        prior: Option<&Prior>,
+        flown: Option<&Flown>,
         state: &State,
     ) -> Result<Identification, IdentifyError> {
         let simulation = self.simulation(launched.free);
-        let mut unknowns = self.joint_unknowns(launched);
+        let mut unknowns = self.joint_unknowns(flown);
         let count = unknowns.len();
-        unknowns.push(Unknown::Size);
+        let (moving, uncertain) =
+            flown.map_or((Vec::new(), DMatrix::zeros(0, 0)), |f| (f.motion.clone(), f.covariance.clone()));
+        unknowns.extend(&moving);
+        unknowns.extend([Unknown::Size, Unknown::Height]);
+        let prior = flown.map(|flown| &flown.splat);
         let problem = Problem {
             forward: &simulation,
             objective: self.base_objective(),
             unknowns,
             parameters: self.parameters(),
-            level: self.joint_frames(launched, prior),
+            level: self.joint_frames(launched, flown),
             prior,
         };
         let motion = simulation.motion(state, &self.all_frames()).map_err(self.failure(1))?;
@@ -72,10 +80,16 @@ impl Job<'_> {
                 }
                 let clusters = problem.objective.clusters(&motion, &motions, &steps, &problem.level);
                 let known = prior.map_or(DMatrix::zeros(0, 0), |p| p.information_of(&problem.unknowns[..count]));
-                let mut nuisances = vec![(count, self.size_sigma())];
-                if steps.len() > count + 1 {
-                    shifts = interval::response(&clusters, self.weights, count, &known, count + 1);
-                    nuisances.push((count + 1, 1.0));
+                // Velocity, size, height, and the refined grid with the whole of its shift.
+                let mut nuisances = DMatrix::zeros(steps.len() - count, steps.len() - count);
+                let flying = moving.len();
+                nuisances.view_mut((0, 0), (flying, flying)).copy_from(&uncertain);
+                nuisances[(flying, flying)] = self.size_sigma().powi(2);
+                nuisances[(flying + 1, flying + 1)] = self.size_sigma().powi(2);
+                if steps.len() > problem.unknowns.len() {
+                    let refined = problem.unknowns.len();
+                    shifts = interval::response(&clusters, self.weights, count, &known, refined);
+                    nuisances[(refined - count, refined - count)] = 1.0;
                 }
                 covariance = interval::covariance(&clusters, self.weights, count, &known, &nuisances);
             }
@@ -93,17 +107,22 @@ impl Job<'_> {
                 self.estimate(&self.parameters()[i], state.material[i], deviation(unknown), shift)
             })
             .collect();
-        let velocity = DVec3::from_array([0, 1, 2].map(|a| deviation(Unknown::Velocity(a)).unwrap_or(0.0)));
+        let speed = |axis: usize| {
+            let unknown = Unknown::Velocity(axis);
+            let free = moving.iter().position(|u| *u == unknown).map(|k| half_width(uncertain[(k, k)]));
+            free.or_else(|| deviation(unknown)).unwrap_or(0.0)
+        };
+        let velocity = DVec3::from_array([0, 1, 2].map(speed));
         checks::explained(self, launched, &motion);
         Ok(self.result(launched, state, estimates, velocity, Some(&motion)))
     }
 
-    /// Standard deviation of the logarithm of the continuum's size: a tenth of a particle spacing on each side.
+    /// Standard deviation of the logarithm of the continuum's size, and of its height.
     fn size_sigma(&self) -> f64 {
         let centre = self.input.centre();
         let radius =
             self.input.positions.iter().map(|p| p.distance(centre)).sum::<f64>() / self.input.positions.len() as f64;
-        0.1 * self.input.particle_volume_m3.cbrt() / radius
+        SHAPE_SIGMA * self.input.particle_volume_m3.cbrt() / radius
     }
 
     fn estimate(&self, p: &Parameter, coordinate: f64, half: Option<f64>, shift: Option<f64>) -> Estimate {

@@ -19,7 +19,9 @@ pub(crate) fn fall(gravity: DVec3, time: f64, dt: f64) -> DVec3 {
 pub(crate) fn placed(input: &Input, state: &State) -> (Vec<DVec3>, DVec3) {
     let centre = input.centre();
     let factor = state.size.exp();
-    let positions = input.positions.iter().map(|p| centre + state.offset + (*p - centre) * factor).collect();
+    let (up, stretch) = (input.gravity_m_s2.normalize_or_zero(), state.height.exp() - 1.0);
+    let grown = |d: DVec3| factor * (d + stretch * d.dot(up) * up);
+    let positions = input.positions.iter().map(|p| centre + state.offset + grown(*p - centre)).collect();
     (positions, centre + state.offset)
 }
 

@@ -18,13 +18,13 @@ const FRAMES_PER_LAG: usize = 4;
 
 /// Covariance of the first `unknowns` columns, given what is `known` of them besides (an information matrix, or an empty one).
 ///
-/// `nuisances` are later columns of the clusters, which were held fixed, with the standard deviation of each.
+/// `nuisances` is the covariance of the next columns of the clusters, which were held fixed.
 pub(crate) fn covariance(
     clusters: &[Cluster],
     weights: Weights,
     unknowns: usize,
     known: &DMatrix<f64>,
-    nuisances: &[(usize, f64)],
+    nuisances: &DMatrix<f64>,
 ) -> Option<DMatrix<f64>> {
     let columns = clusters.first()?.gradient.len();
     let total = Normal::sum(clusters, weights, columns);
@@ -33,13 +33,8 @@ pub(crate) fn covariance(
     middle += scatter(&groups(clusters, weights, unknowns, &|c| c.camera.unwrap_or(usize::MAX)), 0);
     let frames = groups(clusters, weights, unknowns, &|c| c.observation);
     middle += scatter(&frames, frames.len() / FRAMES_PER_LAG);
-    let mut covariance = &inverse * middle * &inverse;
-    for (column, sigma) in nuisances {
-        let cross = total.hessian.view((0, *column), (unknowns, 1)).column(0).into_owned();
-        let shift = &inverse * cross * *sigma;
-        covariance += &shift * shift.transpose();
-    }
-    Some(covariance)
+    let shifts = &inverse * total.hessian.view((0, unknowns), (unknowns, nuisances.nrows()));
+    Some(&inverse * middle * &inverse + &shifts * nuisances * shifts.transpose())
 }
 
 /// How far the first `unknowns` columns move per unit of column `other`, which was held fixed: -H^-1 J^T W J_other.
@@ -168,7 +163,14 @@ mod tests {
                     cluster.finish()
                 })
                 .collect();
-            let c = covariance(&clusters, Weights { mask: 1.0, surface: 1.0 }, 1, &DMatrix::zeros(0, 0), &[]).unwrap();
+            let c = covariance(
+                &clusters,
+                Weights { mask: 1.0, surface: 1.0 },
+                1,
+                &DMatrix::zeros(0, 0),
+                &DMatrix::zeros(0, 0),
+            )
+            .unwrap();
             inside += usize::from(estimate.abs() < half_width(c[(0, 0)]));
             let noise: f64 = data.iter().map(|(_, _, s, e)| (e - s * estimate).powi(2)).sum::<f64>() / 154.0;
             textbook += usize::from(estimate.abs() < 1.96 * (noise / h).sqrt());

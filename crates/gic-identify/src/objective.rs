@@ -83,12 +83,14 @@ impl Objective<'_> {
         steps: &[f64],
         pooling: usize,
     ) -> Cluster {
-        let camera = &view.camera;
+        // Outside of this window neither the particles nor the mask are, so that it only saves time.
+        let window = view.window(&base.positions[o], base.splats(o, self.opacities), pooling);
+        let camera = &window.camera(&view.camera);
         let draw = |motion: &Motion| {
             let full = alpha(&motion.positions[o], motion.splats(o, self.opacities), camera);
             pool(&full, camera.width, camera.height, pooling)
         };
-        let observed = pool(&view.mask, camera.width, camera.height, pooling);
+        let observed = pool(&window.cut(&view.mask, view.camera.width), camera.width, camera.height, pooling);
         let reference = draw(base);
         let moved: Vec<Vec<f32>> = perturbed.iter().map(draw).collect();
         let mut cluster = Cluster::new(Modality::Mask, o, Some(view.camera_index), steps.len());

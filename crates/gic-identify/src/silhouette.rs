@@ -13,6 +13,9 @@ const CUTOFF_SIGMAS: f32 = 4.0;
 /// Blur of the pixel itself, in pixels^2, added to the projected variance (a box of one pixel has variance 1/12).
 const PIXEL_VARIANCE: f32 = 1.0 / 12.0;
 
+/// Pixels around what is drawn, for hypotheses that differ by a small step.
+const MARGIN: usize = 4;
+
 /// One view at the resolution at which it is compared.
 #[derive(Clone, Debug)]
 pub(crate) struct MaskView {
@@ -22,16 +25,76 @@ pub(crate) struct MaskView {
     pub camera: Camera,
     /// Observed coverage, row-major.
     pub mask: Vec<f32>,
+    /// Where the mask is not empty.
+    covered: Window,
+}
+
+/// A rectangle of pixels: columns and rows from the first up to, not including, the second.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Window {
+    columns: (usize, usize),
+    rows: (usize, usize),
+}
+
+impl Window {
+    const EMPTY: Window = Window { columns: (usize::MAX, 0), rows: (usize::MAX, 0) };
+
+    fn join(&mut self, columns: (usize, usize), rows: (usize, usize)) {
+        self.columns = (self.columns.0.min(columns.0), self.columns.1.max(columns.1));
+        self.rows = (self.rows.0.min(rows.0), self.rows.1.max(rows.1));
+    }
+
+    /// The window grown by `margin` and to whole blocks of `block` pixels, inside a picture of `size`.
+    fn aligned(self, margin: usize, block: usize, size: (usize, usize)) -> Window {
+        let grow = |(low, high): (usize, usize), length: usize| {
+            if low >= high {
+                return (0, 0);
+            }
+            let last = length / block * block;
+            (low.saturating_sub(margin) / block * block, ((high + margin).div_ceil(block) * block).min(last))
+        };
+        Window { columns: grow(self.columns, size.0), rows: grow(self.rows, size.1) }
+    }
+
+    /// The camera that sees the window only.
+    pub(crate) fn camera(&self, camera: &Camera) -> Camera {
+        Camera {
+            width: self.columns.1.saturating_sub(self.columns.0),
+            height: self.rows.1.saturating_sub(self.rows.0),
+            principal: camera.principal - DVec2::new(self.columns.0 as f64, self.rows.0 as f64),
+            ..camera.clone()
+        }
+    }
+
+    /// The window's pixels of a picture that is `width` wide.
+    pub(crate) fn cut(&self, image: &[f32], width: usize) -> Vec<f32> {
+        let row = |j: usize| image[j * width + self.columns.0..j * width + self.columns.1.max(self.columns.0)].iter();
+        (self.rows.0..self.rows.1).flat_map(row).copied().collect()
+    }
 }
 
 impl MaskView {
     /// Averages a picture over blocks of `factor` x `factor` pixels; an incomplete last row or column is dropped.
     pub(crate) fn new(camera_index: usize, camera: &Camera, mask: &[f32], factor: usize) -> MaskView {
-        MaskView {
-            camera_index,
-            camera: pooled_camera(camera, factor),
-            mask: pool(mask, camera.width, camera.height, factor),
+        let (camera, mask) = (pooled_camera(camera, factor), pool(mask, camera.width, camera.height, factor));
+        let mut covered = Window::EMPTY;
+        for (i, _) in mask.iter().enumerate().filter(|(_, m)| **m > 0.0) {
+            let (x, y) = (i % camera.width, i / camera.width);
+            covered.join((x, x + 1), (y, y + 1));
         }
+        MaskView { camera_index, camera, mask, covered }
+    }
+
+    /// The pixels that the particles or the mask cover, with a margin for small moves, in whole blocks of `block` pixels.
+    pub(crate) fn window(&self, positions: &[[f32; 3]], splats: Splats, block: usize) -> Window {
+        let eye = Eye::new(&self.camera);
+        let mut window = self.covered;
+        for (i, position) in positions.iter().enumerate() {
+            if let Some(f) = eye.footprint(*position, splats.opacities[i], splats.scales[i] * splats.factor) {
+                window.join(f.columns, f.rows);
+            }
+        }
+        window.aligned(MARGIN, block, (self.camera.width, self.camera.height))
     }
 }
 

@@ -54,7 +54,7 @@ impl Simulation<'_> {
             None => all.iter().map(|p| *p + shift).collect(),
             Some(ids) => ids.iter().map(|i| all[*i] + shift).collect(),
         };
-        let growth = (3.0 * state.size).exp() * all.len() as f64 / chosen.len() as f64;
+        let growth = (3.0 * state.size + state.height).exp() * all.len() as f64 / chosen.len() as f64;
         World {
             bodies: vec![Body {
                 material: self.material(state),

@@ -20,6 +20,8 @@ pub(crate) enum Unknown {
     Splat,
     /// Logarithm of the factor on the continuum's size (a nuisance).
     Size,
+    /// Logarithm of the factor on its height, along gravity (a nuisance).
+    Height,
 }
 
 /// A point in the space of all unknowns.
@@ -40,12 +42,22 @@ pub(crate) struct State {
     pub splat: f64,
     /// Logarithm of the factor on the continuum's size.
     pub size: f64,
+    /// Logarithm of the factor on its height, along gravity.
+    pub height: f64,
 }
 
 impl State {
     /// Everything at rest and as given.
     pub(crate) fn new(material: Vec<f64>) -> State {
-        State { material, velocity: DVec3::ZERO, angular: DVec3::ZERO, offset: DVec3::ZERO, splat: 0.0, size: 0.0 }
+        State {
+            material,
+            velocity: DVec3::ZERO,
+            angular: DVec3::ZERO,
+            offset: DVec3::ZERO,
+            splat: 0.0,
+            size: 0.0,
+            height: 0.0,
+        }
     }
 
     pub(crate) fn get(&self, unknown: Unknown) -> f64 {
@@ -56,6 +68,7 @@ impl State {
             Unknown::Offset(a) => self.offset[a],
             Unknown::Splat => self.splat,
             Unknown::Size => self.size,
+            Unknown::Height => self.height,
         }
     }
 
@@ -67,6 +80,7 @@ impl State {
             Unknown::Offset(a) => self.offset[a] = value,
             Unknown::Splat => self.splat = value,
             Unknown::Size => self.size = value,
+            Unknown::Height => self.height = value,
         }
     }
 
@@ -90,7 +104,7 @@ impl Unknown {
             Unknown::Angular(_) => (-200.0, 200.0),
             Unknown::Offset(_) => (-1.0, 1.0),
             Unknown::Splat => (-1.0, 1.0),
-            Unknown::Size => (-0.2, 0.2),
+            Unknown::Size | Unknown::Height => (-0.2, 0.2),
         }
     }
 
@@ -102,7 +116,7 @@ impl Unknown {
             Unknown::Angular(_) => 1e-2,
             Unknown::Offset(_) => 2e-4,
             Unknown::Splat => 1e-2,
-            Unknown::Size => 1e-3,
+            Unknown::Size | Unknown::Height => 1e-3,
         }
     }
 
@@ -114,7 +128,7 @@ impl Unknown {
             Unknown::Angular(_) => 3.0,
             Unknown::Offset(_) => 0.05,
             Unknown::Splat => 0.2,
-            Unknown::Size => 0.02,
+            Unknown::Size | Unknown::Height => 0.02,
         }
     }
 }

@@ -17,8 +17,6 @@ pub(crate) struct Launch {
     pub state: State,
     /// Number of leading observations in which nothing is touched.
     pub free: usize,
-    /// Whether the data show a rotation.
-    pub rotates: bool,
     /// Normal equations at the state.
     pub clusters: Vec<Cluster>,
     /// The unknowns that were fitted.
@@ -41,7 +39,7 @@ pub(crate) fn launch(
     let run = |state: &mut State, unknowns: &[Unknown], end: usize, pooling: usize| -> Result<Fit, String> {
         let level = Level { first: 0, end, pooling };
         let problem = problem(&flight, objective, unknowns, level);
-        let limits = Limits { iterations: 10, step_tolerance: 0.1, gain_tolerance: 1e-5, secants: false };
+        let limits = Limits { iterations: 10, step_tolerance: 0.1, gain_tolerance: 1e-4, secants: false };
         let fit = minimise(&problem, state.clone(), limits, &mut |_| Ok(()))?;
         *state = fit.state.clone();
         Ok(fit)
@@ -82,7 +80,6 @@ pub(crate) fn launch(
     all.extend(&speed);
     let mut fit = run(&mut state, &all, free.max(2), 1)?;
     let mut clusters = linearised(&fit, &all, free.max(2))?;
-    let mut rotates = false;
     if allow_rotation && !known && free >= 2 {
         let mut with_spin = all.clone();
         with_spin.extend((0..3).map(Unknown::Angular));
@@ -90,10 +87,10 @@ pub(crate) fn launch(
         // Rotation counts as shown when it explains a tenth of the residual and stands above its own uncertainty.
         let spinning = linearised(&turning, &with_spin, free)?;
         if turning.cost < 0.9 * fit.cost && spin_significance(&spinning, &turning, &with_spin, objective) > 5.0 {
-            (fit, all, clusters, rotates) = (turning, with_spin, spinning, true);
+            (fit, all, clusters) = (turning, with_spin, spinning);
         }
     }
-    Ok(Launch { state: fit.state, free, rotates, clusters, unknowns: all })
+    Ok(Launch { state: fit.state, free, clusters, unknowns: all })
 }
 
 fn problem<'a>(flight: &'a Flight, objective: Objective<'a>, unknowns: &[Unknown], level: Level) -> Problem<'a> {

@@ -220,6 +220,26 @@ fn a_spin_that_the_data_show_is_estimated() {
     assert!(found.angular_velocity_rad_s.distance(spin) < 0.02, "{:?}", found.angular_velocity_rad_s);
 }
 
+#[test]
+fn a_wrong_material_is_said_not_to_explain_the_data() {
+    let input = observed(NEWTONIAN, DVec3::new(0.4, -1.5, 0.2), 10);
+    let settings = Settings { target: Target::Surfaces, iterations: 2, ..Settings::default() };
+    let warned = |kind: MaterialKind| {
+        let found = run(&input, kind, &settings).expect("something is found");
+        found.warnings.iter().any(|w| w.contains("does not explain"))
+    };
+    assert!(warned(MaterialKind::Elastic), "a fluid passes for an elastic solid");
+    assert!(!warned(MaterialKind::Newtonian));
+}
+
+#[test]
+fn two_frames_are_said_to_show_little() {
+    let settings = Settings { target: Target::Surfaces, iterations: 1, ..Settings::default() };
+    let found = run(&observed(SAND, DVec3::new(0.0, -1.5, 0.0), 2), MaterialKind::Sand, &settings).expect("a velocity");
+    assert!(found.warnings.iter().any(|w| w.contains("two frames only")), "{:?}", found.warnings);
+    assert!(found.estimates.iter().all(|e| !e.identifiable));
+}
+
 /// Stopped at every checkpoint and once in the middle of every stage, and taken up again through a file's text until it is done.
 #[test]
 fn an_interrupted_identification_ends_at_the_same_answer() {
