@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::events::Events;
 use crate::interrupt::Interrupt;
 use crate::matter::read_particles;
-use crate::pipeline::{FillSummary, IdentifyRecord, filling_file, read_json};
+use crate::pipeline::{FillSummary, FrameFilling, IdentifyRecord, filling_file, read_json};
 
 const STAGE: &str = "eval";
 /// Seed of the random points that clouds are compared with: the same for every run, so that runs can be compared.
@@ -90,6 +90,10 @@ pub struct FrameError {
     pub filling: [f64; 2],
     /// The simulated twin against the truth, where it was simulated.
     pub prediction: Option<[f64; 2]>,
+    /// Volume of the filled body over that of the truth, less one.
+    pub volume_error: Option<f64>,
+    /// Mean overlap of the re-rendered filled body with the masks.
+    pub mask_iou: Option<f64>,
     /// Two samplings of the truth against each other: what a perfect answer would score.
     pub floor: [f64; 2],
 }
@@ -193,7 +197,7 @@ pub fn evaluate(run: &Path, truth: &Truth, events: &Events, interrupt: &Interrup
             return Err(Error::Interrupted { after: String::new(), resume: "run the same command again".into() });
         }
         if let Some(particles) = truth.particles(filled.frame)? {
-            frames.push(frame_error(run, filled.frame, &particles, truth)?);
+            frames.push(frame_error(run, filled, &particles, truth)?);
             let of = Some(summary.frames.len() as u64);
             events.step(STAGE, "", filled.frame as u64 + 1, of, &[]);
         }
@@ -268,7 +272,8 @@ fn velocity_error(found: &IdentifyRecord, truth: &Truth) -> VelocityError {
     }
 }
 
-fn frame_error(run: &Path, frame: usize, particles: &[[f32; 3]], truth: &Truth) -> Result<FrameError> {
+fn frame_error(run: &Path, filled: &FrameFilling, particles: &[[f32; 3]], truth: &Truth) -> Result<FrameError> {
+    let frame = filled.frame;
     let against = |path: &Path| -> Result<[f64; 2]> {
         let cloud: Vec<[f32; 3]> = read_particles(path)?.positions.iter().map(|p| p.as_vec3().to_array()).collect();
         let metrics = compare_clouds(&cloud, particles, SEED).map_err(Error::stage("comparing particles"))?;
@@ -282,6 +287,8 @@ fn frame_error(run: &Path, frame: usize, particles: &[[f32; 3]], truth: &Truth) 
         filling: against(&run.join(filling_file(frame)))?,
         prediction: prediction.exists().then(|| against(&prediction)).transpose()?,
         floor: [floor.chamfer, floor.emd],
+        volume_error: truth.volume_m3.map(|volume| filled.volume_m3 / volume - 1.0),
+        mask_iou: filled.mask_iou,
     })
 }
 
@@ -314,40 +321,56 @@ impl Evaluation {
             v.error_x100,
             v.inside
         );
-        if !self.frames.is_empty() {
-            text +=
-                "\nframe   CD filled  predicted      floor   EMD filled  predicted      floor   (CD 1e3 mm^2, EMD m)\n";
-        }
-        let line = |name: String, filling: [f64; 2], prediction: Option<[f64; 2]>, floor: [f64; 2]| {
-            let p = |i: usize| prediction.map_or("-".to_owned(), |p| format!("{:.4}", p[i]));
-            format!(
-                "{name:<5} {:>11.4} {:>10} {:>10.4} {:>12.4} {:>10} {:>10.4}\n",
-                filling[0],
-                p(0),
-                floor[0],
-                filling[1],
-                p(1),
-                floor[1]
-            )
-        };
-        for f in &self.frames {
-            text += &line(f.frame.to_string(), f.filling, f.prediction, f.floor);
-        }
-        if self.frames.len() > 1 {
-            let over = |pick: &dyn Fn(&FrameError) -> f64| mean(self.frames.iter().map(pick));
-            let complete = self.frames.iter().all(|f| f.prediction.is_some());
-            let prediction = |i: usize| over(&|f| f.prediction.map_or(f64::NAN, |p| p[i]));
-            text += &line(
-                "mean".into(),
-                [over(&|f| f.filling[0]), over(&|f| f.filling[1])],
-                complete.then(|| [prediction(0), prediction(1)]),
-                [over(&|f| f.floor[0]), over(&|f| f.floor[1])],
-            );
-        }
+        text += &self.frame_table();
         if let Some(error) = self.volume_error {
             text += &format!("volume {:+.2} %, ", 100.0 * error);
         }
         text + &format!("masks re-rendered at the first frame: IoU {:.4}\n", self.mask_iou)
+    }
+}
+
+impl Evaluation {
+    /// A line for each frame and one of the means.
+    fn frame_table(&self) -> String {
+        if self.frames.is_empty() {
+            return String::new();
+        }
+        let mut text = format!(
+            "\n{:<5} {:>11} {:>10} {:>10} {:>12} {:>10} {:>10} {:>9} {:>9}   (CD 1e3 mm^2, EMD m; volume and IoU of the filling)\n",
+            "frame", "CD filled", "predicted", "floor", "EMD filled", "predicted", "floor", "volume %", "mask IoU"
+        );
+        let line = |name: String, f: &FrameError| {
+            let p = |i: usize| f.prediction.map_or("-".to_owned(), |p| format!("{:.4}", p[i]));
+            let volume = f.volume_error.map_or("-".to_owned(), |v| format!("{:+.2}", 100.0 * v));
+            let iou = f.mask_iou.map_or("-".to_owned(), |iou| format!("{iou:.4}"));
+            let ([cd, emd], [cd_floor, emd_floor]) = (f.filling, f.floor);
+            format!(
+                "{name:<5} {cd:>11.4} {:>10} {cd_floor:>10.4} {emd:>12.4} {:>10} {emd_floor:>10.4} {volume:>9} {iou:>9}\n",
+                p(0),
+                p(1)
+            )
+        };
+        for f in &self.frames {
+            text += &line(f.frame.to_string(), f);
+        }
+        if self.frames.len() > 1 {
+            let over = |pick: &dyn Fn(&FrameError) -> f64| mean(self.frames.iter().map(pick));
+            // The mean of some frames only would not be comparable.
+            let all = |pick: &dyn Fn(&FrameError) -> Option<f64>| {
+                self.frames.iter().map(pick).collect::<Option<Vec<f64>>>().map(|v| mean(v.into_iter()))
+            };
+            let prediction = |i: usize| all(&move |f| f.prediction.map(|p| p[i]));
+            let means = FrameError {
+                frame: 0,
+                filling: [over(&|f| f.filling[0]), over(&|f| f.filling[1])],
+                prediction: prediction(0).zip(prediction(1)).map(|(cd, emd)| [cd, emd]),
+                floor: [over(&|f| f.floor[0]), over(&|f| f.floor[1])],
+                volume_error: all(&|f| f.volume_error.map(f64::abs)),
+                mask_iou: all(&|f| f.mask_iou),
+            };
+            text += &line("mean".into(), &means);
+        }
+        text
     }
 }
 

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use gic_continuum::{
-    Agreement, Appearance, FillSettings, Filling, GroundPlane, MaskedView, Particles, Placement, Unseen, calibrate,
-    compare_with_masks, fill, sample_particles,
+    Agreement, Appearance, Drawing, FillSettings, Filling, GroundPlane, MaskedView, Particles, Placement, Unseen,
+    calibrate, compare_with_masks, fill, sample_particles,
 };
 use gic_motion::DynamicGaussians;
 use gic_scene::{Hull, HullSettings, HullView, Mask};
@@ -20,6 +20,8 @@ use crate::matter::{read_particles, write_particles};
 /// Grid cells along the side of a cube with the object's volume, before rounding: 0.02 m cells for the paper's objects, whose
 /// boxes are 0.3 to 0.45 m. The volume says it better than the box, which depends on the object's orientation.
 const CELLS_ACROSS: f64 = 8.0;
+/// Spacing of the points that are drawn, over that of the particles that are simulated.
+const DRAWING_SPACING: f64 = 0.6;
 /// Opacity of a particle of density 1; the scale is then fitted to the masks.
 const OPACITY: f32 = 0.9;
 
@@ -40,6 +42,8 @@ pub struct FillSummary {
     pub splat_scale: f64,
     /// Opacity of a particle of density 1.
     pub splat_opacity: f32,
+    /// Standard deviation of the Gaussians of the finer drawing, in units of its own spacing.
+    pub drawing_scale: f64,
     /// Agreement of the re-rendered continuum with the mask of each camera at the first frame, intersection over union.
     pub mask_iou: Vec<f64>,
     /// Every frame.
@@ -61,6 +65,9 @@ pub struct FrameFilling {
     pub views: usize,
     /// Points on the surface.
     pub surface_points: usize,
+    /// Mean overlap of the re-rendered body with the frame's masks, intersection over union; `None` of older runs.
+    #[serde(default)]
+    pub mask_iou: Option<f64>,
 }
 
 /// The Gaussian-informed continuum at the first frame, and the surface in every frame.
@@ -105,6 +112,12 @@ impl Run<'_> {
             let spacing = *spacing.get_or_insert_with(|| self.particle_spacing(size, &filling));
             let particles = sample_particles(&filling, spacing, Placement::Layered).map_err(self.failed(frame))?;
             let surface_points = self.write_frame(frame, &filling, &particles)?;
+            let drawing = Drawing::new(&filling, &particles, DRAWING_SPACING * spacing).map_err(self.failed(frame))?;
+            let drawn = match &first {
+                Some((_, _, drawn, _)) => *drawn,
+                None => calibrate(&drawing.particles, &views, OPACITY).map_err(self.failed(frame))?,
+            };
+            let ious = overlaps(&compare_with_masks(&drawing.particles, &drawn, &views));
             frames.push(FrameFilling {
                 frame,
                 time_s,
@@ -112,20 +125,19 @@ impl Run<'_> {
                 gaussians: filling.gaussians_used,
                 views: filling.views_used,
                 surface_points,
+                mask_iou: (!ious.is_empty()).then(|| ious.iter().sum::<f64>() / ious.len() as f64),
             });
             let values = [("volume_m3", filling.volume()), ("surface_points", surface_points as f64)];
             self.events.step(Stage::Fill.name(), "", frame as u64 + 1, Some(count as u64), &values);
             if frame == 0 {
                 let appearance = calibrate(&particles, &views, OPACITY).map_err(self.failed(frame))?;
-                let agreement = compare_with_masks(&particles, &appearance, &views);
-                first = Some((particles, appearance, agreement));
+                first = Some((particles, appearance, drawn, ious));
             }
         }
-        let Some((particles, appearance, agreement)) = first else {
+        let Some((particles, appearance, drawn, mask_iou)) = first else {
             return Err(Error::Usage { problem: "the scene has no frames".into(), hint: None });
         };
         self.write_continuum(&particles)?;
-        let mask_iou: Vec<f64> = agreement.iter().flatten().map(|a: &Agreement| a.iou).collect();
         let mean = mask_iou.iter().sum::<f64>() / mask_iou.len().max(1) as f64;
         self.events.note(
             Stage::Fill.name(),
@@ -142,6 +154,7 @@ impl Run<'_> {
             particles: particles.positions.len(),
             splat_scale: appearance.scale,
             splat_opacity: appearance.opacity,
+            drawing_scale: drawn.scale,
             mask_iou,
             frames,
         };
@@ -155,6 +168,19 @@ impl Run<'_> {
         let text = format!("object {size:.3} m, finest voxels {voxels:.2} mm, particles {:.2} mm apart", 1e3 * spacing);
         self.events.note(Stage::Fill.name(), text);
         spacing
+    }
+
+    /// The finer points to draw the continuum with, and how they look.
+    ///
+    /// # Errors
+    /// Those of filling.
+    pub fn drawing(&self, continuum: &Continuum) -> Result<(Drawing, Appearance)> {
+        let masks = self.masks(0)?;
+        let settings = self.fill_settings(continuum.summary.object_size_m);
+        let filling = self.filling(&self.gaussians()?, 0, &self.masked_views(0, &masks), &settings)?;
+        let drawing = Drawing::new(&filling, &continuum.particles, DRAWING_SPACING * continuum.particles.spacing)
+            .map_err(self.failed(0))?;
+        Ok((drawing, Appearance { scale: continuum.summary.drawing_scale, ..continuum.appearance }))
     }
 
     /// Fills one frame.
@@ -290,6 +316,11 @@ pub(crate) fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T
         format: "a stage's result",
         source: source.into(),
     })
+}
+
+/// Overlaps of the views that have a mask.
+fn overlaps(agreements: &[Option<Agreement>]) -> Vec<f64> {
+    agreements.iter().flatten().map(|agreement| agreement.iou).collect()
 }
 
 /// The nearest of the round numbers ... 0.01, 0.02, 0.05, 0.1 ... [m], by ratio. Grid nodes lie on multiples of the spacing, and

@@ -161,17 +161,27 @@ impl Run<'_> {
         if let Some(path) = &self.config.identify.colliders {
             return Twin::read_obstacles(path);
         }
-        match self.scene.world.ground {
-            Some(plane) => {
-                let shape = ObstacleShape::HalfSpace { point_m: plane.point.into(), normal: plane.normal.into() };
-                Ok(vec![Obstacle::new(shape, ContactKind::Sticky)])
-            }
-            None => {
-                let text = "the scene does not say where its ground is, so the object falls through nothing; give --colliders FILE";
-                self.events.warn(Stage::Identify.name(), text);
-                Ok(Vec::new())
-            }
+        let half_space = |point: [f64; 3], normal: [f64; 3]| {
+            let shape = ObstacleShape::HalfSpace { point_m: point, normal };
+            vec![Obstacle::new(shape, ContactKind::Sticky)]
+        };
+        if let Some(plane) = self.scene.world.ground {
+            return Ok(half_space(plane.point.into(), plane.normal.into()));
         }
+        let guess = gic_scene::inspect(&self.scene).map_err(Error::stage("looking for the ground"))?.ground;
+        let Some((point, normal, _)) = guess else {
+            let text = "the scene does not say where its ground is, so the object falls through nothing; give --colliders FILE";
+            self.events.warn(Stage::Identify.name(), text);
+            return Ok(Vec::new());
+        };
+        self.events.warn(
+            Stage::Identify.name(),
+            format!(
+                "the scene does not say where its ground is; taken as the lowest the object gets: the plane through {point:.3?} with \
+                 normal {normal:.2?}, sticky. Give --colliders FILE where that is wrong"
+            ),
+        );
+        Ok(half_space(point, normal))
     }
 
     fn identify_input(&self, continuum: &Continuum, obstacles: &[Obstacle]) -> Result<Input> {

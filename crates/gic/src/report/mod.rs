@@ -97,14 +97,14 @@ fn estimates(found: &IdentifyRecord) -> String {
 
 fn views(run: &Run, found: &IdentifyRecord, events: &Events) -> Result<String> {
     let scene = run.scene();
-    let continuum = run.continuum()?;
+    let drawing = run.drawing(&run.continuum()?)?;
     let frame_rate = scene.frame_rate.unwrap_or(24.0);
     let mut by_camera: Vec<Vec<_>> = scene.cameras.iter().map(|_| Vec::new()).collect();
     for (frame, time) in scene.times.iter().enumerate() {
         let simulated = (time * frame_rate).round() as usize;
         let file = run.folder().join(format!("prediction/particles_{simulated:04}.ply"));
         let positions = read_particles(&file)?.positions;
-        let overlays = overlay::overlays(run, &continuum, found.splat_factor, &positions, frame)?;
+        let overlays = overlay::overlays(run, &drawing, found.splat_factor, &positions, frame)?;
         for (camera, overlay) in overlays.into_iter().enumerate() {
             by_camera[camera].push(overlay);
         }

@@ -2,7 +2,7 @@
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use gic_continuum::{Appearance, agreement, informed_gaussians};
+use gic_continuum::{Appearance, Drawing, agreement, informed_gaussians};
 use gic_scene::{Mask, Picture};
 use gic_splat::{RenderSettings, render};
 use glam::DVec3;
@@ -10,7 +10,7 @@ use image::codecs::jpeg::JpegEncoder;
 use serde::Serialize;
 
 use crate::error::{Error, Result};
-use crate::pipeline::{Continuum, Run};
+use crate::pipeline::Run;
 
 /// Pictures are reduced to at most this width [pixels].
 const WIDTH: usize = 280;
@@ -30,7 +30,7 @@ pub(super) struct Overlay {
 /// Every camera's view of a frame, in the order of the cameras; `None` where a camera has no picture.
 pub(super) fn overlays(
     run: &Run,
-    continuum: &Continuum,
+    (drawing, drawn): &(Drawing, Appearance),
     factor: f64,
     positions: &[DVec3],
     frame: usize,
@@ -38,8 +38,8 @@ pub(super) fn overlays(
     let scene = run.scene();
     let views = scene.views_at(frame);
     let loaded = scene.load_all(views).map_err(Error::stage("reading pictures"))?;
-    let appearance = Appearance { scale: factor * continuum.appearance.scale, ..continuum.appearance };
-    let gaussians = informed_gaussians(positions, &continuum.particles, &appearance);
+    let appearance = Appearance { scale: factor * drawn.scale, ..*drawn };
+    let gaussians = informed_gaussians(&drawing.positions(positions), &drawing.particles, &appearance);
     let mut found: Vec<Option<Overlay>> = scene.cameras.iter().map(|_| None).collect();
     for (view, (picture, mask)) in views.iter().zip(loaded) {
         let alpha = render(&gaussians, scene.camera_of(view), &RenderSettings::masks()).alpha;
