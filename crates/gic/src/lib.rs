@@ -12,6 +12,7 @@ pub mod gradcheck;
 mod interrupt;
 pub mod matter;
 pub mod pipeline;
+pub mod render;
 pub mod report;
 pub mod simulate;
 pub mod twin;

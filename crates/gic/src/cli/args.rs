@@ -60,6 +60,7 @@ pub(crate) enum Command {
     Bench(BenchArgs),
     Export(ExportArgs),
     Simulate(SimulateArgs),
+    Render(RenderArgs),
     Gradcheck(GradcheckArgs),
     /// Print the completion script of a shell
     ///
@@ -234,6 +235,42 @@ pub(crate) struct SimulateArgs {
     pub(crate) restart: bool,
 }
 
+/// Make pictures and films of a simulated motion
+///
+/// Writes frame_NNNN.png for every frame of a folder that `gic simulate` wrote, or of a run's prediction; with --film also
+/// a .gif, or an .mp4 (H.264) where the program ffmpeg is installed.
+#[derive(Debug, Args)]
+#[command(after_help = "Example: gic render /tmp/elastic -o /tmp/pictures --film /tmp/elastic.gif")]
+pub(crate) struct RenderArgs {
+    /// A folder of simulated frames, or a run folder
+    #[arg(value_name = "FRAMES|RUN")]
+    pub(crate) frames: PathBuf,
+    /// Folder for the pictures
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// From where: `orbit`, or the number of a camera of the scene
+    #[arg(long, value_name = "N|orbit", default_value = "orbit")]
+    pub(crate) camera: gic::render::Viewpoint,
+    /// The scene whose cameras to use; a run knows its own
+    #[arg(long, value_name = "SCENE")]
+    pub(crate) scene: Option<PathBuf>,
+    /// What lies behind the matter
+    #[arg(long, value_enum, default_value = "floor")]
+    pub(crate) background: gic::render::Background,
+    /// What the colours mean
+    #[arg(long, value_enum, default_value = "stress")]
+    pub(crate) color: gic::render::Coloring,
+    /// Width and height of pictures from an orbit [pixels]
+    #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "640x480", value_parser = size)]
+    pub(crate) size: [usize; 2],
+    /// Make a film too
+    #[arg(long, value_name = "FILE.gif|.mp4")]
+    pub(crate) film: Option<PathBuf>,
+    /// How many times slower than life the film runs
+    #[arg(long, value_name = "TIMES", default_value = "1", value_parser = slowness)]
+    pub(crate) slow_motion: f64,
+}
+
 /// Check the simulator's gradients: adjoint against finite differences in f64
 ///
 /// Prints one line per parameter, density, velocity and a few positions, for a block that hits a sticky floor within 50
@@ -249,6 +286,24 @@ fn positive(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(n) if n >= 1 => Ok(n),
         _ => Err("must be a whole number of at least 1".into()),
+    }
+}
+
+fn size(text: &str) -> Result<[usize; 2], String> {
+    const LARGEST: usize = 8192;
+    let sides: Option<Vec<usize>> = text.split('x').map(|side| side.parse().ok()).collect();
+    match sides.as_deref() {
+        Some(&[width, height]) if (1..=LARGEST).contains(&width) && (1..=LARGEST).contains(&height) => {
+            Ok([width, height])
+        }
+        _ => Err(format!("must be like 640x480, each side at most {LARGEST}")),
+    }
+}
+
+fn slowness(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(times) if times > 0.0 && f64::is_finite(times) => Ok(times),
+        _ => Err("must be a number above 0".into()),
     }
 }
 

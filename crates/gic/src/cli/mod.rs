@@ -4,6 +4,7 @@ mod args;
 mod flags;
 mod gradcheck;
 mod progress;
+mod render;
 mod results;
 mod run;
 mod simulate;
@@ -73,6 +74,7 @@ fn dispatch(command: Command, context: &Context) -> anyhow::Result<()> {
         Command::Fill(args) => run::fill(&args, context),
         Command::Identify(args) => run::identify(&args, context),
         Command::Simulate(args) => simulate::run(&args, context),
+        Command::Render(args) => render::run(&args, context),
         Command::Gradcheck(args) => gradcheck::run(&args, context),
         Command::Completions { shell } => {
             let mut script = Vec::new();

@@ -19,6 +19,10 @@ pub struct PlyParticles {
     pub densities: Vec<f32>,
     /// The property `surface`, shape [n]; NaN where the file has none.
     pub surface: Vec<f32>,
+    /// The properties `vx`, `vy`, `vz` [m/s], shape [n]; NaN where the file has none.
+    pub velocities: Vec<DVec3>,
+    /// The property `von_mises_pa`, shape [n]; NaN where the file has none.
+    pub von_mises_pa: Vec<f32>,
 }
 
 /// What a PLY file holds.
@@ -34,40 +38,49 @@ struct Row {
     position: DVec3,
     density: f32,
     surface: f32,
+    velocity: DVec3,
+    von_mises_pa: f32,
     corners: Vec<u32>,
 }
 
 impl PropertyAccess for Row {
     fn new() -> Self {
-        Self { position: DVec3::NAN, density: f32::NAN, surface: f32::NAN, corners: Vec::new() }
+        Self {
+            position: DVec3::NAN,
+            density: f32::NAN,
+            surface: f32::NAN,
+            velocity: DVec3::NAN,
+            von_mises_pa: f32::NAN,
+            corners: Vec::new(),
+        }
     }
 
     fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
-        let axis = match name {
-            "x" => 0,
-            "y" => 1,
-            "z" => 2,
-            "density" | "surface" => {
-                let value = property.to_f32_lossy().unwrap_or(f32::NAN);
-                *(if name == "density" { &mut self.density } else { &mut self.surface }) = value;
-                return PropertyAccessResult::Set;
-            }
+        let number = |property: &Property| match property {
+            Property::Double(v) => *v,
+            other => other.to_f32_lossy().map_or(f64::NAN, f64::from),
+        };
+        match name {
+            "x" => self.position.x = number(&property),
+            "y" => self.position.y = number(&property),
+            "z" => self.position.z = number(&property),
+            "vx" => self.velocity.x = number(&property),
+            "vy" => self.velocity.y = number(&property),
+            "vz" => self.velocity.z = number(&property),
+            "density" => self.density = number(&property) as f32,
+            "surface" => self.surface = number(&property) as f32,
+            "von_mises_pa" => self.von_mises_pa = number(&property) as f32,
             "vertex_indices" | "vertex_index" => {
                 // A negative index stays an empty face, which the mesh check then refuses.
                 self.corners = property.to_u32_list().unwrap_or_default();
-                return PropertyAccessResult::Set;
             }
             _ => return PropertyAccessResult::Ignored,
-        };
-        self.position[axis] = match property {
-            Property::Double(v) => v,
-            other => other.to_f32_lossy().map_or(f64::NAN, f64::from),
-        };
+        }
         PropertyAccessResult::Set
     }
 }
 
-/// Reads a PLY file, ASCII or binary; properties other than positions and faces are skipped.
+/// Reads a PLY file, ASCII or binary; properties other than those of [`PlyParticles`] and faces are skipped.
 pub fn read_ply(path: &Path) -> Result<PlyContent> {
     let content = |problem: String, hint: &str| Error::Content {
         path: path.to_owned(),
@@ -111,7 +124,10 @@ pub fn read_ply(path: &Path) -> Result<PlyContent> {
     if faces.is_empty() {
         let densities = rows.iter().map(|row| row.density).collect();
         let surface = rows.iter().map(|row| row.surface).collect();
-        return Ok(PlyContent::Particles(PlyParticles { positions, densities, surface }));
+        let velocities = rows.iter().map(|row| row.velocity).collect();
+        let von_mises_pa = rows.iter().map(|row| row.von_mises_pa).collect();
+        let particles = PlyParticles { positions, densities, surface, velocities, von_mises_pa };
+        return Ok(PlyContent::Particles(particles));
     }
     let polygons = faces.into_iter().map(|row| row.corners);
     Mesh::from_polygons(path, positions, polygons).map(PlyContent::Mesh)

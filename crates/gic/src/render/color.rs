@@ -1,0 +1,84 @@
+//! What the colours of particles mean.
+
+use super::frames::Particles;
+use crate::simulate::{FrameSummary, Trajectory};
+
+/// Value of the degree-0 harmonic: colour = 0.5 + this * coefficient.
+const SH0: f32 = 0.282_094_8;
+
+/// Meaning of the colours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Coloring {
+    /// Von Mises stress, from blue to red.
+    Stress,
+    /// Speed, from blue to red.
+    Speed,
+    /// One colour for all.
+    Plain,
+}
+
+/// From a particle's value to its colour.
+pub(super) struct Scale {
+    coloring: Coloring,
+    /// The value that is drawn red.
+    most: f64,
+}
+
+impl Scale {
+    /// Red is the largest value of a typical frame: the median of the frames' maxima, so that one short impact does not leave all else blue.
+    pub(super) fn new(coloring: Coloring, trajectory: &Trajectory) -> Self {
+        let largest = |frame: &FrameSummary| match coloring {
+            Coloring::Stress => frame.largest_von_mises_pa,
+            Coloring::Speed => frame.largest_speed_m_s,
+            Coloring::Plain => 1.0,
+        };
+        let mut maxima: Vec<f64> = trajectory.frames.iter().map(largest).collect();
+        maxima.sort_by(f64::total_cmp);
+        let most = maxima.get(maxima.len() / 2).copied().filter(|&most| most > 0.0).unwrap_or(1.0);
+        Self { coloring, most }
+    }
+
+    pub(super) fn legend(&self) -> String {
+        match self.coloring {
+            Coloring::Stress => format!("colour: von Mises stress, blue 0 to red {:.3e} Pa and more", self.most),
+            Coloring::Speed => format!("colour: speed, blue 0 to red {:.3} m/s and more", self.most),
+            Coloring::Plain => "colour: plain".into(),
+        }
+    }
+
+    /// The particles' colours as coefficients of the degree-0 harmonic.
+    pub(super) fn harmonics(&self, particles: &Particles) -> Vec<[f32; 3]> {
+        let coefficients = |color: [f32; 3]| color.map(|c| (c - 0.5) / SH0);
+        let along = |values: &[f32]| values.iter().map(|&v| coefficients(blue_to_red(v / self.most as f32))).collect();
+        match self.coloring {
+            Coloring::Stress => along(&particles.von_mises_pa),
+            Coloring::Speed => along(&particles.speeds),
+            Coloring::Plain => vec![coefficients([0.80, 0.58, 0.42]); particles.positions.len()],
+        }
+    }
+}
+
+/// Blue, light blue, yellow, red for 0 to 1; what is no number is grey.
+fn blue_to_red(t: f32) -> [f32; 3] {
+    const STOPS: [[f32; 3]; 4] = [[0.16, 0.27, 0.66], [0.35, 0.70, 0.90], [0.98, 0.86, 0.38], [0.84, 0.15, 0.16]];
+    if t.is_nan() {
+        return [0.5; 3];
+    }
+    let at = t.clamp(0.0, 1.0) * (STOPS.len() - 1) as f32;
+    let lower = (at as usize).min(STOPS.len() - 2);
+    let share = at - lower as f32;
+    std::array::from_fn(|c| STOPS[lower][c] + share * (STOPS[lower + 1][c] - STOPS[lower][c]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_run_from_blue_to_red_and_stay_in_range() {
+        assert_eq!(blue_to_red(-1.0), blue_to_red(0.0));
+        assert_eq!(blue_to_red(7.0), blue_to_red(1.0));
+        assert!(blue_to_red(0.0)[2] > blue_to_red(0.0)[0] && blue_to_red(1.0)[0] > blue_to_red(1.0)[2]);
+        assert_eq!(blue_to_red(f32::NAN), [0.5; 3]);
+    }
+}

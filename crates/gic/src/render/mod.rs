@@ -1,0 +1,130 @@
+//! `gic render`: pictures of a simulated motion, from a camera of the scene or from an orbit, as PNG files and as a film.
+
+mod color;
+mod film;
+mod frames;
+mod shade;
+mod viewpoint;
+
+use std::path::PathBuf;
+
+use gic_scene::{Camera, Picture};
+use gic_splat::{Gaussians, RenderSettings, Shape};
+
+pub use color::Coloring;
+use frames::{Motion, Particles};
+use shade::Stage;
+pub use viewpoint::Viewpoint;
+
+use crate::atomic;
+use crate::error::{Error, Result};
+use crate::events::{Event, Events};
+use crate::interrupt::Interrupt;
+use crate::usage::Meter;
+
+const STAGE: &str = "render";
+/// Standard deviation of a particle's Gaussian in units of the particles' spacing: closed surfaces, sharp outlines.
+const SCALE: f64 = 0.55;
+/// Opacity of a particle.
+const OPACITY: f32 = 0.95;
+
+/// What lies behind the matter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Background {
+    /// Black.
+    Black,
+    /// White.
+    White,
+    /// The ground planes of the simulation as a chequered floor, over light grey.
+    Floor,
+    /// The camera's own picture of the empty scene.
+    Picture,
+}
+
+/// What to render, and where to.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// A folder written by `gic simulate`, or a run folder.
+    pub frames: PathBuf,
+    /// Folder for the pictures.
+    pub out: PathBuf,
+    /// From where.
+    pub viewpoint: Viewpoint,
+    /// The scene with the cameras; a run knows its own.
+    pub scene: Option<PathBuf>,
+    /// What lies behind.
+    pub background: Background,
+    /// Meaning of the colours.
+    pub coloring: Coloring,
+    /// Width and height [pixels] of pictures from an orbit.
+    pub size: [usize; 2],
+    /// A film besides the pictures: .gif or .mp4.
+    pub film: Option<PathBuf>,
+    /// How many times slower than life the film runs.
+    pub slow_motion: f64,
+}
+
+/// What was rendered.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// Number of pictures.
+    pub frames: usize,
+    /// What the colours mean, in a sentence.
+    pub legend: String,
+    /// How the film was made, if one was asked for.
+    pub film: Option<String>,
+}
+
+/// Renders every frame of a motion.
+///
+/// # Errors
+/// A folder without frames, a camera or background that the scene does not have, unwritable files, a film that cannot be
+/// encoded here.
+pub fn render(request: &Request, events: &Events, interrupt: &Interrupt) -> Result<Outcome> {
+    let film = request.film.as_deref().map(|path| film::Encoder::of(path, request.slow_motion)).transpose()?;
+    let motion = Motion::open(&request.frames)?;
+    let view = viewpoint::View::new(request, &motion)?;
+    let first = motion.particles(0)?;
+    let spacing = first.spacing();
+    let scale = color::Scale::new(request.coloring, &motion.trajectory);
+    atomic::create_folder(&request.out)?;
+    let count = motion.trajectory.frames.len();
+    events.send(&Event::StageStarted { stage: STAGE.into(), reason: format!("{count} frames") });
+    let meter = Meter::start();
+    let mut pictures = Vec::new();
+    for index in 0..count {
+        if interrupt.requested() {
+            return Err(Error::Interrupted {
+                after: format!("{index} of {count} pictures"),
+                resume: "run the same command again".into(),
+            });
+        }
+        let particles = motion.particles(index)?;
+        let camera = view.camera(index, count);
+        let picture = draw(&particles, spacing, &scale, &camera, &view.stage(&motion, request.background));
+        let path = request.out.join(format!("frame_{index:04}.png"));
+        picture.save_png(&path).map_err(Error::stage(STAGE))?;
+        if film.is_some() {
+            pictures.push(picture);
+        }
+        events.step(STAGE, "", index as u64 + 1, Some(count as u64), &[]);
+    }
+    let film = film.map(|film| film.write(&pictures, &request.out, motion.frame_rate_hz())).transpose()?;
+    events.send(&meter.done(STAGE));
+    Ok(Outcome { frames: count, legend: scale.legend(), film })
+}
+
+/// One picture.
+fn draw(particles: &Particles, spacing: f64, scale: &color::Scale, camera: &Camera, stage: &Stage<'_>) -> Picture {
+    let gaussians = Gaussians {
+        positions: particles.positions.iter().map(|p| p.as_vec3().to_array()).collect(),
+        opacities: vec![OPACITY; particles.positions.len()],
+        shape: Shape::Isotropic { scales: vec![(SCALE * spacing) as f32; particles.positions.len()] },
+        sh_degree: 0,
+        sh: scale.harmonics(particles),
+    };
+    // The filter of masks: true outlines, no fringe.
+    let settings = RenderSettings { channels: gic_splat::Channels::ColorAlphaDepth, ..RenderSettings::masks() };
+    let rendered = gic_splat::render(&gaussians, camera, &settings);
+    shade::compose(&rendered, camera, stage)
+}

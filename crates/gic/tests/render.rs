@@ -1,0 +1,84 @@
+//! `gic render` from outside.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+use image::AnimationDecoder;
+use image::codecs::gif::GifDecoder;
+use serde_json::json;
+use tempfile::TempDir;
+
+fn gic(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_gic")).args(args).output().expect("the binary starts")
+}
+
+/// A folder with `frames`: three frames of a falling box.
+fn simulated() -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let twin = json!({
+        "schema": "gic.twin/1",
+        "material": {"model": "elastic", "youngs_modulus_pa": 1e5, "poisson_ratio": 0.3},
+        "initial_velocity_m_s": [0.0, -2.0, 0.0],
+        "colliders": [{"shape": "half_space", "normal": [0, 1, 0], "contact": "sticky"}],
+        "grid_spacing_m": 0.04,
+        "frames": 3,
+        "continuum": {"shape": "box", "size_m": [0.12, 0.12, 0.12], "centre_m": [0, 0.1, 0]}
+    });
+    let path = folder.path().join("twin.json");
+    fs::write(&path, twin.to_string()).unwrap();
+    let output = gic(&["simulate", text(&path), "-o", text(&folder.path().join("frames"))]);
+    assert!(output.status.success(), "{output:?}");
+    folder
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+#[test]
+fn frames_become_pictures_and_a_film() {
+    let folder = simulated();
+    let (frames, out) = (folder.path().join("frames"), folder.path().join("out"));
+    let film = folder.path().join("film.gif");
+    let args =
+        ["render", text(&frames), "-o", text(&out), "--size", "96x64", "--background", "black", "--film", text(&film)];
+    let output = gic(&args);
+    assert!(output.status.success(), "{output:?}");
+    assert!(String::from_utf8_lossy(&output.stdout).contains("3 pictures"), "{output:?}");
+
+    let bright = |index: usize| {
+        let picture = image::open(out.join(format!("frame_{index:04}.png"))).unwrap().to_rgb8();
+        assert_eq!(picture.dimensions(), (96, 64));
+        let rows: Vec<u32> =
+            picture.enumerate_pixels().filter(|(.., p)| p.0.iter().any(|&c| c > 60)).map(|(_, y, _)| y).collect();
+        // The box is seen, and black around it.
+        assert!(rows.len() > 96 * 64 / 50 && rows.len() < 96 * 64 / 2, "{} bright pixels", rows.len());
+        f64::from(rows.iter().sum::<u32>()) / rows.len() as f64
+    };
+    assert!(bright(1) > bright(0), "it falls");
+    let reader = std::io::BufReader::new(fs::File::open(&film).unwrap());
+    assert_eq!(GifDecoder::new(reader).unwrap().into_frames().count(), 3);
+    // The same bytes again.
+    let first = fs::read(out.join("frame_0002.png")).unwrap();
+    assert!(gic(&args).status.success());
+    assert_eq!(fs::read(out.join("frame_0002.png")).unwrap(), first);
+}
+
+#[test]
+fn mistakes_say_the_way_out() {
+    let folder = simulated();
+    let (frames, out) = (folder.path().join("frames"), folder.path().join("out"));
+    let refusal = |args: &[&str], code: i32| {
+        let output = gic(&[&["render"], args, &["-o", text(&out)]].concat());
+        assert_eq!(output.status.code(), Some(code), "{output:?}");
+        String::from_utf8(output.stderr).unwrap()
+    };
+    assert!(refusal(&[text(folder.path())], 1).contains("gic simulate"));
+    assert!(refusal(&[text(&frames), "--film", "film.avi"], 1).contains(".gif or .mp4"));
+    assert!(refusal(&[text(&frames), "--camera", "3"], 1).contains("--scene"));
+    assert!(refusal(&[text(&frames), "--background", "picture"], 1).contains("--camera 0"));
+    assert!(refusal(&[text(&frames), "--camera", "left"], 2).contains("orbit"));
+    assert!(refusal(&[text(&frames), "--size", "0x4"], 2).contains("640x480"));
+    assert!(!out.exists(), "nothing is written before all is known to be right");
+}
