@@ -125,9 +125,7 @@ impl<'a, E: Engine> Reverse<'a, E> {
         let mut state = State::<E::Number>::initial(rollout.scene);
         let particles = state.len();
         let per_state = State::<E::Number>::bytes(particles);
-        // Beside the checkpoints: the tape of a segment, the current and the next state, the adjoint.
-        let fixed = rollout.engine.tape_bytes(particles, crate::rollout::SEGMENT_SUBSTEPS) + 3 * per_state;
-        let most = budget.saturating_sub(fixed) / per_state;
+        let most = budget.saturating_sub(rollout.bytes_beside_checkpoints(&state)) / per_state;
         let mut reverse = Self {
             rollout,
             checkpoints: Checkpoints { stride: 1, most, states: Vec::new() },
@@ -144,12 +142,11 @@ impl<'a, E: Engine> Reverse<'a, E> {
                     .rollout
                     .advance_frame(&mut state, index, &mut |i, state| checkpoints.offer(done + i, state))?;
                 reverse.segments.extend(&advanced.segments);
+                // The grid may have grown since the checkpoints were planned.
                 let held = reverse.checkpoints.states.len() + reverse.checkpoints.stride;
-                if held > most {
-                    return Err(SimulationError::MemoryBudget {
-                        needed_bytes: fixed + held * per_state,
-                        budget_bytes: budget,
-                    });
+                let needed_bytes = reverse.rollout.bytes_beside_checkpoints(&state) + held * per_state;
+                if needed_bytes > budget {
+                    return Err(SimulationError::MemoryBudget { needed_bytes, budget_bytes: budget });
                 }
                 reverse.rollout.frame(index, &state, Some(&advanced))
             };

@@ -16,7 +16,7 @@ pub(crate) const MAX_SUBSTEPS: usize = 200_000;
 /// A frame is redone with at most this many times the planned substeps: if that does not help, the cause is another.
 const MOST_REFINEMENT: usize = 64;
 /// Substeps between two sorts of the particles, and the length of a piece that the reverse pass keeps in full.
-pub(crate) const SEGMENT_SUBSTEPS: usize = 40;
+const SEGMENT_SUBSTEPS: usize = 40;
 
 /// Mean force [N] and torque [N m] on an obstacle over a frame, the torque about the obstacle's origin.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -114,6 +114,13 @@ impl<'a, E: Engine> Rollout<'a, E> {
     /// Repeats a segment that has gone well before, keeping what the reverse pass needs.
     pub(crate) fn record(&self, state: &State<E::Number>, segment: Segment) -> Result<E::Tape, SimulationError> {
         self.engine.record(self.scene, state, segment).map_err(|v| self.unexpected(v, segment))
+    }
+
+    /// Bytes that a reverse pass through a segment from `state` on needs: its tape, the current and the next state, the adjoint.
+    pub(crate) fn bytes_beside_checkpoints(&self, state: &State<E::Number>) -> usize {
+        // A particle may move a cell within the segment.
+        let nodes = self.scene.extent(state, 0.0, 1.0).map_or(0, |extent| extent.nodes());
+        self.engine.tape_bytes(state.len(), nodes, SEGMENT_SUBSTEPS) + 3 * State::<E::Number>::bytes(state.len())
     }
 
     fn unexpected(&self, violation: Violation, segment: Segment) -> SimulationError {

@@ -72,7 +72,7 @@ impl<R: Scalar> Engine for ScalarEngine<R> {
         false
     }
 
-    fn tape_bytes(&self, particles: usize, substeps: usize) -> usize {
+    fn tape_bytes(&self, particles: usize, _nodes: usize, substeps: usize) -> usize {
         State::<R>::bytes(particles) * (substeps + 1)
     }
 }

@@ -227,8 +227,8 @@ pub(crate) trait Engine: Sync {
     /// Whether it may use several threads.
     fn is_parallel(&self) -> bool;
 
-    /// Estimated bytes of a tape.
-    fn tape_bytes(&self, particles: usize, substeps: usize) -> usize;
+    /// Bytes of a tape on a grid of `nodes` nodes.
+    fn tape_bytes(&self, particles: usize, nodes: usize, substeps: usize) -> usize;
 }
 
 /// Runs an expression with `$law` naming the generic law type of a material.

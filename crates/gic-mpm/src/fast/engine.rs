@@ -291,10 +291,8 @@ impl<T: Machine> Engine for FastEngine<T> {
         self.parallel
     }
 
-    fn tape_bytes(&self, particles: usize, substeps: usize) -> usize {
-        // The grid: about as many nodes as particles at eight particles per cell in a box that they fill to an eighth.
-        let node = size_of::<Node<T>>();
-        (State::<T>::bytes(particles) + particles * node) * (substeps + 1)
+    fn tape_bytes(&self, particles: usize, nodes: usize, substeps: usize) -> usize {
+        (State::<T>::bytes(particles) + nodes * size_of::<Node<T>>()) * (substeps + 1)
     }
 }
 

@@ -6,6 +6,8 @@ use glam::{DVec2, DVec3};
 
 /// Share of the light that has no direction.
 const AMBIENT: f32 = 0.55;
+/// Light on outlines, which have no normal.
+const OUTLINE: f32 = 0.75;
 /// Pixels whose alpha is below this have no surface to shade.
 const SURFACE_ALPHA: f32 = 0.5;
 /// Side of the floor's squares [m].
@@ -39,7 +41,7 @@ pub(super) fn compose(rendered: &Rendered, camera: &Camera, stage: &Stage<'_>) -
             let behind = stage.backdrop.color(camera, x, y);
             let left = 1.0 - rendered.alpha[i];
             let shade = normal(rendered, camera, x, y)
-                .map_or(1.0, |n| AMBIENT + (1.0 - AMBIENT) * 1.2 * n.dot(light).max(0.0) as f32);
+                .map_or(OUTLINE, |n| AMBIENT + (1.0 - AMBIENT) * 1.2 * n.dot(light).max(0.0) as f32);
             for c in 0..3 {
                 rgb.push((rendered.color[i][c] * shade + left * behind[c]).clamp(0.0, 1.0));
             }
