@@ -22,6 +22,9 @@ pub struct BaseMotion {
     /// Displacements of the nodes in each frame, added to the mapped positions [m], shape [frames][nodes, 3].
     #[serde(skip)]
     pub bends: Vec<Vec<[f32; 3]>>,
+    /// By how much more than one each frame multiplies the colours at the nodes, shape [frames][nodes, 3].
+    #[serde(skip)]
+    pub shades: Vec<Vec<[f32; 3]>>,
 }
 
 /// What the base motion does at one time.
@@ -31,6 +34,8 @@ pub struct Pose {
     pub map: Affine,
     /// Displacements of the lattice's nodes [m].
     pub bend: Vec<[f32; 3]>,
+    /// By how much more than one colours are multiplied at the nodes.
+    pub shade: Vec<[f32; 3]>,
 }
 
 /// Derivative of a loss with respect to a [`Pose`].
@@ -63,12 +68,13 @@ impl BaseMotion {
     /// A motion with one frame, in which nothing moves.
     pub(crate) fn still(origin: DVec3, times: Vec<f64>, lattice: Lattice) -> BaseMotion {
         let bends = vec![vec![[0.0; 3]; lattice.nodes()]];
-        BaseMotion { origin: origin.to_array(), times, maps: vec![Affine::IDENTITY], lattice, bends }
+        let shades = bends.clone();
+        BaseMotion { origin: origin.to_array(), times, maps: vec![Affine::IDENTITY], lattice, bends, shades }
     }
 
     /// The pose of a frame.
     pub(crate) fn pose(&self, frame: usize) -> Pose {
-        Pose { map: self.maps[frame], bend: self.bends[frame].clone() }
+        Pose { map: self.maps[frame], bend: self.bends[frame].clone(), shade: self.shades[frame].clone() }
     }
 
     /// The pose at a time [s]: a cubic through the frames' poses whose slope at each is that of the parabola through it and its
@@ -76,15 +82,19 @@ impl BaseMotion {
     pub fn at(&self, time: f64) -> Pose {
         let mut map = Affine { matrix: [0.0; 9], shift: [0.0; 3] };
         let mut bend = vec![[0.0f32; 3]; self.lattice.nodes()];
+        let mut shade = bend.clone();
         for (weight, frame) in self.weights(time) {
             let add = |sum: &mut [f64], part: &[f64]| sum.iter_mut().zip(part).for_each(|(s, p)| *s += weight * p);
             add(&mut map.matrix, &self.maps[frame].matrix);
             add(&mut map.shift, &self.maps[frame].shift);
-            for (sum, part) in bend.as_flattened_mut().iter_mut().zip(self.bends[frame].as_flattened()) {
-                *sum += weight as f32 * part;
-            }
+            let add = |sum: &mut [[f32; 3]], part: &[[f32; 3]]| {
+                let numbers = sum.as_flattened_mut().iter_mut().zip(part.as_flattened());
+                numbers.for_each(|(sum, part)| *sum += weight as f32 * part);
+            };
+            add(&mut bend, &self.bends[frame]);
+            add(&mut shade, &self.shades[frame]);
         }
-        Pose { map, bend }
+        Pose { map, bend, shade }
     }
 
     /// How much each frame's pose counts at `time`.
@@ -132,8 +142,8 @@ impl BaseMotion {
         (pose.map.linear() * offset + origin + DVec3::from_array(pose.map.shift) + bend).as_vec3().to_array()
     }
 
-    /// From the loss's derivative with respect to the moved points to that with respect to the pose, and to the points themselves,
-    /// to which it is added.
+    /// From the loss's derivative with respect to the moved points to that with respect to the pose but its shade, and to the
+    /// points themselves, to which it is added.
     pub(crate) fn pull_back(
         &self,
         pose: &Pose,
@@ -156,7 +166,11 @@ impl BaseMotion {
                 d[axis] += own[axis];
             }
         }
-        Pose { map: Affine { matrix: d_matrix.to_cols_array(), shift: d_shift.to_array() }, bend: d_bend }
+        Pose {
+            map: Affine { matrix: d_matrix.to_cols_array(), shift: d_shift.to_array() },
+            bend: d_bend,
+            shade: Vec::new(),
+        }
     }
 
     /// Why this cannot be a base motion, if so; for files.
@@ -164,15 +178,19 @@ impl BaseMotion {
         let ascending = self.times.windows(2).all(|pair| pair[0] < pair[1]);
         let finite = |numbers: &[f64]| numbers.iter().all(|x| x.is_finite());
         let nodes = if self.lattice.is_valid() { self.lattice.nodes() } else { 0 };
-        if self.times.len() < 2 || self.times.len() != self.maps.len() || self.times.len() != self.bends.len() {
-            Some("needs two frames at least, and a map and a bend for each")
-        } else if nodes == 0 || self.bends.iter().any(|bend| bend.len() != nodes) {
-            Some("the lattice and the bends do not belong together")
+        if self.times.len() < 2
+            || self.times.len() != self.maps.len()
+            || self.times.len() != self.bends.len()
+            || self.times.len() != self.shades.len()
+        {
+            Some("needs two frames at least, and a map, a bend and a shade for each")
+        } else if nodes == 0 || self.bends.iter().chain(&self.shades).any(|field| field.len() != nodes) {
+            Some("the lattice and the fields on it do not belong together")
         } else if !ascending || !finite(&self.times) {
             Some("times must ascend")
         } else if !finite(&self.origin)
             || !self.maps.iter().all(|m| finite(&m.matrix) && finite(&m.shift))
-            || !self.bends.iter().flatten().flatten().all(|x| x.is_finite())
+            || !self.bends.iter().chain(&self.shades).flatten().flatten().all(|x| x.is_finite())
         {
             Some("holds numbers that are not finite")
         } else {
@@ -204,12 +222,13 @@ mod tests {
             maps: times.iter().map(|&t| map(t)).collect(),
             lattice: Lattice { low: [-0.7; 3], cell: 0.37, size: [5; 3] },
             bends: times.iter().map(|&t| bend(t)).collect(),
+            shades: times.iter().map(|&t| bend(2.0 * t)).collect(),
             times,
         }
     }
 
     fn numbers(pose: &Pose) -> Vec<f64> {
-        let bend = pose.bend.iter().flatten().map(|&x| f64::from(x));
+        let bend = pose.bend.iter().chain(&pose.shade).flatten().map(|&x| f64::from(x));
         pose.map.matrix.into_iter().chain(pose.map.shift).chain(bend).collect()
     }
 
@@ -232,7 +251,10 @@ mod tests {
             assert!(close(&motion.at(motion.times[frame]), &motion.pose(frame)), "{frame}");
         }
         for time in [0.12, 0.2, 0.27] {
-            assert!(close(&motion.at(time), &Pose { map: map(time), bend: bend(time) }), "a parabola at {time}");
+            assert!(
+                close(&motion.at(time), &Pose { map: map(time), bend: bend(time), shade: bend(2.0 * time) }),
+                "a parabola at {time}"
+            );
         }
         assert!(close(&motion.at(-1.0), &motion.pose(0)) && close(&motion.at(9.0), &motion.pose(4)));
     }
@@ -240,7 +262,7 @@ mod tests {
     #[test]
     fn pulling_back_agrees_with_finite_differences() {
         let motion = motion();
-        let pose = Pose { map: map(0.4), bend: bend(0.4) };
+        let pose = Pose { map: map(0.4), bend: bend(0.4), shade: Vec::new() };
         let points: Vec<[f32; 3]> =
             (0..5).map(|i| core::array::from_fn(|k| ((i * 3 + k) as f32 * 0.7).sin() * 0.5)).collect();
         let slope: Vec<[f32; 4]> = (0..5).map(|i| core::array::from_fn(|k| ((i * 4 + k) as f32 * 1.3).cos())).collect();
@@ -290,6 +312,7 @@ mod tests {
         assert!(complains(&|m| m.times[1] = f64::NAN));
         assert!(complains(&|m| m.maps.truncate(4)));
         assert!(complains(&|m| m.bends[1].truncate(100)));
+        assert!(complains(&|m| m.shades[1].truncate(100)));
         assert!(complains(&|m| m.lattice.size[0] = 1));
         assert!(complains(&|m| m.maps[2].shift[0] = f64::INFINITY));
         assert!(complains(&|m| m.bends[2][7][0] = f32::NAN));

@@ -17,6 +17,8 @@ pub(crate) struct PoseFit {
     /// Of the bend.
     pub(crate) bend: Moments,
     pub(crate) bend_steps: usize,
+    pub(crate) shade: Moments,
+    pub(crate) shade_steps: usize,
 }
 
 /// What of a pose is fitted.
@@ -40,8 +42,15 @@ pub(crate) struct Base {
 
 impl PoseFit {
     pub(crate) fn new(lattice: &Lattice) -> PoseFit {
-        let bend = Moments::zeros(3 * lattice.nodes());
-        PoseFit { map: Moments::zeros(12), map_steps: 0, bend, bend_steps: 0 }
+        let field = Moments::zeros(3 * lattice.nodes());
+        PoseFit {
+            map: Moments::zeros(12),
+            map_steps: 0,
+            bend: field.clone(),
+            bend_steps: 0,
+            shade: field,
+            shade_steps: 0,
+        }
     }
 }
 
@@ -57,6 +66,7 @@ impl Base {
         let before = self.motion.pose(self.motion.maps.len().saturating_sub(2));
         self.motion.maps.push(last.map.extrapolated(&before.map, shift));
         self.motion.bends.push(last.bend);
+        self.motion.shades.push(last.shade);
         self.fits.push(PoseFit::new(&self.motion.lattice));
     }
 
@@ -83,6 +93,18 @@ impl Base {
             fit.bend_steps += 1;
             fit.bend.update_alike(bend, slope.bend.as_flattened(), rate * size, fit.bend_steps);
         }
+    }
+
+    /// One step of the shade of `frame` down `slope`; the first frame's stays as well.
+    pub(crate) fn update_shade(&mut self, frame: usize, mut slope: Vec<[f32; 3]>, rate: f64) {
+        if frame == 0 {
+            return;
+        }
+        let fit = &mut self.fits[frame];
+        self.nodes.smooth(REACH, &mut slope);
+        fit.shade_steps += 1;
+        let shade = self.motion.shades[frame].as_flattened_mut();
+        fit.shade.update_alike(shade, slope.as_flattened(), rate, fit.shade_steps);
     }
 }
 
@@ -145,8 +167,11 @@ mod tests {
     #[test]
     fn the_first_frame_stays() {
         let motion = BaseMotion::still(DVec3::ZERO, vec![0.0, 1.0], Lattice::around(&points()));
-        let slope =
-            Pose { map: Affine { matrix: [1.0; 9], shift: [1.0; 3] }, bend: vec![[1.0; 3]; motion.lattice.nodes()] };
+        let slope = Pose {
+            map: Affine { matrix: [1.0; 9], shift: [1.0; 3] },
+            bend: vec![[1.0; 3]; motion.lattice.nodes()],
+            shade: Vec::new(),
+        };
         let still = motion.pose(0);
         let first = PoseFit::new(&motion.lattice);
         let mut base = Base::new(motion, vec![first], 1);

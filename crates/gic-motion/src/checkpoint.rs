@@ -38,8 +38,8 @@ struct Header {
 struct BaseHeader {
     motion: BaseMotion,
     explained: usize,
-    /// Adam's steps of the map and of the bend, per frame.
-    steps: Vec<(usize, usize)>,
+    /// Adam's steps of the map, the bend and the shade, per frame.
+    steps: Vec<[usize; 3]>,
 }
 
 /// Saves the state into `folder`, which is made if it is missing.
@@ -55,7 +55,7 @@ pub(crate) fn save(folder: &Path, state: &State, settings: &TrainSettings, seed:
         base: state.base.as_ref().map(|base| BaseHeader {
             motion: base.motion.clone(),
             explained: base.explained,
-            steps: base.fits.iter().map(|fit| (fit.map_steps, fit.bend_steps)).collect(),
+            steps: base.fits.iter().map(|fit| [fit.map_steps, fit.bend_steps, fit.shade_steps]).collect(),
         }),
         anchors: state.anchors.positions().len(),
         mean_loss: state.mean_loss.is_finite().then_some(state.mean_loss),
@@ -65,14 +65,23 @@ pub(crate) fn save(folder: &Path, state: &State, settings: &TrainSettings, seed:
         best: state.best.as_ref().map(|best| (best.psnr, best.parameters.len())),
         best_base: state.best.as_ref().and_then(|best| best.base.clone()),
     };
-    let bends = state.base.as_ref().map_or(Vec::new(), |base| base.motion.bends.concat());
+    let base = state.base.as_ref().map(|base| &base.motion);
     let best_base = state.best.as_ref().and_then(|best| best.base.as_ref());
-    let best_bends = best_base.map_or(Vec::new(), |base| base.bends.concat());
-    let mut tensors: Vec<(String, usize, &[f32])> =
-        vec![("bends".into(), 3, bends.as_flattened()), ("best.bends".into(), 3, best_bends.as_flattened())];
+    let field = |base: Option<&BaseMotion>, of: fn(&BaseMotion) -> &Vec<Vec<[f32; 3]>>| {
+        base.map_or(Vec::new(), |base| of(base).concat())
+    };
+    let (bends, shades) = (field(base, |base| &base.bends), field(base, |base| &base.shades));
+    let (best_bends, best_shades) = (field(best_base, |base| &base.bends), field(best_base, |base| &base.shades));
+    let mut tensors: Vec<(String, usize, &[f32])> = vec![
+        ("bends".into(), 3, bends.as_flattened()),
+        ("shades".into(), 3, shades.as_flattened()),
+        ("best.bends".into(), 3, best_bends.as_flattened()),
+        ("best.shades".into(), 3, best_shades.as_flattened()),
+    ];
     for (frame, fit) in state.base.iter().flat_map(|base| &base.fits).enumerate() {
         push_moments(&mut tensors, &format!("map.{frame}"), &fit.map);
         push_moments(&mut tensors, &format!("bend.{frame}"), &fit.bend);
+        push_moments(&mut tensors, &format!("shade.{frame}"), &fit.shade);
     }
     push_parameters(&mut tensors, "", &state.parameters);
     tensors.push(("network".into(), 1, &state.network.parameters));
@@ -121,7 +130,7 @@ pub(crate) fn load(
     let base = header.base.map(|base| restored(&file, base)).transpose()?;
     let best_base = match header.best_base {
         Some(mut motion) => {
-            motion.bends = file.bends("best.bends", &motion)?;
+            file.fields("best.", &mut motion)?;
             Some(motion)
         }
         None => None,
@@ -165,11 +174,12 @@ pub(crate) fn load(
 
 fn restored(file: &TensorFile, header: BaseHeader) -> Result<Base, MotionError> {
     let BaseHeader { mut motion, explained, steps } = header;
-    motion.bends = file.bends("bends", &motion)?;
-    let fit = |(frame, &(map_steps, bend_steps)): (usize, &(usize, usize))| {
+    file.fields("", &mut motion)?;
+    let fit = |(frame, &[map_steps, bend_steps, shade_steps]): (usize, &[usize; 3])| {
         let map = moments(file, &format!("map.{frame}"), 12)?;
         let bend = moments(file, &format!("bend.{frame}"), 3 * motion.lattice.nodes())?;
-        Ok(PoseFit { map, map_steps, bend, bend_steps })
+        let shade = moments(file, &format!("shade.{frame}"), 3 * motion.lattice.nodes())?;
+        Ok(PoseFit { map, map_steps, bend, bend_steps, shade, shade_steps })
     };
     let fits = steps.iter().enumerate().map(fit).collect::<Result<_, MotionError>>()?;
     Ok(Base::new(motion, fits, explained))

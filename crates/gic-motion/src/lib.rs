@@ -15,6 +15,7 @@ mod model;
 mod network;
 mod parameters;
 mod settings;
+mod shade;
 mod smoothing;
 mod storage;
 mod targets;

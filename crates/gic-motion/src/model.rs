@@ -67,6 +67,7 @@ impl DynamicGaussians {
         let residuals = domain.residuals(&network.forward(&normalised, domain.normalised_time(time)).residuals);
         if let Some(base) = base {
             let pose = base.at(time);
+            base.shade(&pose, &gaussians.positions, &mut gaussians.sh);
             gaussians.positions.iter_mut().for_each(|x| *x = base.moved(&pose, *x));
         }
         for (position, residual) in gaussians.positions.iter_mut().zip(&residuals) {

@@ -98,7 +98,7 @@ pub struct LossWeights {
 
 impl Default for LossWeights {
     fn default() -> Self {
-        LossWeights { color: 0.8, ssim: 0.2, mask: 1.0, scale: 0.03, tension: 0.2 }
+        LossWeights { color: 0.8, ssim: 0.2, mask: 1.0, scale: 0.03, tension: 0.1 }
     }
 }
 
@@ -116,6 +116,8 @@ pub struct LearningRates {
     pub scale: (f64, f64),
     /// The base motion's poses: matrices, and shifts and bends as a fraction of the object's size.
     pub base: (f64, f64),
+    /// The base motion's shades, which multiply the colours.
+    pub shade: (f64, f64),
     /// The network's weights; rises from zero in the network's first steps.
     pub network: (f64, f64),
 }
@@ -128,6 +130,7 @@ impl Default for LearningRates {
             opacity: (5.0e-2, 1.0e-2),
             scale: (1.0e-2, 1.0e-3),
             base: (5.0e-4, 2.0e-5),
+            shade: (8.0e-3, 5.0e-4),
             network: (8.0e-4, 5.0e-5),
         }
     }

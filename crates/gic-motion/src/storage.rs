@@ -44,9 +44,14 @@ impl DynamicGaussians {
         };
         let header =
             Header { schema: SCHEMA.into(), architecture: network.architecture(), domain: *domain, base: base.clone() };
-        let bends = base.as_ref().map_or(Vec::new(), |base| base.bends.concat());
-        let tensors =
-            [("parameters".into(), 1, network.parameters.as_slice()), ("bends".into(), 3, bends.as_flattened())];
+        let field =
+            |of: fn(&BaseMotion) -> &Vec<Vec<[f32; 3]>>| base.as_ref().map_or(Vec::new(), |base| of(base).concat());
+        let (bends, shades) = (field(|base| &base.bends), field(|base| &base.shades));
+        let tensors = [
+            ("parameters".into(), 1, network.parameters.as_slice()),
+            ("bends".into(), 3, bends.as_flattened()),
+            ("shades".into(), 3, shades.as_flattened()),
+        ];
         tensor_file::write(&path, &tensors, &header)
     }
 
@@ -72,7 +77,7 @@ impl DynamicGaussians {
         }
         let mut header: Header = file.text()?;
         if let Some(base) = &mut header.base {
-            base.bends = file.bends("bends", base)?;
+            file.fields("", base)?;
         }
         if let Some(complaint) = header.base.as_ref().and_then(BaseMotion::complaint) {
             return Err(MotionError::content(&path, format!("base motion: {complaint}; write the file anew")));
@@ -111,7 +116,8 @@ mod tests {
         let lattice = Lattice { low: [-0.3; 3], cell: 0.2, size: [4; 3] };
         let bend = (0..64).map(|_| core::array::from_fn(|_| rng.random_range(-0.05..0.05))).collect();
         let bends = vec![vec![[0.0; 3]; 64], bend];
-        let base = BaseMotion { origin: [0.1, 0.2, 0.3], times: vec![0.0, 0.5], maps, lattice, bends };
+        let shades = bends.iter().rev().cloned().collect();
+        let base = BaseMotion { origin: [0.1, 0.2, 0.3], times: vec![0.0, 0.5], maps, lattice, bends, shades };
         DynamicGaussians { canonical, motion: Some(Motion { network, domain, base: Some(base) }) }
     }
 
@@ -125,6 +131,7 @@ mod tests {
             let (a, b) = (saved.at(time), loaded.at(time));
             assert_eq!(a.positions, b.positions);
             assert_eq!(a.sh, b.sh);
+            assert_eq!(a.sh == saved.canonical.sh, time == 0.5, "shaded at {time}");
             let (Shape::Isotropic { scales: a }, Shape::Isotropic { scales: b }) = (&a.shape, &b.shape) else {
                 panic!("still isotropic")
             };

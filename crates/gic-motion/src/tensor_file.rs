@@ -80,14 +80,18 @@ impl TensorFile {
         Ok(numbers.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect())
     }
 
-    /// The bends of a base motion whose other parts are known; none where the lattice is none, which its owner will complain of.
-    pub(crate) fn bends(&self, name: &str, base: &BaseMotion) -> Result<Vec<Vec<[f32; 3]>>, MotionError> {
-        if !base.lattice.is_valid() {
-            return Ok(Vec::new());
+    /// Reads the fields of a base motion whose other parts are known; leaves them out where the lattice is none, which the
+    /// motion's owner will complain of.
+    pub(crate) fn fields(&self, prefix: &str, base: &mut BaseMotion) -> Result<(), MotionError> {
+        if base.lattice.is_valid() {
+            let nodes = base.lattice.nodes();
+            let read = |name: &str| {
+                let rows = self.triples(&format!("{prefix}{name}"), nodes * base.times.len())?;
+                Ok::<_, MotionError>(rows.chunks_exact(nodes).map(<[_]>::to_vec).collect())
+            };
+            (base.bends, base.shades) = (read("bends")?, read("shades")?);
         }
-        let nodes = base.lattice.nodes();
-        let rows = self.triples(name, nodes * base.times.len())?;
-        Ok(rows.chunks_exact(nodes).map(<[_]>::to_vec).collect())
+        Ok(())
     }
 
     /// The JSON text.

@@ -20,6 +20,7 @@ use crate::loss::picture_loss;
 use crate::parameters::{
     self, Gradient, ParameterMoments, Parameters, ScreenGradients, control_density, details_per_gaussian, logit,
 };
+use crate::shade::SH0;
 use crate::smoothing::Anchors;
 use crate::targets::{self, Bounds, Target, windowed};
 use crate::{
@@ -27,8 +28,6 @@ use crate::{
     TrainSettings, ViewScore, checkpoint, evaluate,
 };
 
-/// Value of the degree-0 harmonic: colour = 0.5 + this * coefficient.
-const SH0: f32 = 0.282_094_8;
 /// Learning rate of the first fit of a frame's affine map, first and last step; shifts in units of the object's size.
 const MAP_RATE: (f64, f64) = (1.5e-2, 1.5e-3);
 /// The same of its bend.
@@ -441,7 +440,10 @@ impl<'a> Trainer<'a> {
             state.network.forward(&state.domain.normalised(&state.parameters.positions), time)
         });
         let residuals = state.residuals(pose.as_ref(), deformation.as_ref());
-        let gaussians = state.parameters.gaussians(residuals.as_deref());
+        let mut gaussians = state.parameters.gaussians(residuals.as_deref());
+        if let (Some(base), Some(pose)) = (&state.base, &pose) {
+            base.motion.shade(pose, &state.parameters.positions, &mut gaussians.sh);
+        }
         let degree = state.step / self.settings.sh_interval.max(1);
 
         let rendered: Vec<ViewGradient> =
@@ -470,6 +472,8 @@ impl<'a> Trainer<'a> {
             let slope = base.motion.pull_back(&pose, positions, &d_residuals, &mut gradient.positions);
             let freedom = if stage == Stage::Mapped { Freedom::Map } else { Freedom::MapAndBend };
             base.update(frame, slope, freedom, (decayed(self.settings.rates.base, fraction), size));
+            let slope = base.motion.shade_back(&pose, &state.parameters, &mut gradient);
+            base.update_shade(frame, slope, decayed(self.settings.rates.shade, fraction));
         } else {
             for (g, d) in gradient.positions.iter_mut().zip(&d_residuals) {
                 g.iter_mut().zip(d).for_each(|(g, d)| *g += d);
