@@ -71,9 +71,10 @@ impl Base {
     }
 
     /// One step of the pose of `frame` down `slope`; the object is `size` metres wide, which is what one unit of the rate stands
-    /// for. The first frame's pose stays, because the canonical Gaussians are what is seen there.
+    /// for. While there are only maps, the first frame's stays: the canonical Gaussians are what is seen there. Once everything bends, no
+    /// frame is better than another, and the canonical Gaussians need not serve the first at the others' cost.
     pub(crate) fn update(&mut self, frame: usize, mut slope: PoseSlope, freedom: Freedom, (rate, size): (f64, f64)) {
-        if frame == 0 {
+        if frame == 0 && freedom == Freedom::Map {
             return;
         }
         let fit = &mut self.fits[frame];
@@ -95,11 +96,8 @@ impl Base {
         }
     }
 
-    /// One step of the shade of `frame` down `slope`; the first frame's stays as well.
+    /// One step of the shade of `frame` down `slope`.
     pub(crate) fn update_shade(&mut self, frame: usize, mut slope: Vec<[f32; 3]>, rate: f64) {
-        if frame == 0 {
-            return;
-        }
         let fit = &mut self.fits[frame];
         self.nodes.smooth(REACH, &mut slope);
         fit.shade_steps += 1;
@@ -165,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_frame_stays() {
+    fn the_first_frame_stays_until_everything_bends() {
         let motion = BaseMotion::still(DVec3::ZERO, vec![0.0, 1.0], Lattice::around(&points()));
         let slope = Pose {
             map: Affine { matrix: [1.0; 9], shift: [1.0; 3] },
@@ -177,10 +175,11 @@ mod tests {
         let mut base = Base::new(motion, vec![first], 1);
         base.push(DVec3::ZERO);
         for frame in 0..2 {
-            base.update(frame, slope.clone(), Freedom::MapAndBend, (0.1, 1.0));
+            base.update(frame, slope.clone(), Freedom::Map, (0.1, 1.0));
         }
         assert_eq!(base.motion.pose(0), still);
         assert!(base.motion.maps[1].shift.iter().all(|s| (s + 0.1).abs() < 1e-6));
-        assert!(base.motion.bends[1].iter().flatten().all(|s| (s + 0.1).abs() < 1e-3));
+        base.update(0, slope, Freedom::MapAndBend, (0.1, 1.0));
+        assert!(base.motion.bends[0].iter().flatten().all(|s| (s + 0.1).abs() < 1e-3));
     }
 }
