@@ -1,5 +1,7 @@
 //! The training loop, static and dynamic.
 
+mod follow;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -14,7 +16,7 @@ use rayon::prelude::*;
 
 use crate::adam::{Moments, decayed};
 use crate::base::Pose;
-use crate::base_fit::{Base, Freedom, PoseFit};
+use crate::base_fit::{Base, Freedom};
 use crate::initial::{self, Ball, Points};
 use crate::loss::picture_loss;
 use crate::parameters::{
@@ -24,18 +26,10 @@ use crate::shade::SH0;
 use crate::smoothing::Anchors;
 use crate::targets::{self, Bounds, Target, windowed};
 use crate::{
-    BaseMotion, Deformation, Domain, DynamicGaussians, InitialPoints, Lattice, Motion, MotionError, MotionNetwork,
+    BaseMotion, Deformation, Domain, DynamicGaussians, InitialPoints, Motion, MotionError, MotionNetwork,
     TrainSettings, ViewScore, checkpoint, evaluate,
 };
 
-/// Learning rate of the first fit of a frame's affine map, first and last step; shifts in units of the object's size.
-const MAP_RATE: (f64, f64) = (1.5e-2, 1.5e-3);
-/// The same of its bend.
-const BEND_RATE: (f64, f64) = (4.0e-3, 8.0e-4);
-/// Views per step of these fits.
-const FOLLOW_VIEWS: usize = 4;
-/// An affine map explains a frame whose loss is at most this many times the first frame's.
-const EXPLAINED: f64 = 1.5;
 /// Length of the network's unit, in radii of the object's ball at the first frame.
 const EXTENT_RADII: f64 = 2.0;
 /// A camera's frames need at least this many views at one time to carve a hull of that time.
@@ -247,7 +241,9 @@ impl<'a> Trainer<'a> {
             synchronous,
             follows: false,
         };
-        trainer.follows = !is_static && settings.affine_steps > 0 && trainer.centres().is_some();
+        let time = |frame: &Vec<usize>| trainer.targets[frame[0]].time;
+        let ascending = trainer.frames.windows(2).all(|pair| time(&pair[0]) < time(&pair[1]));
+        trainer.follows = !is_static && ascending && settings.affine_steps > 0 && trainer.centres().is_some();
         Ok(trainer)
     }
 
@@ -601,82 +597,6 @@ impl<'a> Trainer<'a> {
             parameters::reset_opacity(&mut state.parameters, &mut state.moments, 2.0 * d.min_opacity);
         }
         state.screen = ScreenGradients::zeros(state.parameters.len());
-    }
-
-    /// For each frame the point nearest to the rays through its masks' centres; `None` when a frame has too few views for that.
-    fn centres(&self) -> Option<Vec<DVec3>> {
-        let centre = |frame: &Vec<usize>| {
-            let seen = frame.iter().map(|&i| &self.targets[i]).filter(|t| t.area > 0.0);
-            (seen.clone().count() >= MIN_SYNCHRONOUS).then(|| initial::mask_centre(seen))?
-        };
-        self.frames.iter().map(centre).collect()
-    }
-
-    /// The first base motion: the pose of every frame, each fitted from where the last two lead. Frames bend from the first one
-    /// on that no affine map explains.
-    fn follow(&self, state: &State, rng: &mut impl Rng) -> Result<Base, MotionError> {
-        let Some(centres) = self.centres() else { unreachable!("only a scene with centres is followed") };
-        let times = self.frames.iter().map(|frame| self.targets[frame[0]].time).collect();
-        let lattice = Lattice::around(&state.parameters.positions);
-        let first_loss = self.posed_loss(state, &BaseMotion::still(centres[0], Vec::new(), lattice), 0)?;
-        let first = PoseFit::new(&lattice);
-        let mut base = Base::new(BaseMotion::still(centres[0], times, lattice), vec![first], 1);
-        for frame in 1..self.frames.len() {
-            base.push(centres[frame] - centres[0]);
-            self.fit_pose(state, &mut base, frame, Freedom::Map, rng)?;
-            if base.explained == frame && self.posed_loss(state, &base.motion, frame)? <= EXPLAINED * first_loss {
-                base.explained += 1;
-            } else {
-                self.fit_pose(state, &mut base, frame, Freedom::MapAndBend, rng)?;
-            }
-        }
-        // The history of these fits, at other rates and with other Gaussians, is no guide from here on.
-        base.fits = vec![PoseFit::new(&lattice); self.frames.len()];
-        Ok(base)
-    }
-
-    /// Fits one frame's pose to its pictures.
-    fn fit_pose(
-        &self,
-        state: &State,
-        base: &mut Base,
-        frame: usize,
-        freedom: Freedom,
-        rng: &mut impl Rng,
-    ) -> Result<(), MotionError> {
-        let size = 2.0 * state.domain.extent / EXTENT_RADII;
-        let (steps, rates) = match freedom {
-            Freedom::Map => (self.settings.affine_steps, MAP_RATE),
-            Freedom::MapAndBend => (self.settings.bend_steps, BEND_RATE),
-        };
-        for step in 0..steps {
-            let pose = base.motion.pose(frame);
-            let gaussians = state.posed(&base.motion, &pose);
-            let views = self.choose(self.frames[frame].clone(), FOLLOW_VIEWS, rng);
-            let rendered: Vec<ViewGradient> =
-                views.par_iter().map(|view| self.view_gradient(view, &gaussians, 0)).collect::<Result<_, _>>()?;
-            let mut slope = vec![[0.0f32; 4]; gaussians.len()];
-            for view in &rendered {
-                for (s, g) in slope.iter_mut().zip(&view.slope.positions) {
-                    s.iter_mut().zip(g).for_each(|(s, g)| *s += g);
-                }
-            }
-            let points = &state.parameters.positions;
-            let slope = base.motion.pull_back(&pose, points, &slope, &mut vec![[0.0; 3]; points.len()]);
-            base.update(frame, slope, freedom, (decayed(rates, step as f64 / steps as f64), size));
-        }
-        Ok(())
-    }
-
-    /// Mean loss over all views of a frame that the base motion alone explains.
-    fn posed_loss(&self, state: &State, motion: &BaseMotion, frame: usize) -> Result<f64, MotionError> {
-        let gaussians = state.posed(motion, &motion.pose(frame));
-        let views = &self.frames[frame];
-        let losses: Vec<f64> = views
-            .par_iter()
-            .map(|&i| self.view_gradient(&self.targets[i], &gaussians, 0).map(|view| view.loss))
-            .collect::<Result<_, _>>()?;
-        Ok(losses.iter().sum::<f64>() / views.len() as f64)
     }
 
     /// Measures the held-out views when it is time, and remembers the best state.

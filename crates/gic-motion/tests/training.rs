@@ -163,6 +163,20 @@ fn a_run_that_was_stopped_continues_as_if_it_had_not_been() {
 }
 
 #[test]
+fn the_papers_schedule_has_no_base_motion() {
+    assert_eq!(TrainSettings::paper().affine_steps, 0);
+    let (_folder, scene) = scene();
+    let base = |affine_steps| {
+        let model = run(&scene, &TrainSettings { affine_steps, ..settings(12) }, None, 0);
+        model.motion.unwrap().base
+    };
+    assert!(base(0).is_none());
+    let base = base(5).unwrap();
+    assert_eq!(base.times.len(), FRAMES);
+    assert!(base.maps[FRAMES - 1].shift[1] < -0.05, "the ball falls 0.15 m: {:?}", base.maps);
+}
+
+#[test]
 fn a_static_scene_has_no_motion() {
     let (folder, _) = scene();
     let path = folder.path().join("all_data.json");
