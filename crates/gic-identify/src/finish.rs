@@ -11,17 +11,20 @@ use crate::flight::Flight;
 use crate::interval::{self, half_width};
 use crate::levenberg::Tangents;
 use crate::loss::mean_loss;
-use crate::objective::{Forward, Level, Motion, Problem};
+use crate::objective::{Forward, Level, Motion, Prior, Problem};
 use crate::result::{Estimate, Identification, Loss, Stage};
 use crate::simulation::Simulation;
-use crate::stages::{Flown, Job};
+use crate::stages::Job;
 use crate::state::{State, Unknown};
 use crate::velocity::Launch;
 use crate::{IdentifyError, MaterialKind, Parameter};
 
-/// Standard deviation of the position of the surface that was reconstructed, in particle spacings: the masks' outline shows it to
-/// about this, and undersides are seen less well.
+/// Standard deviation of the position of the surface that was reconstructed, in particle spacings.
 const SHAPE_SIGMA: f64 = 0.15;
+
+/// Standard deviation of the height of the underside as reconstructed, in particle spacings, and of its slopes at one radius: what no
+/// camera shows meets the ground first.
+const UNDERSIDE_SIGMA: f64 = 0.3;
 
 impl Job<'_> {
     fn material(&self, state: &State) -> gic_mpm::Material {
@@ -44,24 +47,21 @@ impl Job<'_> {
     pub(crate) fn finish(
         &self,
         launched: &Launch,
-        flown: Option<&Flown>,
+        flown: Option<&Prior>,
         state: &State,
     ) -> Result<Identification, IdentifyError> {
         let simulation = self.simulation(launched.free);
         let mut unknowns = self.joint_unknowns(flown);
         let count = unknowns.len();
-        let (moving, uncertain) =
-            flown.map_or((Vec::new(), DMatrix::zeros(0, 0)), |f| (f.motion.clone(), f.covariance.clone()));
-        unknowns.extend(&moving);
-        unknowns.extend([Unknown::Size, Unknown::Height]);
-        let prior = flown.map(|flown| &flown.splat);
+        unknowns.push(Unknown::Size);
+        unknowns.extend((0..3).map(Unknown::Underside));
         let problem = Problem {
             forward: &simulation,
             objective: self.base_objective(),
             unknowns,
             parameters: self.parameters(),
             level: self.joint_frames(launched, flown),
-            prior,
+            prior: flown,
         };
         let motion = simulation.motion(state, &self.all_frames()).map_err(self.failure(1))?;
         let (check, finer) = (self.settings.resolution_check, self.simulation(launched.free));
@@ -79,13 +79,12 @@ impl Job<'_> {
                     steps.push(1.0);
                 }
                 let clusters = problem.objective.clusters(&motion, &motions, &steps, &problem.level);
-                let known = prior.map_or(DMatrix::zeros(0, 0), |p| p.information_of(&problem.unknowns[..count]));
-                // Velocity, size, height, and the refined grid with the whole of its shift.
+                let known = flown.map_or(DMatrix::zeros(0, 0), |p| p.information_of(&problem.unknowns[..count]));
+                // Size, underside, and the refined grid with the whole of its shift.
                 let mut nuisances = DMatrix::zeros(steps.len() - count, steps.len() - count);
-                let flying = moving.len();
-                nuisances.view_mut((0, 0), (flying, flying)).copy_from(&uncertain);
-                nuisances[(flying, flying)] = self.size_sigma().powi(2);
-                nuisances[(flying + 1, flying + 1)] = self.size_sigma().powi(2);
+                nuisances[(0, 0)] = self.size_sigma().powi(2);
+                let spacing = self.input.particle_volume_m3.cbrt();
+                (1..4).for_each(|k| nuisances[(k, k)] = (UNDERSIDE_SIGMA * spacing).powi(2));
                 if steps.len() > problem.unknowns.len() {
                     let refined = problem.unknowns.len();
                     shifts = interval::response(&clusters, self.weights, count, &known, refined);
@@ -107,17 +106,12 @@ impl Job<'_> {
                 self.estimate(&self.parameters()[i], state.material[i], deviation(unknown), shift)
             })
             .collect();
-        let speed = |axis: usize| {
-            let unknown = Unknown::Velocity(axis);
-            let free = moving.iter().position(|u| *u == unknown).map(|k| half_width(uncertain[(k, k)]));
-            free.or_else(|| deviation(unknown)).unwrap_or(0.0)
-        };
-        let velocity = DVec3::from_array([0, 1, 2].map(speed));
+        let velocity = DVec3::from_array([0, 1, 2].map(|a| deviation(Unknown::Velocity(a)).unwrap_or(0.0)));
         checks::explained(self, launched, &motion);
         Ok(self.result(launched, state, estimates, velocity, Some(&motion)))
     }
 
-    /// Standard deviation of the logarithm of the continuum's size, and of its height.
+    /// Standard deviation of the logarithm of the continuum's size.
     fn size_sigma(&self) -> f64 {
         let centre = self.input.centre();
         let radius =

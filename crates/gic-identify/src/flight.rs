@@ -19,10 +19,40 @@ pub(crate) fn fall(gravity: DVec3, time: f64, dt: f64) -> DVec3 {
 pub(crate) fn placed(input: &Input, state: &State) -> (Vec<DVec3>, DVec3) {
     let centre = input.centre();
     let factor = state.size.exp();
-    let (up, stretch) = (input.gravity_m_s2.normalize_or_zero(), state.height.exp() - 1.0);
-    let grown = |d: DVec3| factor * (d + stretch * d.dot(up) * up);
-    let positions = input.positions.iter().map(|p| centre + state.offset + grown(*p - centre)).collect();
+    let mut positions: Vec<DVec3> =
+        input.positions.iter().map(|p| centre + state.offset + (*p - centre) * factor).collect();
+    if state.underside != DVec3::ZERO {
+        lift_underside(&mut positions, centre + state.offset, -input.gravity_m_s2.normalize_or_zero(), state.underside);
+    }
     (positions, centre + state.offset)
+}
+
+/// Raises the lower parts by `lift` (mean [m]; more of it at one radius along two horizontal axes), growing with the square of the
+/// depth below the top: undersides are what no camera shows, and they meet the ground first.
+fn lift_underside(positions: &mut [DVec3], centre: DVec3, up: DVec3, lift: DVec3) {
+    if up == DVec3::ZERO {
+        return;
+    }
+    let across = up.any_orthonormal_pair();
+    let (low, high) = positions
+        .iter()
+        .map(|p| (*p - centre).dot(up))
+        .fold((f64::MAX, f64::MIN), |(low, high), h| (low.min(h), high.max(h)));
+    let flat = |p: &DVec3| ((*p - centre).dot(across.0), (*p - centre).dot(across.1));
+    let radius = positions.iter().map(flat).map(|(x, y)| x.hypot(y)).fold(f64::MIN_POSITIVE, f64::max);
+    for p in positions {
+        let (x, y) = flat(p);
+        let depth = (high - (*p - centre).dot(up)) / (high - low).max(f64::MIN_POSITIVE);
+        *p += up * depth * depth * (lift.x + lift.y * x / radius + lift.z * y / radius);
+    }
+}
+
+/// Share of its volume that the body loses where its underside is raised by `lift` [m]: that of a column as high as the body.
+pub(crate) fn lost_volume(input: &Input, lift: f64) -> f64 {
+    let up = input.gravity_m_s2.normalize_or_zero();
+    let heights = input.positions.iter().map(|p| p.dot(up));
+    let (low, high) = heights.fold((f64::MAX, f64::MIN), |(low, high), h| (low.min(h), high.max(h)));
+    lift / (high - low).max(f64::MIN_POSITIVE)
 }
 
 /// Seconds of one substep.

@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use crate::data::Data;
 use crate::dilution::Dilution;
-use crate::flight::{fall, placed, substep};
+use crate::flight::{fall, lost_volume, placed, substep};
 use crate::objective::{Forward, Level, Motion};
 use crate::state::State;
 use crate::{Input, MaterialKind};
@@ -54,7 +54,8 @@ impl Simulation<'_> {
             None => all.iter().map(|p| *p + shift).collect(),
             Some(ids) => ids.iter().map(|i| all[*i] + shift).collect(),
         };
-        let growth = (3.0 * state.size + state.height).exp() * all.len() as f64 / chosen.len() as f64;
+        let growth = (3.0 * state.size).exp() * (1.0 - lost_volume(input, state.underside.x)) * all.len() as f64
+            / chosen.len() as f64;
         World {
             bodies: vec![Body {
                 material: self.material(state),

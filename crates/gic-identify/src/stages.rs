@@ -37,20 +37,6 @@ pub(crate) const BLUR: usize = 8;
 /// Pooling of the last steps of the material stage.
 const SHARP: usize = 2;
 
-/// What free flight tells with its uncertainty.
-///
-/// The velocity is not fitted again to the frames after contact: they say less about it than they seem to, because a shape that is
-/// slightly wrong pulls at it through the impact, while in free flight it only moves along with the body. Its uncertainty enters the
-/// intervals of the material instead.
-pub(crate) struct Flown {
-    /// Splat size; empty without masks.
-    pub splat: Prior,
-    /// Velocity and, where the body rotates, angular velocity.
-    pub motion: Vec<Unknown>,
-    /// Their covariance.
-    pub covariance: DMatrix<f64>,
-}
-
 /// Who hears of events and may say stop.
 pub(crate) type Listener<'a> = dyn FnMut(Event) -> ControlFlow<()> + 'a;
 
@@ -323,27 +309,25 @@ impl Job<'_> {
             .map_err(self.failure(1))
     }
 
-    /// What free flight says, with its own uncertainty; `None` where nothing flew freely.
-    fn flown(&self, launched: &Launch) -> Option<Flown> {
+    /// What free flight says of velocity, rotation and splat size, with its own uncertainty; `None` where nothing flew freely.
+    ///
+    /// The frames after contact say less about the velocity than they seem to: a shape that is slightly wrong pulls at it through the
+    /// impact, while in free flight it moves along with the body.
+    fn flown(&self, launched: &Launch) -> Option<Prior> {
         if launched.free < 2 {
             return None;
         }
-        let (unknowns, none) = (&launched.unknowns, DMatrix::zeros(0, 0));
-        let covariance = interval::covariance(&launched.clusters, self.weights, unknowns.len(), &none, &none)?;
-        let of = |wanted: &dyn Fn(&Unknown) -> bool| -> (Vec<Unknown>, DMatrix<f64>) {
-            let kept: Vec<usize> = (0..unknowns.len()).filter(|k| wanted(&unknowns[*k])).collect();
-            let part = DMatrix::from_fn(kept.len(), kept.len(), |i, j| {
-                // Never surer than a tenth of a difference step.
-                let floor = if i == j { (0.1 * unknowns[kept[i]].difference_step(&[])).powi(2) } else { 0.0 };
-                covariance[(kept[i], kept[j])] + floor
-            });
-            (kept.iter().map(|k| unknowns[*k]).collect(), part)
-        };
-        let (splat, variance) = of(&|u| *u == Unknown::Splat);
-        let (motion, motion_covariance) = of(&|u| matches!(u, Unknown::Velocity(_) | Unknown::Angular(_)));
-        let mean = DVector::from_iterator(splat.len(), splat.iter().map(|u| launched.state.get(*u)));
-        let splat = Prior { unknowns: splat, mean, information: variance.try_inverse()? };
-        Some(Flown { splat, motion, covariance: motion_covariance })
+        let (fitted, none) = (&launched.unknowns, DMatrix::zeros(0, 0));
+        let covariance = interval::covariance(&launched.clusters, self.weights, fitted.len(), &none, &none)?;
+        let kept: Vec<usize> = (0..fitted.len()).filter(|k| !matches!(fitted[*k], Unknown::Offset(_))).collect();
+        let unknowns: Vec<Unknown> = kept.iter().map(|k| fitted[*k]).collect();
+        let marginal = DMatrix::from_fn(kept.len(), kept.len(), |i, j| {
+            // Never surer than a tenth of a difference step.
+            let floor = if i == j { (0.1 * unknowns[i].difference_step(&[])).powi(2) } else { 0.0 };
+            covariance[(kept[i], kept[j])] + floor
+        });
+        let mean = DVector::from_iterator(kept.len(), unknowns.iter().map(|u| launched.state.get(*u)));
+        Some(Prior { information: marginal.try_inverse()?, mean, unknowns })
     }
 
     /// Whether the free flight goes on to touch something between or after the observed frames.
@@ -385,9 +369,13 @@ impl Job<'_> {
         fit(state, SHARP, SHARP_FIT).map(|fit| fit.state).map_err(failed)
     }
 
-    pub(crate) fn joint_unknowns(&self, flown: Option<&Flown>) -> Vec<Unknown> {
+    pub(crate) fn joint_unknowns(&self, flown: Option<&Prior>) -> Vec<Unknown> {
         let mut unknowns = self.free_materials();
-        if flown.is_none() && self.settings.velocity_m_s.is_none() {
+        if let Some(flown) = flown {
+            unknowns.extend(&flown.unknowns);
+            return unknowns;
+        }
+        if self.settings.velocity_m_s.is_none() {
             unknowns.extend((0..3).map(Unknown::Velocity));
         }
         if self.settings.target.masks() {
@@ -397,12 +385,12 @@ impl Job<'_> {
     }
 
     /// The frames of the joint stage: what free flight knows is known already.
-    pub(crate) fn joint_frames(&self, launched: &Launch, flown: Option<&Flown>) -> Level {
+    pub(crate) fn joint_frames(&self, launched: &Launch, flown: Option<&Prior>) -> Level {
         if flown.is_some() { self.touched_frames(launched, 1) } else { self.all_frames() }
     }
 
-    /// Material and splat size together on sharp masks, and the velocity where no free flight showed it.
-    fn fit_jointly(&self, launched: &Launch, flown: Option<&Flown>, start: State) -> Result<State, IdentifyError> {
+    /// Material, velocity and splat size together, so that errors of stage 1 do not bias the material.
+    fn fit_jointly(&self, launched: &Launch, flown: Option<&Prior>, start: State) -> Result<State, IdentifyError> {
         let iterations = match self.settings.optimizer {
             Optimizer::LevenbergMarquardt => self.settings.iterations,
             // The paper stops after its material stage.
@@ -410,8 +398,7 @@ impl Job<'_> {
         };
         let simulation = self.simulation(launched.free);
         let (unknowns, level) = (self.joint_unknowns(flown), self.joint_frames(launched, flown));
-        let prior = flown.map(|flown| &flown.splat);
-        self.minimise(Stage::Joint, &simulation, self.base_objective(), unknowns, level, prior, start, iterations)
+        self.minimise(Stage::Joint, &simulation, self.base_objective(), unknowns, level, flown, start, iterations)
             .map(|fit| fit.state)
             .map_err(self.failure(1))
     }

@@ -20,8 +20,8 @@ pub(crate) enum Unknown {
     Splat,
     /// Logarithm of the factor on the continuum's size (a nuisance).
     Size,
-    /// Logarithm of the factor on its height, along gravity (a nuisance).
-    Height,
+    /// How far the underside lies above where it was reconstructed: mean, and slope along two horizontal axes (nuisances).
+    Underside(usize),
 }
 
 /// A point in the space of all unknowns.
@@ -42,8 +42,9 @@ pub(crate) struct State {
     pub splat: f64,
     /// Logarithm of the factor on the continuum's size.
     pub size: f64,
-    /// Logarithm of the factor on its height, along gravity.
-    pub height: f64,
+    /// How far the underside lies above where it was reconstructed [m]: mean, and more of it at one radius along two horizontal axes.
+    #[serde(with = "crate::vector")]
+    pub underside: DVec3,
 }
 
 impl State {
@@ -56,7 +57,7 @@ impl State {
             offset: DVec3::ZERO,
             splat: 0.0,
             size: 0.0,
-            height: 0.0,
+            underside: DVec3::ZERO,
         }
     }
 
@@ -68,7 +69,7 @@ impl State {
             Unknown::Offset(a) => self.offset[a],
             Unknown::Splat => self.splat,
             Unknown::Size => self.size,
-            Unknown::Height => self.height,
+            Unknown::Underside(k) => self.underside[k],
         }
     }
 
@@ -80,7 +81,7 @@ impl State {
             Unknown::Offset(a) => self.offset[a] = value,
             Unknown::Splat => self.splat = value,
             Unknown::Size => self.size = value,
-            Unknown::Height => self.height = value,
+            Unknown::Underside(k) => self.underside[k] = value,
         }
     }
 
@@ -104,7 +105,8 @@ impl Unknown {
             Unknown::Angular(_) => (-200.0, 200.0),
             Unknown::Offset(_) => (-1.0, 1.0),
             Unknown::Splat => (-1.0, 1.0),
-            Unknown::Size | Unknown::Height => (-0.2, 0.2),
+            Unknown::Size => (-0.2, 0.2),
+            Unknown::Underside(_) => (-0.1, 0.1),
         }
     }
 
@@ -116,7 +118,8 @@ impl Unknown {
             Unknown::Angular(_) => 1e-2,
             Unknown::Offset(_) => 2e-4,
             Unknown::Splat => 1e-2,
-            Unknown::Size | Unknown::Height => 1e-3,
+            Unknown::Size => 1e-3,
+            Unknown::Underside(_) => 4e-4,
         }
     }
 
@@ -128,7 +131,8 @@ impl Unknown {
             Unknown::Angular(_) => 3.0,
             Unknown::Offset(_) => 0.05,
             Unknown::Splat => 0.2,
-            Unknown::Size | Unknown::Height => 0.02,
+            Unknown::Size => 0.02,
+            Unknown::Underside(_) => 5e-3,
         }
     }
 }
