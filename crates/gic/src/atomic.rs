@@ -43,3 +43,20 @@ pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
         w.write_all(b"\n")
     })
 }
+
+/// Reads a JSON file that a stage wrote.
+pub(crate) fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
+    let text = std::fs::read_to_string(path).map_err(|source| match source.kind() {
+        std::io::ErrorKind::NotFound => Error::Content {
+            path: path.to_owned(),
+            problem: "is missing: the stage that writes it has not finished".into(),
+            hint: Some("finish the run first with `gic run SCENE -o RUN`".into()),
+        },
+        _ => Error::read(path)(source),
+    })?;
+    serde_json::from_str(&text).map_err(|source| Error::Syntax {
+        path: path.to_owned(),
+        format: "a stage's result",
+        source: source.into(),
+    })
+}

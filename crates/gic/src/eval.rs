@@ -7,11 +7,12 @@ use gic_mpm::Material;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::atomic;
 use crate::error::{Error, Result};
 use crate::events::Events;
 use crate::interrupt::Interrupt;
 use crate::matter::read_particles;
-use crate::pipeline::{FillSummary, FrameFilling, IdentifyRecord, filling_file, read_json};
+use crate::pipeline::{FillSummary, FrameFilling, IdentifyRecord, filling_file};
 
 const STAGE: &str = "eval";
 /// Seed of the random points that clouds are compared with: the same for every run, so that runs can be compared.
@@ -183,8 +184,8 @@ impl Truth {
 /// # Errors
 /// A run that is not finished, a truth of another material, damaged files.
 pub fn evaluate(run: &Path, truth: &Truth, events: &Events, interrupt: &Interrupt) -> Result<Evaluation> {
-    let found: IdentifyRecord = read_json(&run.join("identify.json"))?;
-    let summary: FillSummary = read_json(&run.join("fill.json"))?;
+    let found: IdentifyRecord = atomic::read_json(&run.join("identify.json"))?;
+    let summary: FillSummary = atomic::read_json(&run.join("fill.json"))?;
     if found.model != truth.material.model() {
         return Err(Error::Usage {
             problem: format!("the run assumed {}, the truth is {}", found.model, truth.material.model()),

@@ -1,6 +1,6 @@
 //! The stage `fill`: Gaussians to matter, for every frame of the video.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use gic_continuum::{
     Agreement, Appearance, Drawing, FillSettings, Filling, GroundPlane, MaskedView, Particles, Placement, Unseen,
@@ -282,7 +282,7 @@ impl Run<'_> {
     /// # Errors
     /// Missing or damaged files.
     pub fn continuum(&self) -> Result<Continuum> {
-        let summary: FillSummary = read_json(&self.path("fill.json"))?;
+        let summary: FillSummary = atomic::read_json(&self.path("fill.json"))?;
         let ply = read_particles(&self.path("continuum.ply"))?;
         let particles = Particles {
             positions: ply.positions,
@@ -299,23 +299,6 @@ impl Run<'_> {
             .collect::<Result<_>>()?;
         Ok(Continuum { summary, particles, appearance, surfaces })
     }
-}
-
-/// Reads a JSON file that a stage wrote.
-pub(crate) fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
-    let text = std::fs::read_to_string(path).map_err(|source| match source.kind() {
-        std::io::ErrorKind::NotFound => Error::Content {
-            path: path.to_owned(),
-            problem: "is missing: the stage that writes it has not finished".into(),
-            hint: Some("finish the run first with `gic run SCENE -o RUN`".into()),
-        },
-        _ => Error::read(path)(source),
-    })?;
-    serde_json::from_str(&text).map_err(|source| Error::Syntax {
-        path: path.to_owned(),
-        format: "a stage's result",
-        source: source.into(),
-    })
 }
 
 /// Overlaps of the views that have a mask.

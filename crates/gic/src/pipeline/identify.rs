@@ -10,7 +10,6 @@ use gic_identify::{
 };
 use serde::{Deserialize, Serialize};
 
-use super::fill::read_json;
 use super::stamp::Stamp;
 use super::{Continuum, Run, Stage};
 use crate::atomic;
@@ -103,7 +102,7 @@ impl Run<'_> {
         // Results of finished stages that belong to other settings or other matter must not be taken up.
         let goes_on = Stamp::read(&begun).is_some_and(|found| found.outdated_for(stamp).is_none());
         let resume: Checkpoint =
-            if goes_on && checkpoint.exists() { read_json(&checkpoint)? } else { Checkpoint::default() };
+            if goes_on && checkpoint.exists() { atomic::read_json(&checkpoint)? } else { Checkpoint::default() };
         if !goes_on && checkpoint.exists() {
             std::fs::remove_file(&checkpoint).map_err(Error::write(&checkpoint))?;
         }
@@ -298,7 +297,7 @@ impl Run<'_> {
     /// # Errors
     /// A missing or damaged file.
     pub fn identified(&self) -> Result<IdentifyRecord> {
-        read_json(&self.path("identify.json"))
+        atomic::read_json(&self.path("identify.json"))
     }
 }
 

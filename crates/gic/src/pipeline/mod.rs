@@ -23,8 +23,8 @@ use crate::events::{Event, Events};
 use crate::interrupt::Interrupt;
 use crate::usage::Meter;
 pub use export::Export;
+pub(crate) use fill::filling_file;
 pub use fill::{Continuum, FillSummary, FrameFilling};
-pub(crate) use fill::{filling_file, read_json};
 pub use identify::{EstimateRecord, IdentifyRecord, StepRecord};
 use stamp::Stamp;
 
