@@ -90,6 +90,22 @@ pub fn gradcheck(world: &World, rules: Rules, frames: usize) -> Result<Vec<Gradc
         .collect())
 }
 
+/// One material of each kind, soft and weak enough to deform and yield in [`gradcheck_world`].
+pub fn gradcheck_materials() -> [Material; 5] {
+    [
+        Material::Elastic { youngs_modulus_pa: 2e5, poisson_ratio: 0.3 },
+        Material::Plasticine { youngs_modulus_pa: 3e5, poisson_ratio: 0.25, yield_stress_pa: 2e3 },
+        Material::Sand { friction_angle_deg: 32.0, youngs_modulus_pa: 3e5, poisson_ratio: 0.3 },
+        Material::Newtonian { viscosity_pa_s: 50.0, bulk_modulus_pa: 5e4 },
+        Material::NonNewtonian {
+            shear_modulus_pa: 2e4,
+            bulk_modulus_pa: 1e5,
+            yield_stress_pa: 500.0,
+            plastic_viscosity_pa_s: 10.0,
+        },
+    ]
+}
+
 /// A small world in which a spinning block of the material hits a slanted sticky floor and a moving ball with friction in its first
 /// frame of 50 substeps, hard enough to yield.
 pub fn gradcheck_world(material: Material) -> World {

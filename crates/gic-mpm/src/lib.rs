@@ -27,7 +27,7 @@ mod world;
 pub use collider::{Collider, Contact, Motion, Primitive};
 pub use error::SimulationError;
 pub use gic_simd::Level;
-pub use gradcheck::{GradcheckRow, gradcheck, gradcheck_world};
+pub use gradcheck::{GradcheckRow, gradcheck, gradcheck_materials, gradcheck_world};
 pub use gradient::{BodyGradient, Gradient, gradient};
 pub use jacobian::{Differences, Jacobian, Unknown, jacobian};
 pub use law::Rules;

@@ -4,7 +4,7 @@
 //! derivative itself.
 
 use crate::fast::FastEngine;
-use crate::gradcheck::gradcheck_world;
+use crate::gradcheck::{gradcheck_materials, gradcheck_world};
 use crate::grid::Impulse;
 use crate::law::Coefficients;
 use crate::scalar::ScalarEngine;
@@ -23,21 +23,6 @@ const FIELDS: [(&str, core::ops::Range<usize>, f64); 4] = [
     ("affine velocities [1/s]", 6..15, 1e-3),
     ("deformation gradients", 15..24, 1e-6),
 ];
-
-fn materials() -> [Material; 5] {
-    [
-        Material::Elastic { youngs_modulus_pa: 2e5, poisson_ratio: 0.3 },
-        Material::Plasticine { youngs_modulus_pa: 3e5, poisson_ratio: 0.25, yield_stress_pa: 2e3 },
-        Material::Sand { friction_angle_deg: 32.0, youngs_modulus_pa: 3e5, poisson_ratio: 0.3 },
-        Material::Newtonian { viscosity_pa_s: 50.0, bulk_modulus_pa: 5e4 },
-        Material::NonNewtonian {
-            shear_modulus_pa: 2e4,
-            bulk_modulus_pa: 1e5,
-            yield_stress_pa: 500.0,
-            plastic_viscosity_pa_s: 10.0,
-        },
-    ]
-}
 
 /// A number in [-1, 1) for each pair, without pattern.
 fn noise(seed: usize, index: usize) -> f64 {
@@ -161,7 +146,7 @@ fn assert_close(what: &str, adjoint: f64, difference: f64) {
 }
 
 fn assert_adjoint(engine: &impl Engine<Number = f64>) {
-    for material in materials() {
+    for material in gradcheck_materials() {
         let case = Case::new(material);
         let (adjoint, bars) = case.adjoint(engine);
         let model = material.model();
@@ -218,7 +203,7 @@ fn the_lane_engines_adjoint_is_that_of_a_substep() {
 /// Otherwise the tests above would say nothing about return maps.
 #[test]
 fn the_start_yields() {
-    for material in materials() {
+    for material in gradcheck_materials() {
         let case = Case::new(material);
         let yielding = case.yielding();
         println!("{}: {yielding} of {} particles", material.model(), case.start.len());

@@ -1,28 +1,13 @@
 //! The adjoint against central differences, over rollouts with contact and active plasticity, for every parameter of every material.
 
 use gic_mpm::{
-    Differences, Material, Options, Precision, Rules, SimulationError, Stepping, Unknown, gradcheck, gradcheck_world,
-    gradient, jacobian,
+    Differences, Options, Precision, Rules, SimulationError, Stepping, Unknown, gradcheck, gradcheck_materials,
+    gradcheck_world, gradient, jacobian,
 };
 use glam::DVec3;
 
-fn materials() -> [Material; 5] {
-    [
-        Material::Elastic { youngs_modulus_pa: 2e5, poisson_ratio: 0.3 },
-        Material::Plasticine { youngs_modulus_pa: 3e5, poisson_ratio: 0.25, yield_stress_pa: 2e3 },
-        Material::Sand { friction_angle_deg: 32.0, youngs_modulus_pa: 3e5, poisson_ratio: 0.3 },
-        Material::Newtonian { viscosity_pa_s: 50.0, bulk_modulus_pa: 5e4 },
-        Material::NonNewtonian {
-            shear_modulus_pa: 2e4,
-            bulk_modulus_pa: 1e5,
-            yield_stress_pa: 500.0,
-            plastic_viscosity_pa_s: 10.0,
-        },
-    ]
-}
-
 fn assert_gradients(substeps: usize, tolerance: f64) {
-    for material in materials() {
+    for material in gradcheck_materials() {
         let mut world = gradcheck_world(material);
         world.frame_rate_hz = 5000.0 / substeps as f64;
         world.stepping = Stepping::Fixed { substeps_per_frame: substeps };
@@ -47,7 +32,7 @@ fn adjoint_matches_differences_over_the_first_substep() {
 #[test]
 fn parameters_change_the_outcome_of_the_check() {
     // Otherwise the tests above would compare zeros: contact and yield must have happened.
-    for material in materials() {
+    for material in gradcheck_materials() {
         let rows = gradcheck(&gradcheck_world(material), Rules::Exact, 2).unwrap();
         for row in rows.iter().take(material.parameters().len()) {
             assert!(row.finite_difference != 0.0, "{}: {row:?}", material.model());
@@ -57,7 +42,7 @@ fn parameters_change_the_outcome_of_the_check() {
 
 #[test]
 fn fast_adjoint_agrees_with_the_twin() {
-    for material in materials() {
+    for material in gradcheck_materials() {
         let world = gradcheck_world(material);
         let of = |options: &Options| {
             let loss = |frame: &gic_mpm::Frame| {
@@ -91,7 +76,7 @@ fn fast_adjoint_agrees_with_the_twin() {
 
 #[test]
 fn a_tight_memory_budget_gives_the_same_gradient() {
-    let mut world = gradcheck_world(materials()[0]);
+    let mut world = gradcheck_world(gradcheck_materials()[0]);
     world.stepping = Stepping::Fixed { substeps_per_frame: 160 };
     let of = |bytes: usize| {
         let options = Options { gradient_memory_bytes: bytes, precision: Precision::F64, ..Options::default() };
@@ -107,7 +92,7 @@ fn a_tight_memory_budget_gives_the_same_gradient() {
 
 #[test]
 fn jacobian_agrees_with_the_adjoint() {
-    let world = gradcheck_world(materials()[0]);
+    let world = gradcheck_world(gradcheck_materials()[0]);
     let options = Options { precision: Precision::F64, ..Options::default() };
     let unknowns =
         [(Unknown::Material { body: 0, parameter: 0 }, 20.0), (Unknown::Velocity { body: 0, axis: 1 }, 1e-4)];
@@ -125,7 +110,7 @@ fn jacobian_agrees_with_the_adjoint() {
 
 #[test]
 fn a_loss_gradient_that_makes_no_sense_is_refused() {
-    let world = gradcheck_world(materials()[0]);
+    let world = gradcheck_world(gradcheck_materials()[0]);
     let options = Options::default();
     let short = gradient(&world, &options, 2, |_| Some(vec![DVec3::ZERO]));
     let nan = gradient(&world, &options, 2, |frame| Some(vec![DVec3::NAN; frame.positions.len()]));

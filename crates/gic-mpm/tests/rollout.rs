@@ -2,25 +2,10 @@
 
 use gic_mpm::{
     Body, Collider, Contact, Frame, Level, Material, MaterialError, Motion, Options, Precision, Primitive,
-    SimulationError, Simulator, Snapshot, Stepping, World, gradcheck_world, rollout,
+    SimulationError, Simulator, Snapshot, Stepping, World, gradcheck_materials, gradcheck_world, rollout,
 };
 use glam::{DQuat, DVec3};
 use proptest::prelude::*;
-
-fn materials() -> [Material; 5] {
-    [
-        Material::Elastic { youngs_modulus_pa: 2e5, poisson_ratio: 0.3 },
-        Material::Plasticine { youngs_modulus_pa: 3e5, poisson_ratio: 0.25, yield_stress_pa: 2e3 },
-        Material::Sand { friction_angle_deg: 32.0, youngs_modulus_pa: 3e5, poisson_ratio: 0.3 },
-        Material::Newtonian { viscosity_pa_s: 50.0, bulk_modulus_pa: 5e4 },
-        Material::NonNewtonian {
-            shear_modulus_pa: 2e4,
-            bulk_modulus_pa: 1e5,
-            yield_stress_pa: 500.0,
-            plastic_viscosity_pa_s: 10.0,
-        },
-    ]
-}
 
 fn f64_options() -> Options {
     Options { precision: Precision::F64, ..Options::default() }
@@ -38,13 +23,13 @@ fn uniform(position_m: DVec3, velocity_m_s: DVec3) -> Motion {
 
 /// A block large enough for several chunks per body.
 fn large_world() -> World {
-    let mut world = gradcheck_world(materials()[1]);
+    let mut world = gradcheck_world(gradcheck_materials()[1]);
     let positions = |corner: DVec3, n: usize| -> Vec<DVec3> {
         (0..n).map(|i| corner + DVec3::new((i % 40) as f64, (i / 40 % 20) as f64, (i / 800) as f64) * 0.01).collect()
     };
     world.bodies[0].positions = positions(DVec3::new(0.0, 0.06, 0.0), 36_000);
     let second = Body {
-        material: materials()[3],
+        material: gradcheck_materials()[3],
         positions: positions(DVec3::new(-0.45, 0.12, 0.0), 5_000),
         ..world.bodies[0].clone()
     };
@@ -73,7 +58,7 @@ fn relative_differences(a: &Snapshot, b: &Snapshot) -> [f64; 3] {
 
 #[test]
 fn every_level_agrees_with_the_f64_twin_after_ten_substeps() {
-    for material in materials() {
+    for material in gradcheck_materials() {
         let mut world = gradcheck_world(material);
         world.frame_rate_hz = 500.0;
         world.stepping = Stepping::Fixed { substeps_per_frame: 10 };
@@ -123,7 +108,7 @@ fn particles_keep_their_order_and_bodies_their_places() {
 #[test]
 fn a_restored_state_continues_with_the_same_bits() {
     for options in [Options::default(), f64_options()] {
-        let world = gradcheck_world(materials()[2]);
+        let world = gradcheck_world(gradcheck_materials()[2]);
         let mut straight = Simulator::new(&world, &options).unwrap();
         for _ in 0..2 {
             straight.advance_frame().unwrap();
@@ -147,7 +132,7 @@ fn a_restored_state_continues_with_the_same_bits() {
 
 #[test]
 fn contact_forces_balance_the_change_of_momentum() {
-    let world = gradcheck_world(materials()[0]);
+    let world = gradcheck_world(gradcheck_materials()[0]);
     let all = frames(&world, &f64_options(), 4);
     let mass = world.bodies[0].density_kg_m3 * world.bodies[0].particle_volume_m3;
     let momentum = |frame: &Frame| frame.velocities.iter().sum::<DVec3>() * mass;
@@ -186,16 +171,16 @@ fn a_frame_that_turns_out_unstable_is_redone_with_more_substeps() {
 
 #[test]
 fn stepping_by_the_bound_takes_what_the_wave_speed_asks() {
-    let mut world = gradcheck_world(materials()[0]);
+    let mut world = gradcheck_world(gradcheck_materials()[0]);
     world.stepping = Stepping::Bound { courant: 0.5 };
-    let speed = materials()[0].wave_speed_m_s(1000.0);
+    let speed = gradcheck_materials()[0].wave_speed_m_s(1000.0);
     let frame = frames(&world, &Options::default(), 2).pop().unwrap();
     let at_least = speed / (0.5 * world.grid_spacing_m * world.frame_rate_hz);
     assert!(frame.substeps as f64 >= at_least && (frame.substeps as f64) < 2.0 * at_least, "{}", frame.substeps);
 }
 
 fn error(change: impl FnOnce(&mut World)) -> SimulationError {
-    let mut world = gradcheck_world(materials()[0]);
+    let mut world = gradcheck_world(gradcheck_materials()[0]);
     change(&mut world);
     rollout(&world, &Options::default(), 2, |_| {}).unwrap_err()
 }
@@ -250,7 +235,7 @@ proptest! {
     fn free_flight_keeps_momentum(
         velocity in proptest::array::uniform3(-2.0f64..2.0), spin in proptest::array::uniform3(-5.0f64..5.0), material in 0usize..5,
     ) {
-        let mut world = gradcheck_world(materials()[material]);
+        let mut world = gradcheck_world(gradcheck_materials()[material]);
         world.colliders.clear();
         world.gravity_m_s2 = DVec3::ZERO;
         world.bodies[0].velocity_m_s = DVec3::from(velocity);

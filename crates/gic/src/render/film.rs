@@ -55,13 +55,15 @@ impl Encoder {
     /// Writes the film of the pictures, which also lie in `folder`; says how.
     pub(super) fn write(&self, pictures: &[Picture], folder: &Path, frame_rate_hz: f64) -> Result<String> {
         let rate = frame_rate_hz / self.slow_motion;
-        match self.kind {
-            Kind::Gif => self.gif(pictures, rate)?,
-            Kind::Mp4 => self.mp4(pictures, folder, rate)?,
-        }
         let by = match self.kind {
-            Kind::Gif => "GIF, by gic",
-            Kind::Mp4 => "H.264, by ffmpeg",
+            Kind::Gif => {
+                self.gif(pictures, rate)?;
+                "GIF, by gic"
+            }
+            Kind::Mp4 => {
+                self.mp4(pictures, folder, rate)?;
+                "H.264, by ffmpeg"
+            }
         };
         Ok(format!("{} ({by}, {rate:.1} frames per second)", self.path.display()))
     }

@@ -84,8 +84,8 @@ pub fn render(request: &Request, events: &Events, interrupt: &Interrupt) -> Resu
     let film = request.film.as_deref().map(|path| film::Encoder::of(path, request.slow_motion)).transpose()?;
     let motion = Motion::open(&request.frames)?;
     let view = viewpoint::View::new(request, &motion)?;
-    let first = motion.particles(0)?;
-    let spacing = first.spacing();
+    let stage = view.stage(&motion, request.background);
+    let spacing = motion.particles(0)?.spacing();
     let scale = color::Scale::new(request.coloring, &motion.trajectory);
     atomic::create_folder(&request.out)?;
     let count = motion.trajectory.frames.len();
@@ -101,7 +101,7 @@ pub fn render(request: &Request, events: &Events, interrupt: &Interrupt) -> Resu
         }
         let particles = motion.particles(index)?;
         let camera = view.camera(index, count);
-        let picture = draw(&particles, spacing, &scale, &camera, &view.stage(&motion, request.background));
+        let picture = draw(&particles, spacing, &scale, &camera, &stage);
         let path = request.out.join(format!("frame_{index:04}.png"));
         picture.save_png(&path).map_err(Error::stage(STAGE))?;
         if film.is_some() {
