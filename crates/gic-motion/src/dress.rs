@@ -1,0 +1,382 @@
+//! Colours for matter whose motion is known: what the identified twin looks like (paper section 5.2, "appearance").
+//!
+//! The positions of all times are given; albedo, opacity and a bounded scale of each Gaussian and one light for all are trained on
+//! the pictures. The light is what lets colours follow an object that turns: an albedo alone keeps the shading of where it was seen.
+
+use std::ops::ControlFlow;
+
+use gic_scene::Scene;
+use gic_splat::{GaussianGradients, Gaussians, RenderSettings, Shape, backward, render};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::adam::{Moments, decayed};
+use crate::light::{Light, TERMS, terms};
+use crate::loss::picture_loss;
+use crate::parameters::logit;
+use crate::shade::SH0;
+use crate::targets::{self, Bounds, Target, windowed};
+use crate::{LossWeights, MotionError};
+
+/// Pixels around the mask in which what is drawn counts.
+const MARGIN: usize = 12;
+/// Opacities stay below this, so that their logits stay finite.
+const MOST_OPAQUE: f64 = 0.99;
+
+/// Gaussians that know their albedo instead of their colour, and the light that they are in.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LitGaussians {
+    /// At the first frame; the degree-0 harmonics hold the albedo.
+    pub gaussians: Gaussians,
+    /// The light.
+    pub light: Light,
+}
+
+impl LitGaussians {
+    /// The Gaussians to draw when they are at `positions` [m] with outward `normals` ([`crate::outward_normals`]), both shape [n, 3].
+    pub fn at(&self, positions: Vec<[f32; 3]>, normals: &[[f32; 3]]) -> Gaussians {
+        let lit = |(sh, &normal): (&[f32; 3], &[f32; 3])| {
+            let light = self.light.at(normal);
+            core::array::from_fn(|c| coefficient(color(sh[c]) * light[c]))
+        };
+        Gaussians { positions, sh: self.gaussians.sh.iter().zip(normals).map(lit).collect(), ..self.gaussians.clone() }
+    }
+}
+
+fn color(coefficient: f32) -> f32 {
+    0.5 + SH0 * coefficient
+}
+
+fn coefficient(color: f32) -> f32 {
+    (color - 0.5) / SH0
+}
+
+/// Where the Gaussians are in one frame.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Posture {
+    /// Number of the frame in the scene.
+    pub frame: usize,
+    /// Positions [m], shape [n, 3].
+    pub positions: Vec<[f32; 3]>,
+    /// Outward normals, shape [n, 3].
+    pub normals: Vec<[f32; 3]>,
+}
+
+/// How to train.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DressSettings {
+    /// Steps; each draws one frame.
+    pub steps: usize,
+    /// Views drawn per step.
+    pub views_per_step: usize,
+    /// Learning rate of the albedo, from the first step to the last.
+    pub albedo: (f64, f64),
+    /// Learning rate of the opacities' logits.
+    pub opacity: (f64, f64),
+    /// Learning rate of the scales' logarithms.
+    pub scale: (f64, f64),
+    /// Learning rate of the light.
+    pub light: (f64, f64),
+    /// A scale may grow or shrink by this factor.
+    pub scale_bound: f64,
+    /// Weights of the losses; those of motion are not used.
+    pub loss: LossWeights,
+}
+
+impl Default for DressSettings {
+    fn default() -> Self {
+        DressSettings {
+            steps: 300,
+            views_per_step: 4,
+            albedo: (3.0e-2, 3.0e-3),
+            opacity: (3.0e-2, 3.0e-3),
+            scale: (1.0e-2, 1.0e-3),
+            light: (1.0e-2, 1.0e-3),
+            scale_bound: 1.5,
+            loss: LossWeights::default(),
+        }
+    }
+}
+
+/// One step of training, told to the callback.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DressProgress {
+    /// Steps done.
+    pub step: usize,
+    /// Loss of this step.
+    pub loss: f64,
+    /// PSNR [dB] in the windows drawn.
+    pub psnr: f64,
+}
+
+/// Trains the look of Gaussians on the scene's pictures of the frames in `postures`, those of the cameras `held_out` excepted.
+///
+/// `bare` gives the scales (isotropic) and opacities to start from; its colours are not looked at. The same input gives the same
+/// bits, whatever the number of threads. `callback` may end training early; what was reached is returned.
+///
+/// # Errors
+/// Unreadable pictures, no picture of these frames, a loss that is not finite.
+pub fn dress(
+    scene: &Scene,
+    held_out: &[usize],
+    bare: &Gaussians,
+    postures: &[Posture],
+    (settings, seed): (&DressSettings, u64),
+    callback: &mut dyn FnMut(&DressProgress) -> ControlFlow<()>,
+) -> Result<LitGaussians, MotionError> {
+    let targets = targets::training(scene, held_out)?;
+    // Each posture with its pictures.
+    let frames: Vec<(&Posture, Vec<&Target>)> = postures
+        .iter()
+        .map(|p| (p, targets.iter().filter(|t| t.frame == p.frame && !t.bounds.is_empty()).collect::<Vec<_>>()))
+        .filter(|(_, seen)| !seen.is_empty())
+        .collect();
+    if frames.is_empty() {
+        return Err(MotionError::NothingToTrain("no picture shows the object in these frames".into()));
+    }
+    let mut wardrobe = Wardrobe::new(bare, settings);
+    for step in 0..settings.steps {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        rng.set_stream(step as u64);
+        let (posture, seen) = &frames[rng.random_range(0..frames.len())];
+        let mut views = seen.clone();
+        while views.len() > settings.views_per_step.max(1) {
+            views.swap_remove(rng.random_range(0..views.len()));
+        }
+        let progress = wardrobe.step(posture, &views, step)?;
+        if callback(&progress).is_break() {
+            break;
+        }
+    }
+    Ok(wardrobe.lit(&postures[0].positions))
+}
+
+/// What is being trained.
+struct Wardrobe<'a> {
+    settings: &'a DressSettings,
+    first_log_scales: Vec<f32>,
+    albedo: Vec<[f32; 3]>,
+    opacity_logits: Vec<f32>,
+    log_scales: Vec<f32>,
+    light: Light,
+    moments: [Moments; 4],
+}
+
+/// Gradient with respect to the trained numbers.
+struct Slope {
+    albedo: Vec<[f32; 3]>,
+    opacity_logits: Vec<f32>,
+    log_scales: Vec<f32>,
+    light: [[f32; 3]; TERMS],
+}
+
+impl<'a> Wardrobe<'a> {
+    fn new(bare: &Gaussians, settings: &'a DressSettings) -> Self {
+        let n = bare.len();
+        let log_scales: Vec<f32> = match &bare.shape {
+            Shape::Isotropic { scales } => scales.iter().map(|s| s.ln()).collect(),
+            Shape::Anisotropic { scales, .. } => scales.iter().map(|s| s.iter().map(|s| s.ln()).sum::<f32>() / 3.0).collect(),
+        };
+        let opacity = |&o: &f32| logit(f64::from(o).clamp(1.0 - MOST_OPAQUE, MOST_OPAQUE)) as f32;
+        Wardrobe {
+            settings,
+            first_log_scales: log_scales.clone(),
+            albedo: vec![[0.5; 3]; n],
+            opacity_logits: bare.opacities.iter().map(opacity).collect(),
+            log_scales,
+            light: Light::default(),
+            moments: [3 * n, n, n, 3 * TERMS].map(Moments::zeros),
+        }
+    }
+
+    fn lit(&self, positions: &[[f32; 3]]) -> LitGaussians {
+        let gaussians = Gaussians {
+            positions: positions.to_vec(),
+            opacities: self.opacity_logits.iter().map(|x| 1.0 / (1.0 + (-x).exp())).collect(),
+            shape: Shape::Isotropic { scales: self.log_scales.iter().map(|s| s.exp()).collect() },
+            sh_degree: 0,
+            sh: self.albedo.iter().map(|a| a.map(coefficient)).collect(),
+        };
+        LitGaussians { gaussians, light: self.light }
+    }
+
+    fn step(&mut self, posture: &Posture, views: &[&Target], step: usize) -> Result<DressProgress, MotionError> {
+        let drawn = self.lit(&posture.positions).at(posture.positions.clone(), &posture.normals);
+        let slopes: Vec<(f64, (f64, usize), GaussianGradients)> =
+            views.par_iter().map(|view| self.compare(view, &drawn)).collect::<Result<_, _>>()?;
+        let loss = slopes.iter().map(|(loss, ..)| loss).sum::<f64>() / slopes.len() as f64;
+        if !loss.is_finite() {
+            return Err(MotionError::Diverged { step });
+        }
+        let squared = slopes.iter().fold((0.0, 0), |sum, (_, s, _)| (sum.0 + s.0, sum.1 + s.1));
+        let slope = self.pull_back(&drawn, &posture.normals, slopes.iter().map(|(.., slope)| slope));
+        self.descend(&slope, step);
+        Ok(DressProgress { step: step + 1, loss, psnr: -10.0 * (squared.0 / squared.1.max(1) as f64).log10() })
+    }
+
+    /// Loss, sum of squared differences and gradient of one view.
+    fn compare(
+        &self,
+        target: &Target,
+        drawn: &Gaussians,
+    ) -> Result<(f64, (f64, usize), GaussianGradients), MotionError> {
+        let b = target.bounds;
+        let window = Bounds {
+            x0: b.x0.saturating_sub(MARGIN),
+            y0: b.y0.saturating_sub(MARGIN),
+            x1: (b.x1 + MARGIN).min(target.camera.width),
+            y1: (b.y1 + MARGIN).min(target.camera.height),
+        };
+        let camera = windowed(&target.camera, window);
+        let settings = RenderSettings::default();
+        let rendered = render(drawn, &camera, &settings);
+        let (color, mask) = target.crop(window);
+        let size = (camera.width, camera.height);
+        let loss = picture_loss(&rendered, (&color, &mask), size, target.area, &self.settings.loss)?;
+        Ok((loss.value, loss.squared, backward(drawn, &camera, &settings, &rendered, &loss.gradient)))
+    }
+
+    /// From the gradients of drawn Gaussians, summed over views, to that of the trained numbers.
+    fn pull_back<'b>(
+        &self,
+        drawn: &Gaussians,
+        normals: &[[f32; 3]],
+        views: impl Iterator<Item = &'b GaussianGradients>,
+    ) -> Slope {
+        let n = drawn.len();
+        let (Shape::Isotropic { scales }, lights) = (&drawn.shape, normals.iter().map(|&v| self.light.at(v))) else {
+            unreachable!("these Gaussians are isotropic")
+        };
+        let mut slope = Slope {
+            albedo: vec![[0.0; 3]; n],
+            opacity_logits: vec![0.0; n],
+            log_scales: vec![0.0; n],
+            light: [[0.0; 3]; TERMS],
+        };
+        for view in views {
+            let Shape::Isotropic { scales: d_scales } = &view.shape else {
+                unreachable!("gradients have the shape of what was drawn")
+            };
+            for i in 0..n {
+                let opacity = drawn.opacities[i];
+                slope.opacity_logits[i] += view.opacities[i] * opacity * (1.0 - opacity);
+                slope.log_scales[i] += d_scales[i] * scales[i];
+                for c in 0..3 {
+                    // So far by the lit colour.
+                    slope.albedo[i][c] += view.sh[i][c] / SH0;
+                }
+            }
+        }
+        for (i, light) in lights.enumerate() {
+            for (k, term) in terms(normals[i]).into_iter().enumerate() {
+                for c in 0..3 {
+                    slope.light[k][c] += slope.albedo[i][c] * self.albedo[i][c] * term;
+                }
+            }
+            for c in 0..3 {
+                slope.albedo[i][c] *= light[c];
+            }
+        }
+        slope
+    }
+
+    fn descend(&mut self, slope: &Slope, step: usize) {
+        let s = self.settings;
+        let rate = |ends| decayed(ends, step as f64 / s.steps as f64);
+        let [albedo, opacity, scale, light] = &mut self.moments;
+        albedo.update(self.albedo.as_flattened_mut(), slope.albedo.as_flattened(), rate(s.albedo), step + 1);
+        opacity.update(&mut self.opacity_logits, &slope.opacity_logits, rate(s.opacity), step + 1);
+        scale.update(&mut self.log_scales, &slope.log_scales, rate(s.scale), step + 1);
+        light.update(self.light.coefficients.as_flattened_mut(), slope.light.as_flattened(), rate(s.light), step + 1);
+        let (most, bound) = (logit(MOST_OPAQUE) as f32, s.scale_bound.max(1.0).ln() as f32);
+        self.opacity_logits.iter_mut().for_each(|x| *x = x.clamp(-most, most));
+        self.albedo.as_flattened_mut().iter_mut().for_each(|a| *a = a.max(0.0));
+        for (scale, first) in self.log_scales.iter_mut().zip(&self.first_log_scales) {
+            *scale = scale.clamp(first - bound, first + bound);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wave(i: usize, k: f32) -> f32 {
+        0.5 + 0.4 * (i as f32 * k).sin()
+    }
+
+    #[test]
+    fn pulling_back_agrees_with_finite_differences() {
+        let n = 5;
+        let settings = DressSettings::default();
+        let bare = Gaussians::colorless(vec![[0.0; 3]; n], vec![0.7; n], vec![0.01; n]);
+        let mut wardrobe = Wardrobe::new(&bare, &settings);
+        let normals: Vec<[f32; 3]> = (0..n).map(|i| [0.3, 0.7, 0.1].map(|k| wave(i, k) - 0.5)).collect();
+        for i in 0..n {
+            wardrobe.albedo[i] = [0.2, 0.5, 0.9].map(|k| wave(i, k));
+        }
+        for (k, l) in wardrobe.light.coefficients.as_flattened_mut().iter_mut().enumerate() {
+            *l += 0.3 * wave(k, 0.7);
+        }
+        // A loss that is linear in what is drawn.
+        let positions = vec![[0.0; 3]; n];
+        let drawn = |w: &Wardrobe| w.lit(&positions).at(positions.clone(), &normals);
+        let mut view = GaussianGradients::zeros(&drawn(&wardrobe));
+        view.opacities = (0..n).map(|i| wave(i, 0.31)).collect();
+        view.sh = (0..n).map(|i| [0.11, 0.57, 0.23].map(|k| wave(i, k))).collect();
+        view.shape = Shape::Isotropic { scales: (0..n).map(|i| 50.0 * wave(i, 0.83)).collect() };
+        let loss = |w: &Wardrobe| -> f64 {
+            let g = drawn(w);
+            let (Shape::Isotropic { scales: a }, Shape::Isotropic { scales: b }) = (&g.shape, &view.shape) else {
+                unreachable!()
+            };
+            let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a * b)).sum::<f64>();
+            dot(&g.opacities, &view.opacities) + dot(a, b) + dot(g.sh.as_flattened(), view.sh.as_flattened())
+        };
+        let slope = wardrobe.pull_back(&drawn(&wardrobe), &normals, std::iter::once(&view));
+        let h = 1e-2f32;
+        let mut check = |got: f32, what: &str, number: &dyn for<'w> Fn(&'w mut Wardrobe<'_>) -> &'w mut f32| {
+            *number(&mut wardrobe) += h;
+            let above = loss(&wardrobe);
+            *number(&mut wardrobe) -= 2.0 * h;
+            let below = loss(&wardrobe);
+            *number(&mut wardrobe) += h;
+            let expected = (above - below) / (2.0 * f64::from(h));
+            assert!((f64::from(got) - expected).abs() < 2e-3 * (1.0 + expected.abs()), "{what}: {got} against {expected}");
+        };
+        for i in 0..n {
+            check(slope.opacity_logits[i], "opacity", &|w| &mut w.opacity_logits[i]);
+            check(slope.log_scales[i], "scale", &|w| &mut w.log_scales[i]);
+            for c in 0..3 {
+                check(slope.albedo[i][c], "albedo", &|w| &mut w.albedo[i][c]);
+            }
+        }
+        for k in 0..TERMS {
+            for c in 0..3 {
+                check(slope.light[k][c], "light", &|w| &mut w.light.coefficients[k][c]);
+            }
+        }
+    }
+
+    #[test]
+    fn scales_stay_within_their_bound_and_albedos_positive() {
+        let settings = DressSettings { scale_bound: 1.2, ..DressSettings::default() };
+        let bare = Gaussians::colorless(vec![[0.0; 3]; 2], vec![0.9; 2], vec![0.01; 2]);
+        let mut wardrobe = Wardrobe::new(&bare, &settings);
+        let slope = Slope {
+            albedo: vec![[1.0; 3]; 2],
+            opacity_logits: vec![-1.0; 2],
+            log_scales: vec![1.0, -1.0],
+            light: [[0.0; 3]; TERMS],
+        };
+        for step in 0..300 {
+            wardrobe.descend(&slope, step);
+        }
+        let Shape::Isotropic { scales } = wardrobe.lit(&[[0.0; 3]; 2]).gaussians.shape else { unreachable!() };
+        assert!((scales[0] - 0.01 / 1.2).abs() < 1e-6 && (scales[1] - 0.012).abs() < 1e-6, "{scales:?}");
+        assert!(wardrobe.albedo.as_flattened().iter().all(|&a| a == 0.0));
+    }
+}
