@@ -221,6 +221,15 @@ impl Scene {
         &self.views[start..end]
     }
 
+    /// The same scene as if filming had ended after `count` frames.
+    #[must_use]
+    pub fn first_frames(&self, count: usize) -> Scene {
+        let mut scene = self.clone();
+        scene.times.truncate(count);
+        scene.views.retain(|view| view.frame < count);
+        scene
+    }
+
     /// The camera that took a view.
     pub fn camera_of(&self, view: &View) -> &Camera {
         &self.cameras[view.camera]

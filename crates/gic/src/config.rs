@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use gic_motion::TrainSettings;
+use gic_motion::{DressSettings, TrainSettings};
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
@@ -24,6 +24,8 @@ pub struct Config {
     pub fill: FillConfig,
     /// From matter to material.
     pub identify: IdentifyConfig,
+    /// The colours of the twin.
+    pub appearance: AppearanceConfig,
 }
 
 /// How the scene is read.
@@ -44,6 +46,9 @@ pub struct SceneConfig {
     /// Which of several sets in the folder; the first by name by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub set: Option<String>,
+    /// Everything is fitted to this many frames, from the first; the twin predicts the others. All frames by default.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub fit_frames: Option<usize>,
 }
 
 /// Where masks come from.
@@ -172,6 +177,22 @@ impl Default for IdentifyConfig {
             frames: None,
             resolution_check: defaults.resolution_check.unwrap_or(0.0),
         }
+    }
+}
+
+/// The colours of the twin.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AppearanceConfig {
+    /// Whether `gic run` makes them.
+    pub enabled: bool,
+    /// How they are trained.
+    pub train: DressSettings,
+}
+
+impl Default for AppearanceConfig {
+    fn default() -> Self {
+        Self { enabled: true, train: DressSettings::default() }
     }
 }
 

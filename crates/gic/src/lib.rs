@@ -10,6 +10,7 @@ pub mod eval;
 pub mod events;
 pub mod gradcheck;
 mod interrupt;
+pub mod look;
 pub mod matter;
 pub mod pipeline;
 pub mod render;

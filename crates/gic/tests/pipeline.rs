@@ -119,7 +119,7 @@ fn a_run_goes_from_video_to_report_and_reruns_only_what_changed() {
     assert!(!page.contains("http://") && !page.contains("https://"), "the report must open offline");
     let twin = fs::read(run.join("twin.json")).unwrap();
     let again = text(&gic(&start).stderr);
-    for stage in ["reconstruct", "fill", "identify", "predict"] {
+    for stage in ["reconstruct", "fill", "identify", "predict", "appearance"] {
         assert!(again.contains(&format!("{stage}: up to date")), "{again}");
     }
     assert_eq!(twin, fs::read(run.join("twin.json")).unwrap());

@@ -6,7 +6,7 @@ use clap::{Args, Parser, Subcommand};
 use gic::config::Model;
 use gic::twin::Setting;
 
-use super::flags::{FillFlags, IdentifyFlags, ReconstructFlags, SceneFlags, SettingsFlags};
+use super::flags::{AppearanceFlags, FillFlags, IdentifyFlags, ReconstructFlags, SceneFlags, SettingsFlags};
 
 /// Video in, physical digital twin out.
 ///
@@ -142,11 +142,11 @@ pub(crate) struct BenchArgs {
     pub(crate) arguments: Vec<String>,
 }
 
-/// Make a twin from videos: reconstruct, fill, identify, predict, report
+/// Make a twin from videos: reconstruct, fill, identify, predict, dress, report
 ///
 /// Runs what is missing in the run folder, so a run that was stopped goes on with the same command, and a changed setting
 /// reruns only what depends on it. Results: twin.json (the twin), report.html (open it in a browser), prediction/ (the
-/// twin's motion).
+/// twin's motion), appearance/ (its colours).
 #[derive(Debug, Args)]
 #[command(after_help = "Example: gic run SCENE --material elastic -o RUN")]
 pub(crate) struct RunArgs {
@@ -160,6 +160,8 @@ pub(crate) struct RunArgs {
     pub(crate) fill: FillFlags,
     #[command(flatten)]
     pub(crate) identify: IdentifyFlags,
+    #[command(flatten)]
+    pub(crate) appearance: AppearanceFlags,
     #[command(flatten)]
     pub(crate) settings: SettingsFlags,
 }

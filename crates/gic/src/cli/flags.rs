@@ -27,6 +27,10 @@ pub(crate) struct SceneFlags {
     #[arg(id = "scene_set", long = "scene-set", value_name = "NAME")]
     #[serde(skip_serializing_if = "Option::is_none")]
     set: Option<String>,
+    /// Fit everything to the first N frames only, and predict the others [default: all]
+    #[arg(long, value_name = "N")]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fit_frames: Option<usize>,
 }
 
 /// Reconstruction
@@ -125,6 +129,15 @@ pub(crate) struct IdentifyFlags {
     substeps_per_frame: Option<usize>,
 }
 
+/// The twin's colours
+#[derive(Debug, Default, Args)]
+#[command(next_help_heading = "Appearance")]
+pub(crate) struct AppearanceFlags {
+    /// Do not train the twin's colours
+    #[arg(long)]
+    no_appearance: bool,
+}
+
 /// Settings from elsewhere
 #[derive(Debug, Default, Args)]
 #[command(next_help_heading = "All settings")]
@@ -154,6 +167,7 @@ pub(crate) struct Flags<'a> {
     pub(crate) reconstruct: Option<&'a ReconstructFlags>,
     pub(crate) fill: Option<&'a FillFlags>,
     pub(crate) identify: Option<&'a IdentifyFlags>,
+    pub(crate) appearance: Option<&'a AppearanceFlags>,
 }
 
 impl Flags<'_> {
@@ -193,11 +207,17 @@ impl Flags<'_> {
             let fix = fix.iter().map(|(name, value)| (name.clone(), Value::Float(*value))).collect();
             identify.insert("fix".into(), Value::Table(fix));
         }
+        let mut appearance = Table::new();
+        if let Some(flags) = self.appearance {
+            // The flag has to be given each time, unlike other settings, which the run folder remembers.
+            appearance.insert("enabled".into(), Value::Boolean(!flags.no_appearance));
+        }
         let sections = [
             ("scene", scene),
             ("reconstruct", self.reconstruct.map(Table::try_from).transpose()?.unwrap_or_default()),
             ("fill", self.fill.map(Table::try_from).transpose()?.unwrap_or_default()),
             ("identify", identify),
+            ("appearance", appearance),
         ];
         table.extend(
             sections.into_iter().filter(|(_, t)| !t.is_empty()).map(|(name, t)| (name.to_owned(), Value::Table(t))),

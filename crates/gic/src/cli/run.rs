@@ -15,6 +15,7 @@ pub(crate) fn run(args: &RunArgs, context: &Context) -> anyhow::Result<()> {
         reconstruct: Some(&args.reconstruct),
         fill: Some(&args.fill),
         identify: Some(&args.identify),
+        appearance: Some(&args.appearance),
     };
     let run = open(&args.place.out, &flags, &args.settings, context)?;
     finish(&run, context)
@@ -22,7 +23,8 @@ pub(crate) fn run(args: &RunArgs, context: &Context) -> anyhow::Result<()> {
 
 /// Brings a run up to date and prints its estimate.
 pub(crate) fn finish(run: &Run, context: &Context) -> anyhow::Result<()> {
-    run.bring_up_to_date(Stage::Predict)?;
+    let last = if run.config.appearance.enabled { Stage::Appearance } else { Stage::Predict };
+    run.bring_up_to_date(last)?;
     super::results::write_report(run, context)?;
     print_estimate(run, context)
 }

@@ -288,8 +288,8 @@ impl Run<'_> {
 
     /// Frames at the scene's rate up to its last time, the first included.
     pub(super) fn frames_to_simulate(&self) -> usize {
-        let last = self.scene.times.last().copied().unwrap_or(0.0);
-        (last * self.scene.frame_rate.unwrap_or(24.0)).round().max(0.0) as usize + 1
+        let last = self.video.times.last().copied().unwrap_or(0.0);
+        (last * self.video.frame_rate.unwrap_or(24.0)).round().max(0.0) as usize + 1
     }
 
     /// The result of identification.

@@ -3,6 +3,7 @@
 //! Every stage writes its results into the folder, and a stamp of what they were made from. [`Run::bring_up_to_date`] runs the
 //! stages whose results are missing or whose stamp no longer fits, and says why.
 
+mod appearance;
 mod export;
 mod fill;
 mod gaussians;
@@ -21,6 +22,7 @@ use crate::config::{Config, Layer, MaskChoice};
 use crate::error::{Error, Result};
 use crate::events::{Event, Events};
 use crate::interrupt::Interrupt;
+use crate::look;
 use crate::usage::Meter;
 pub use export::Export;
 pub(crate) use fill::filling_file;
@@ -39,10 +41,12 @@ pub enum Stage {
     Identify,
     /// The twin's motion, over the frames of the video.
     Predict,
+    /// The twin's colours.
+    Appearance,
 }
 
 impl Stage {
-    const ALL: [Self; 4] = [Self::Reconstruct, Self::Fill, Self::Identify, Self::Predict];
+    const ALL: [Self; 5] = [Self::Reconstruct, Self::Fill, Self::Identify, Self::Predict, Self::Appearance];
 
     /// Its name in events, messages and files.
     pub fn name(self) -> &'static str {
@@ -51,6 +55,7 @@ impl Stage {
             Self::Fill => "fill",
             Self::Identify => "identify",
             Self::Predict => "predict",
+            Self::Appearance => "appearance",
         }
     }
 
@@ -61,6 +66,7 @@ impl Stage {
             Self::Fill => &["continuum.ply", "fill.json", "surface", "filling"],
             Self::Identify => &["twin.json", "identify.json"],
             Self::Predict => &["prediction/trajectory.json"],
+            Self::Appearance => &look::FILES,
         }
     }
 }
@@ -70,6 +76,9 @@ pub struct Run<'a> {
     folder: PathBuf,
     /// The settings.
     pub config: Config,
+    /// All of the video.
+    video: Scene,
+    /// The part of it that everything is fitted to.
     scene: Scene,
     scene_hash: String,
     events: &'a Events,
@@ -89,17 +98,18 @@ impl<'a> Run<'a> {
         }
         all.extend(layers);
         let config = Config::resolve(all)?;
-        let scene = open_scene(&config)?;
+        let video = open_scene(&config)?;
+        let scene = fitted_part(&video, &config)?;
         atomic::create_folder(&folder.join("stamps"))?;
         config.write(&file)?;
         events.add(log::Log::open(&folder.join("log.jsonl"))?);
         let command = std::env::args().collect::<Vec<_>>().join(" ");
         events.send(&Event::Started { command, gic_version: crate::VERSION.into() });
-        for problem in &scene.warnings {
+        for problem in &video.warnings {
             events.warn("scene", problem.to_string());
         }
         let scene_hash = hash_scene(&scene)?;
-        Ok(Self { folder: folder.to_owned(), config, scene, scene_hash, events, interrupt })
+        Ok(Self { folder: folder.to_owned(), config, video, scene, scene_hash, events, interrupt })
     }
 
     /// The folder.
@@ -107,9 +117,14 @@ impl<'a> Run<'a> {
         &self.folder
     }
 
-    /// The scene.
-    pub fn scene(&self) -> &Scene {
-        &self.scene
+    /// The scene, with all frames of the video.
+    pub fn video(&self) -> &Scene {
+        &self.video
+    }
+
+    /// How many frames, from the first, everything is fitted to.
+    pub fn fitted_frames(&self) -> usize {
+        self.scene.times.len()
     }
 
     /// Where the events go.
@@ -163,6 +178,7 @@ impl<'a> Run<'a> {
             Stage::Fill => self.fill()?,
             Stage::Identify => self.identify(&stamp)?,
             Stage::Predict => self.predict()?,
+            Stage::Appearance => self.appearance()?,
         }
         stamp.after(meter.seconds()).write(&file)?;
         self.events.send(&meter.done(stage.name()));
@@ -185,7 +201,14 @@ impl<'a> Run<'a> {
                 let settings = serde_json::json!({ "identify": self.config.identify, "colliders": colliders });
                 Stamp::new(before(Stage::Fill)?, &settings)
             }
-            Stage::Predict => Stamp::new(before(Stage::Identify)?, &()),
+            Stage::Predict => {
+                Stamp::new(before(Stage::Identify)?, &serde_json::json!({ "frames": self.frames_to_simulate() }))
+            }
+            Stage::Appearance => {
+                let settings =
+                    serde_json::json!({ "seed": self.config.seed, "appearance": self.config.appearance.train });
+                Stamp::new(before(Stage::Predict)?, &settings)
+            }
         }
     }
 
@@ -222,6 +245,20 @@ pub fn open_scene(config: &Config) -> Result<Scene> {
     };
     let options = OpenOptions { masks, frame_rate: config.scene.frame_rate_hz, set: config.scene.set.clone() };
     Scene::open_with(path, &options).map_err(Error::stage("reading the scene"))
+}
+
+/// The frames that everything is fitted to.
+fn fitted_part(video: &Scene, config: &Config) -> Result<Scene> {
+    const FEWEST: usize = 2;
+    let all = video.times.len();
+    match config.scene.fit_frames {
+        None => Ok(video.clone()),
+        Some(count) if (FEWEST..=all).contains(&count) => Ok(video.first_frames(count)),
+        Some(count) => Err(Error::Usage {
+            problem: format!("scene.fit_frames is {count}, and the video has {all} frames"),
+            hint: Some(format!("give --fit-frames a number from {FEWEST} to {all}, or leave it out")),
+        }),
+    }
 }
 
 /// Hash of everything that the stages see of a scene: pictures, masks, cameras, times.

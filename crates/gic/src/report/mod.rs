@@ -96,7 +96,7 @@ fn estimates(found: &IdentifyRecord) -> String {
 }
 
 fn views(run: &Run, found: &IdentifyRecord, events: &Events) -> Result<String> {
-    let scene = run.scene();
+    let scene = run.video();
     let drawing = run.drawing(&run.continuum()?)?;
     let frame_rate = scene.frame_rate.unwrap_or(24.0);
     let mut by_camera: Vec<Vec<_>> = scene.cameras.iter().map(|_| Vec::new()).collect();
@@ -212,7 +212,7 @@ fn costs(history: &History, found: &IdentifyRecord) -> String {
     let mut text = String::from(
         "<h2>Times and memory</h2><table><tr><th>stage</th><th>seconds</th><th>CPU seconds</th><th>peak memory [MiB]</th></tr>",
     );
-    for stage in ["reconstruct", "fill", "identify", "predict"] {
+    for stage in ["reconstruct", "fill", "identify", "predict", "appearance"] {
         if let Some((seconds, cpu, memory)) = history.costs.get(stage) {
             let cpu = cpu.map_or("-".into(), |s| format!("{s:.1}"));
             let memory = memory.map_or("-".into(), |bytes| format!("{}", bytes >> 20));

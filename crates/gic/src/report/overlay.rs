@@ -35,7 +35,7 @@ pub(super) fn overlays(
     positions: &[DVec3],
     frame: usize,
 ) -> Result<Vec<Option<Overlay>>> {
-    let scene = run.scene();
+    let scene = run.video();
     let views = scene.views_at(frame);
     let loaded = scene.load_all(views).map_err(Error::stage("reading pictures"))?;
     let appearance = Appearance { scale: factor * drawn.scale, ..*drawn };

@@ -1,0 +1,118 @@
+//! Pictures of the twin against the video.
+
+use std::path::Path;
+
+use gic_metrics::{MetricError, Rectangle, mask_iou, psnr, ssim};
+use gic_scene::{Camera, Mask, Picture, Scene};
+use gic_splat::{Gaussians, RenderSettings, render};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::mean;
+use crate::config::{Config, Layer};
+use crate::error::{Error, Result};
+use crate::look::Look;
+use crate::matter::read_particles;
+use crate::pipeline::open_scene;
+
+/// Pictures of the twin against those of the video, both over black: means over cameras.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PictureError {
+    /// PSNR of whole pictures [dB], as the paper measures.
+    pub psnr_db: f64,
+    /// SSIM of whole pictures.
+    pub ssim: f64,
+    /// PSNR inside the box around the object's mask [dB].
+    pub box_psnr_db: f64,
+    /// SSIM inside that box.
+    pub box_ssim: f64,
+    /// Overlap of alpha and mask.
+    pub mask_iou: f64,
+    /// PSNR [dB] inside the box, for cameras whose pictures nothing was trained on; `None` where no camera was held out.
+    pub held_out_box_psnr_db: Option<f64>,
+}
+
+/// The twin of a run as it looks, and the scene to compare with.
+pub(super) struct Pictures<'a> {
+    run: &'a Path,
+    scene: Scene,
+    look: Look,
+    held_out: Vec<usize>,
+}
+
+impl<'a> Pictures<'a> {
+    /// `None` where the twin has no colours.
+    pub(super) fn open(run: &'a Path) -> Result<Option<Self>> {
+        let config = Config::resolve(vec![Layer::read(&run.join("config.toml"))?])?;
+        let rest = read_particles(&run.join("continuum.ply"))?.positions;
+        let Some(look) = Look::load(run, &rest)? else { return Ok(None) };
+        Ok(Some(Self { run, scene: open_scene(&config)?, look, held_out: config.reconstruct.held_out }))
+    }
+
+    /// Compares a frame of the video; `None` where it was not simulated or nobody sees the object.
+    pub(super) fn frame(&self, frame: usize) -> Result<Option<PictureError>> {
+        let Some(time) = self.scene.times.get(frame) else { return Ok(None) };
+        let simulated = (time * self.scene.frame_rate.unwrap_or(24.0)).round() as usize;
+        let particles = self.run.join(format!("prediction/particles_{simulated:04}.ply"));
+        if !particles.exists() {
+            return Ok(None);
+        }
+        let gaussians = self.look.at(&read_particles(&particles)?.positions);
+        let views = self.scene.views_at(frame);
+        let loaded = self.scene.load_all(views).map_err(Error::stage("reading pictures"))?;
+        let scores: Vec<Option<Score>> = views
+            .par_iter()
+            .zip(&loaded)
+            .map(|(view, (picture, mask))| score(&gaussians, self.scene.camera_of(view), picture, mask))
+            .collect::<std::result::Result<_, MetricError>>()
+            .map_err(Error::stage("comparing pictures"))?;
+        let seen: Vec<(bool, Score)> = views
+            .iter()
+            .zip(scores)
+            .filter_map(|(view, score)| Some((self.held_out.contains(&view.camera), score?)))
+            .collect();
+        if seen.is_empty() {
+            return Ok(None);
+        }
+        let over = |pick: fn(&Score) -> f64| mean(seen.iter().map(|(_, score)| pick(score)));
+        let held_out = || seen.iter().filter(|(held_out, _)| *held_out).map(|(_, score)| score.box_psnr);
+        Ok(Some(PictureError {
+            psnr_db: over(|s| s.psnr),
+            ssim: over(|s| s.ssim),
+            box_psnr_db: over(|s| s.box_psnr),
+            box_ssim: over(|s| s.box_ssim),
+            mask_iou: over(|s| s.iou),
+            held_out_box_psnr_db: (held_out().count() > 0).then(|| mean(held_out())),
+        }))
+    }
+}
+
+struct Score {
+    psnr: f64,
+    ssim: f64,
+    box_psnr: f64,
+    box_ssim: f64,
+    iou: f64,
+}
+
+/// One view; `None` where the object is out of sight.
+fn score(
+    gaussians: &Gaussians,
+    camera: &Camera,
+    picture: &Picture,
+    mask: &Mask,
+) -> std::result::Result<Option<Score>, MetricError> {
+    let (width, height) = (mask.width, mask.height);
+    let Some(region) = Rectangle::around_mask(&mask.coverage, width, height, 0) else { return Ok(None) };
+    let rendered = render(gaussians, camera, &RenderSettings::default());
+    let drawn: Vec<[f32; 3]> = rendered.color.iter().map(|c| c.map(|c| c.clamp(0.0, 1.0))).collect();
+    let pixels = picture.rgb.chunks_exact(3).zip(&mask.coverage);
+    let wanted: Vec<[f32; 3]> = pixels.map(|(rgb, a)| [a * rgb[0], a * rgb[1], a * rgb[2]]).collect();
+    Ok(Some(Score {
+        psnr: psnr(&drawn, &wanted, width, height, None)?,
+        ssim: ssim(&drawn, &wanted, width, height, None)?,
+        box_psnr: psnr(&drawn, &wanted, width, height, Some(region))?,
+        box_ssim: ssim(&drawn, &wanted, width, height, Some(region))?,
+        iou: mask_iou(&rendered.alpha, &mask.coverage)?,
+    }))
+}

@@ -1,0 +1,55 @@
+//! The stage `appearance`: the twin's colours, trained on the pictures with its motion given.
+
+use std::ops::ControlFlow;
+
+use gic_continuum::informed_gaussians;
+use gic_motion::{DressProgress, Posture, dress, outward_normals};
+use glam::DVec3;
+
+use super::{Run, Stage};
+use crate::error::{Error, Result};
+use crate::look::Look;
+use crate::matter::read_particles;
+
+/// Steps between two events.
+const EVENT_EVERY: usize = 25;
+
+impl Run<'_> {
+    pub(super) fn appearance(&self) -> Result<()> {
+        let (drawing, drawn) = self.drawing(&self.continuum()?)?;
+        let spacing = drawing.particles.spacing;
+        let to_f32 = |points: Vec<DVec3>| points.iter().map(|p| p.as_vec3().to_array()).collect::<Vec<[f32; 3]>>();
+        let mut postures = Vec::new();
+        for frame in 0..self.scene.times.len() {
+            let positions = to_f32(drawing.positions(&self.predicted(frame)?));
+            postures.push(Posture { frame, normals: outward_normals(&positions, spacing), positions });
+        }
+        let bare = informed_gaussians(&drawing.particles.positions, &drawing.particles, &drawn);
+        let settings = &self.config.appearance.train;
+        let mut tell = |progress: &DressProgress| self.tell_dressing(progress, settings.steps);
+        let held_out = &self.config.reconstruct.held_out;
+        let lit = dress(&self.scene, held_out, &bare, &postures, (settings, self.config.seed), &mut tell)
+            .map_err(Error::stage("training the twin's colours"))?;
+        if self.interrupt.requested() {
+            return Err(self.interrupted("the prediction"));
+        }
+        Look::save(&lit, spacing, &self.folder)
+    }
+
+    /// Particles of the twin at a frame of the video [m].
+    ///
+    /// # Errors
+    /// A missing or damaged file.
+    pub fn predicted(&self, frame: usize) -> Result<Vec<DVec3>> {
+        let simulated = (self.video.times[frame] * self.video.frame_rate.unwrap_or(24.0)).round() as usize;
+        Ok(read_particles(&self.path(format!("prediction/particles_{simulated:04}.ply")))?.positions)
+    }
+
+    fn tell_dressing(&self, progress: &DressProgress, steps: usize) -> ControlFlow<()> {
+        if progress.step.is_multiple_of(EVENT_EVERY) || progress.step == steps {
+            let values = [("loss", progress.loss), ("psnr_db", progress.psnr)];
+            self.events.step(Stage::Appearance.name(), "", progress.step as u64, Some(steps as u64), &values);
+        }
+        if self.interrupt.requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
