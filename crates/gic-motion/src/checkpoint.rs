@@ -10,7 +10,7 @@ use crate::parameters::{ParameterMoments, Parameters, ScreenGradients, details_p
 use crate::smoothing::Anchors;
 use crate::tensor_file::{self, TensorFile};
 use crate::trainer::{Best, State};
-use crate::{BaseMotion, Domain, MotionError, MotionNetwork, TrainSettings};
+use crate::{BaseMotion, Domain, GaussianShape, MotionError, MotionNetwork, TrainSettings};
 
 const FILE: &str = "checkpoint.safetensors";
 
@@ -88,6 +88,7 @@ pub(crate) fn save(folder: &Path, state: &State, settings: &TrainSettings, seed:
     push_moments(&mut tensors, "network", &state.network_moments);
     push_moments(&mut tensors, "positions", &state.moments.positions);
     push_moments(&mut tensors, "log_scales", &state.moments.log_scales);
+    push_moments(&mut tensors, "rotations", &state.moments.rotations);
     push_moments(&mut tensors, "opacity_logits", &state.moments.opacity_logits);
     push_moments(&mut tensors, "features", &state.moments.features);
     push_moments(&mut tensors, "details", &state.moments.details);
@@ -127,6 +128,8 @@ pub(crate) fn load(
     network.parameters = file.numbers_exactly("network", weights)?;
     let n = header.gaussians;
     let details = n * details_per_gaussian(sh_degree);
+    let (axes, turned) = axes_and_rotations(settings.shape);
+    let kind = (sh_degree, settings.shape);
     let base = header.base.map(|base| restored(&file, base)).transpose()?;
     let best_base = match header.best_base {
         Some(mut motion) => {
@@ -138,7 +141,7 @@ pub(crate) fn load(
     let best = match header.best {
         Some((psnr, n)) => Some(Best {
             psnr,
-            parameters: parameters(&file, "best.", n, sh_degree)?,
+            parameters: parameters(&file, "best.", n, kind)?,
             network: file.numbers_exactly("best.network", weights)?,
             base: best_base,
         }),
@@ -148,10 +151,11 @@ pub(crate) fn load(
         step: header.step,
         domain: header.domain,
         spacing: header.spacing,
-        parameters: parameters(&file, "", n, sh_degree)?,
+        parameters: parameters(&file, "", n, kind)?,
         moments: ParameterMoments {
             positions: moments(&file, "positions", 3 * n)?,
-            log_scales: moments(&file, "log_scales", n)?,
+            log_scales: moments(&file, "log_scales", axes * n)?,
+            rotations: moments(&file, "rotations", 4 * turned * n)?,
             opacity_logits: moments(&file, "opacity_logits", n)?,
             features: moments(&file, "features", 3 * n)?,
             details: moments(&file, "details", 3 * details)?,
@@ -189,16 +193,33 @@ fn push_parameters<'a>(tensors: &mut Vec<(String, usize, &'a [f32])>, prefix: &s
     let mut push = |name: &str, columns, data| tensors.push((format!("{prefix}{name}"), columns, data));
     push("positions", 3, p.positions.as_flattened());
     push("log_scales", 1, p.log_scales.as_slice());
+    push("rotations", 4, p.rotations.as_flattened());
     push("opacity_logits", 1, p.opacity_logits.as_slice());
     push("features", 3, p.features.as_flattened());
     push("details", 3, p.details.as_flattened());
 }
 
-fn parameters(file: &TensorFile, prefix: &str, n: usize, sh_degree: usize) -> Result<Parameters, MotionError> {
+/// Scales and rotations per Gaussian.
+fn axes_and_rotations(shape: GaussianShape) -> (usize, usize) {
+    match shape {
+        GaussianShape::Isotropic => (1, 0),
+        GaussianShape::Anisotropic => (3, 1),
+    }
+}
+
+fn parameters(
+    file: &TensorFile,
+    prefix: &str,
+    n: usize,
+    (sh_degree, shape): (usize, GaussianShape),
+) -> Result<Parameters, MotionError> {
     let name = |name: &str| format!("{prefix}{name}");
+    let (axes, turned) = axes_and_rotations(shape);
+    let rotations = file.numbers_exactly(&name("rotations"), 4 * turned * n)?;
     Ok(Parameters {
         positions: file.triples(&name("positions"), n)?,
-        log_scales: file.numbers_exactly(&name("log_scales"), n)?,
+        log_scales: file.numbers_exactly(&name("log_scales"), axes * n)?,
+        rotations: rotations.as_chunks().0.to_vec(),
         opacity_logits: file.numbers_exactly(&name("opacity_logits"), n)?,
         features: file.triples(&name("features"), n)?,
         details: file.triples(&name("details"), n * details_per_gaussian(sh_degree))?,

@@ -178,7 +178,9 @@ impl<'a> Wardrobe<'a> {
         let n = bare.len();
         let log_scales: Vec<f32> = match &bare.shape {
             Shape::Isotropic { scales } => scales.iter().map(|s| s.ln()).collect(),
-            Shape::Anisotropic { scales, .. } => scales.iter().map(|s| s.iter().map(|s| s.ln()).sum::<f32>() / 3.0).collect(),
+            Shape::Anisotropic { scales, .. } => {
+                scales.iter().map(|s| s.iter().map(|s| s.ln()).sum::<f32>() / 3.0).collect()
+            }
         };
         let opacity = |&o: &f32| logit(f64::from(o).clamp(1.0 - MOST_OPAQUE, MOST_OPAQUE)) as f32;
         Wardrobe {
@@ -345,7 +347,10 @@ mod tests {
             let below = loss(&wardrobe);
             *number(&mut wardrobe) += h;
             let expected = (above - below) / (2.0 * f64::from(h));
-            assert!((f64::from(got) - expected).abs() < 2e-3 * (1.0 + expected.abs()), "{what}: {got} against {expected}");
+            assert!(
+                (f64::from(got) - expected).abs() < 2e-3 * (1.0 + expected.abs()),
+                "{what}: {got} against {expected}"
+            );
         };
         for i in 0..n {
             check(slope.opacity_logits[i], "opacity", &|w| &mut w.opacity_logits[i]);

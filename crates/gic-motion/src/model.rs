@@ -75,10 +75,12 @@ impl DynamicGaussians {
                 position[axis] += residual[axis];
             }
         }
-        if let Shape::Isotropic { scales } = &mut gaussians.shape {
-            for (scale, residual) in scales.iter_mut().zip(&residuals) {
-                *scale *= residual[3].exp();
-            }
+        let (scales, axes) = match &mut gaussians.shape {
+            Shape::Isotropic { scales } => (scales.as_mut_slice(), 1),
+            Shape::Anisotropic { scales, .. } => (scales.as_flattened_mut(), 3),
+        };
+        for (scales, residual) in scales.chunks_exact_mut(axes).zip(&residuals) {
+            scales.iter_mut().for_each(|scale| *scale *= residual[3].exp());
         }
         gaussians
     }

@@ -15,7 +15,11 @@ pub fn outward_normals(points: &[[f32; 3]], spacing: f64) -> Vec<[f32; 3]> {
     let cells = Cells::new(points, radius);
     // Integral of the weighted height over a half ball of matter: pi (R / s)^3 / 24, in units of R.
     let flat = core::f64::consts::PI * RADIUS.powi(3) / 24.0;
-    points.par_iter().map(|&p| cells.offset(points, p, radius as f32).map(|o| (o / flat) as f32)).map(shortened).collect()
+    points
+        .par_iter()
+        .map(|&p| cells.offset(points, p, radius as f32).map(|o| (o / flat) as f32))
+        .map(shortened)
+        .collect()
 }
 
 fn shortened(v: [f32; 3]) -> [f32; 3] {

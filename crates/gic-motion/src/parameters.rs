@@ -1,18 +1,21 @@
 //! The canonical Gaussians in the coordinates that Adam works in, with their moments and density control.
 
 use gic_splat::{GaussianGradients, Gaussians, Shape};
+use glam::{Quat, Vec3};
 use rand::{Rng, RngExt};
 
 use crate::adam::Moments;
 use crate::{DensitySettings, LearningRates};
 
-/// Isotropic Gaussians: opacity as a logit, scale as a logarithm.
+/// Gaussians with opacity as a logit and scales as logarithms.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Parameters {
     /// Centres [m].
     pub(crate) positions: Vec<[f32; 3]>,
-    /// Logarithms of the standard deviations [ln m].
+    /// Logarithms of the standard deviations [ln m], shape [n, 1], or [n, 3] where there are rotations.
     pub(crate) log_scales: Vec<f32>,
+    /// Quaternions (w, x, y, z) of any length from local to world axes, shape [n, 4]; empty for isotropic Gaussians.
+    pub(crate) rotations: Vec<[f32; 4]>,
     pub(crate) opacity_logits: Vec<f32>,
     /// Degree-0 coefficients.
     pub(crate) features: Vec<[f32; 3]>,
@@ -27,6 +30,7 @@ pub(crate) struct Parameters {
 pub(crate) struct Gradient {
     pub(crate) positions: Vec<[f32; 3]>,
     pub(crate) log_scales: Vec<f32>,
+    pub(crate) rotations: Vec<[f32; 4]>,
     pub(crate) opacity_logits: Vec<f32>,
     pub(crate) features: Vec<[f32; 3]>,
     pub(crate) details: Vec<[f32; 3]>,
@@ -50,6 +54,18 @@ impl Parameters {
         self.positions.len()
     }
 
+    /// Scales per Gaussian: 1, or 3 with a rotation.
+    pub(crate) fn axes(&self) -> usize {
+        if self.rotations.is_empty() { 1 } else { 3 }
+    }
+
+    /// The largest standard deviation of Gaussian `i` [m].
+    fn widest(&self, i: usize) -> f64 {
+        let axes = self.axes();
+        let log_scales = &self.log_scales[i * axes..(i + 1) * axes];
+        f64::from(log_scales.iter().copied().fold(f32::NEG_INFINITY, f32::max)).exp()
+    }
+
     /// The Gaussians to draw, displaced by `residuals` (metres, and added to the logarithm of the scale) if given.
     pub(crate) fn gaussians(&self, residuals: Option<&[[f32; 4]]>) -> Gaussians {
         let residual = |i: usize| residuals.map_or([0.0; 4], |r| r[i]);
@@ -64,11 +80,21 @@ impl Parameters {
                 .map(|i| core::array::from_fn(|axis| self.positions[i][axis] + residual(i)[axis]))
                 .collect(),
             opacities: self.opacity_logits.iter().map(|&x| sigmoid(x)).collect(),
-            shape: Shape::Isotropic {
-                scales: (0..self.len()).map(|i| (self.log_scales[i] + residual(i)[3]).exp()).collect(),
-            },
+            shape: self.shape(residual),
             sh_degree: self.sh_degree,
             sh,
+        }
+    }
+
+    fn shape(&self, residual: impl Fn(usize) -> [f32; 4]) -> Shape {
+        let scale = |i: usize, log_scale: f32| (log_scale + residual(i)[3]).exp();
+        if self.rotations.is_empty() {
+            return Shape::Isotropic { scales: (0..self.len()).map(|i| scale(i, self.log_scales[i])).collect() };
+        }
+        let scales = self.log_scales.chunks_exact(3).enumerate();
+        Shape::Anisotropic {
+            scales: scales.map(|(i, s)| core::array::from_fn(|axis| scale(i, s[axis]))).collect(),
+            rotations: self.rotations.clone(),
         }
     }
 
@@ -81,14 +107,19 @@ impl Parameters {
         gradient: &mut Gradient,
         d_residuals: &mut [[f32; 4]],
     ) {
-        let (Shape::Isotropic { scales }, Shape::Isotropic { scales: d_scales }) = (&drawn.shape, &slope.shape) else {
-            unreachable!("trained Gaussians are isotropic")
-        };
+        let (scales, d_scales) = (flat_scales(&drawn.shape), flat_scales(&slope.shape));
+        if let Shape::Anisotropic { rotations, .. } = &slope.shape {
+            let sums = gradient.rotations.as_flattened_mut().iter_mut();
+            sums.zip(rotations.as_flattened()).for_each(|(sum, d)| *sum += d);
+        }
+        let axes = self.axes();
         let details = details_per_gaussian(self.sh_degree);
         for i in 0..self.len() {
-            let d_log_scale = d_scales[i] * scales[i];
-            gradient.log_scales[i] += d_log_scale;
-            d_residuals[i][3] += d_log_scale;
+            for k in i * axes..(i + 1) * axes {
+                let d_log_scale = d_scales[k] * scales[k];
+                gradient.log_scales[k] += d_log_scale;
+                d_residuals[i][3] += d_log_scale;
+            }
             for axis in 0..3 {
                 d_residuals[i][axis] += slope.positions[i][axis];
             }
@@ -105,12 +136,23 @@ impl Parameters {
     }
 
     fn select(&mut self, rows: &[usize]) {
-        let details = details_per_gaussian(self.sh_degree);
+        let (details, axes) = (details_per_gaussian(self.sh_degree), self.axes());
         self.positions = rows.iter().map(|&i| self.positions[i]).collect();
-        self.log_scales = rows.iter().map(|&i| self.log_scales[i]).collect();
+        self.log_scales = rows.iter().flat_map(|&i| &self.log_scales[i * axes..(i + 1) * axes]).copied().collect();
+        if !self.rotations.is_empty() {
+            self.rotations = rows.iter().map(|&i| self.rotations[i]).collect();
+        }
         self.opacity_logits = rows.iter().map(|&i| self.opacity_logits[i]).collect();
         self.features = rows.iter().map(|&i| self.features[i]).collect();
         self.details = rows.iter().flat_map(|&i| &self.details[i * details..(i + 1) * details]).copied().collect();
+    }
+}
+
+/// Standard deviations as flat numbers, one or three per Gaussian.
+pub(crate) fn flat_scales(shape: &Shape) -> &[f32] {
+    match shape {
+        Shape::Isotropic { scales } => scales,
+        Shape::Anisotropic { scales, .. } => scales.as_flattened(),
     }
 }
 
@@ -118,7 +160,8 @@ impl Gradient {
     pub(crate) fn zeros(p: &Parameters) -> Gradient {
         Gradient {
             positions: vec![[0.0; 3]; p.len()],
-            log_scales: vec![0.0; p.len()],
+            log_scales: vec![0.0; p.log_scales.len()],
+            rotations: vec![[0.0; 4]; p.rotations.len()],
             opacity_logits: vec![0.0; p.len()],
             features: vec![[0.0; 3]; p.len()],
             details: vec![[0.0; 3]; p.details.len()],
@@ -131,6 +174,7 @@ impl Gradient {
 pub(crate) struct ParameterMoments {
     pub(crate) positions: Moments,
     pub(crate) log_scales: Moments,
+    pub(crate) rotations: Moments,
     pub(crate) opacity_logits: Moments,
     pub(crate) features: Moments,
     pub(crate) details: Moments,
@@ -140,7 +184,8 @@ impl ParameterMoments {
     pub(crate) fn zeros(p: &Parameters) -> ParameterMoments {
         ParameterMoments {
             positions: Moments::zeros(3 * p.len()),
-            log_scales: Moments::zeros(p.len()),
+            log_scales: Moments::zeros(p.log_scales.len()),
+            rotations: Moments::zeros(4 * p.rotations.len()),
             opacity_logits: Moments::zeros(p.len()),
             features: Moments::zeros(3 * p.len()),
             details: Moments::zeros(3 * p.details.len()),
@@ -167,14 +212,20 @@ impl ParameterMoments {
             false => self.positions.update(positions, d_positions, rate_of_positions, step),
         }
         self.log_scales.update(&mut p.log_scales, &g.log_scales, rate(rates.scale), step);
+        let (rotations, d_rotations) = (p.rotations.as_flattened_mut(), g.rotations.as_flattened());
+        self.rotations.update(rotations, d_rotations, rate(rates.rotation), step);
         self.opacity_logits.update(&mut p.opacity_logits, &g.opacity_logits, rate(rates.opacity), step);
         self.features.update(p.features.as_flattened_mut(), g.features.as_flattened(), feature, step);
         self.details.update(p.details.as_flattened_mut(), g.details.as_flattened(), feature / 20.0, step);
     }
 
-    fn select(&mut self, rows: &[Option<usize>], sh_degree: usize) {
+    /// The history of `rows` of parameters that have `axes` scales and the degree `sh_degree`.
+    fn select(&mut self, rows: &[Option<usize>], (axes, sh_degree): (usize, usize)) {
         self.positions.select(rows, 3);
-        self.log_scales.select(rows, 1);
+        self.log_scales.select(rows, axes);
+        if axes == 3 {
+            self.rotations.select(rows, 4);
+        }
         self.opacity_logits.select(rows, 1);
         self.features.select(rows, 3);
         self.details.select(rows, 3 * details_per_gaussian(sh_degree));
@@ -230,7 +281,7 @@ pub(crate) fn control_density(
 ) -> DensityChange {
     let n = p.len();
     let opaque = |i: usize| f64::from(sigmoid(p.opacity_logits[i])) >= settings.min_opacity;
-    let finite = |i: usize| p.positions[i].iter().all(|x| x.is_finite()) && p.log_scales[i].is_finite();
+    let finite = |i: usize| p.positions[i].iter().all(|x| x.is_finite()) && p.widest(i).is_finite();
     let mut kept: Vec<usize> = (0..n).filter(|&i| opaque(i) && finite(i)).collect();
     let pruned = n - kept.len();
     let mut pulled: Vec<usize> =
@@ -238,7 +289,7 @@ pub(crate) fn control_density(
     pulled.sort_by(|&a, &b| screen.mean(b).total_cmp(&screen.mean(a)).then(a.cmp(&b)));
     pulled.truncate(max_gaussians.saturating_sub(kept.len()));
     pulled.sort_unstable();
-    let large = |i: usize| f64::from(p.log_scales[i].exp()) > settings.split_above * extent;
+    let large = |i: usize| p.widest(i) > settings.split_above * extent;
     let (split, cloned): (Vec<usize>, Vec<usize>) = pulled.into_iter().partition(|&i| large(i));
     kept.retain(|i| split.binary_search(i).is_err());
     let mut rows: Vec<usize> = kept.clone();
@@ -247,13 +298,16 @@ pub(crate) fn control_density(
     rows.extend(split.iter().flat_map(|&i| [i, i]));
     let history: Vec<Option<usize>> = (0..rows.len()).map(|row| kept.get(row).copied()).collect();
     p.select(&rows);
-    moments.select(&history, p.sh_degree);
+    let axes = p.axes();
+    moments.select(&history, (axes, p.sh_degree));
     for i in first_half..p.len() {
-        let scale = p.log_scales[i].exp();
-        for axis in 0..3 {
-            p.positions[i][axis] += scale * normal(rng);
+        let log_scales = &mut p.log_scales[i * axes..(i + 1) * axes];
+        let offset = core::array::from_fn(|axis| log_scales[axis % axes].exp() * normal(rng));
+        let offset = p.rotations.get(i).map_or(offset, |q| turned(*q, offset));
+        for (x, d) in p.positions[i].iter_mut().zip(offset) {
+            *x += d;
         }
-        p.log_scales[i] -= 1.6f32.ln();
+        log_scales.iter_mut().for_each(|s| *s -= 1.6f32.ln());
     }
     DensityChange { cloned: cloned.len(), split: split.len(), pruned }
 }
@@ -263,6 +317,11 @@ pub(crate) fn reset_opacity(p: &mut Parameters, moments: &mut ParameterMoments, 
     let ceiling = logit(opacity) as f32;
     p.opacity_logits.iter_mut().for_each(|x| *x = x.min(ceiling));
     moments.opacity_logits = Moments::zeros(p.len());
+}
+
+/// A vector turned by a quaternion (w, x, y, z) of any length.
+fn turned([w, x, y, z]: [f32; 4], v: [f32; 3]) -> [f32; 3] {
+    (Quat::from_xyzw(x, y, z, w).normalize() * Vec3::from_array(v)).to_array()
 }
 
 /// A standard normal number (Box and Muller).
@@ -282,11 +341,14 @@ mod tests {
     /// Adds a step to one number of the parameters or residuals.
     type Nudge = dyn Fn(&mut Parameters, &mut [[f32; 4]], usize, f32);
 
-    fn random_parameters(n: usize, sh_degree: usize, rng: &mut ChaCha8Rng) -> Parameters {
+    fn random_parameters(n: usize, (axes, sh_degree): (usize, usize), rng: &mut ChaCha8Rng) -> Parameters {
         let mut number = |low: f32, high: f32| rng.random_range(low..high);
         Parameters {
             positions: (0..n).map(|_| core::array::from_fn(|_| number(-1.0, 1.0))).collect(),
-            log_scales: (0..n).map(|_| number(-3.0, -1.0)).collect(),
+            log_scales: (0..n * axes).map(|_| number(-3.0, -1.0)).collect(),
+            rotations: (0..if axes == 3 { n } else { 0 })
+                .map(|_| core::array::from_fn(|_| number(-1.0, 1.0)))
+                .collect(),
             opacity_logits: (0..n).map(|_| number(-2.0, 2.0)).collect(),
             features: (0..n).map(|_| core::array::from_fn(|_| number(-1.0, 1.0))).collect(),
             details: (0..n * details_per_gaussian(sh_degree))
@@ -298,9 +360,14 @@ mod tests {
 
     #[test]
     fn pulling_back_agrees_with_finite_differences() {
+        pulling_back(1);
+        pulling_back(3);
+    }
+
+    fn pulling_back(axes: usize) {
         let mut rng = ChaCha8Rng::seed_from_u64(9);
         let n = 4;
-        let mut p = random_parameters(n, 1, &mut rng);
+        let mut p = random_parameters(n, (axes, 1), &mut rng);
         let mut residuals: Vec<[f32; 4]> =
             (0..n).map(|_| core::array::from_fn(|_| rng.random_range(-0.5..0.5))).collect();
         let drawn = p.gaussians(Some(&residuals));
@@ -309,18 +376,25 @@ mod tests {
         fill(slope.positions.as_flattened_mut());
         fill(&mut slope.opacities);
         fill(slope.sh.as_flattened_mut());
-        let Shape::Isotropic { scales } = &mut slope.shape else { panic!("isotropic") };
-        fill(scales);
+        match &mut slope.shape {
+            Shape::Isotropic { scales } => fill(scales),
+            Shape::Anisotropic { scales, rotations } => {
+                fill(scales.as_flattened_mut());
+                fill(rotations.as_flattened_mut());
+            }
+        }
+        let turns = |shape: &Shape| match shape {
+            Shape::Isotropic { .. } => Vec::new(),
+            Shape::Anisotropic { rotations, .. } => rotations.as_flattened().to_vec(),
+        };
 
         let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum::<f64>();
         let loss = |p: &Parameters, residuals: &[[f32; 4]]| {
             let g = p.gaussians(Some(residuals));
-            let (Shape::Isotropic { scales: a }, Shape::Isotropic { scales: b }) = (&g.shape, &slope.shape) else {
-                panic!("isotropic")
-            };
             dot(g.positions.as_flattened(), slope.positions.as_flattened())
                 + dot(&g.opacities, &slope.opacities)
-                + dot(a, b)
+                + dot(flat_scales(&g.shape), flat_scales(&slope.shape))
+                + dot(&turns(&g.shape), &turns(&slope.shape))
                 + dot(g.sh.as_flattened(), slope.sh.as_flattened())
         };
         let (mut gradient, mut d_residuals) = (Gradient::zeros(&p), vec![[0.0; 4]; n]);
@@ -338,6 +412,7 @@ mod tests {
             }
         };
         check(&gradient.log_scales, "scale", &|p, _, i, h| p.log_scales[i] += h);
+        check(gradient.rotations.as_flattened(), "rotation", &|p, _, i, h| p.rotations.as_flattened_mut()[i] += h);
         check(&gradient.opacity_logits, "opacity", &|p, _, i, h| p.opacity_logits[i] += h);
         check(gradient.features.as_flattened(), "feature", &|p, _, i, h| p.features.as_flattened_mut()[i] += h);
         check(gradient.details.as_flattened(), "detail", &|p, _, i, h| p.details.as_flattened_mut()[i] += h);
@@ -347,7 +422,7 @@ mod tests {
     #[test]
     fn density_control_clones_splits_and_prunes() {
         let mut rng = ChaCha8Rng::seed_from_u64(2);
-        let mut p = random_parameters(4, 0, &mut rng);
+        let mut p = random_parameters(4, (1, 0), &mut rng);
         p.opacity_logits = vec![2.0, 2.0, 2.0, -9.0];
         p.log_scales = vec![0.01f32.ln(), 0.2f32.ln(), 0.01f32.ln(), 0.01f32.ln()];
         let before = p.clone();
@@ -368,9 +443,36 @@ mod tests {
     }
 
     #[test]
+    fn ellipsoids_are_split_along_themselves() {
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let mut p = random_parameters(1, (3, 0), &mut rng);
+        p.opacity_logits = vec![2.0];
+        // Long along its own x axis, which a quarter turn about z makes the world's y axis.
+        p.log_scales = vec![0.2f32.ln(), 1e-4f32.ln(), 1e-4f32.ln()];
+        p.rotations = vec![[0.5, 0.0, 0.0, 0.5]];
+        let before = p.clone();
+        let mut moments = ParameterMoments::zeros(&p);
+        let mut screen = ScreenGradients::zeros(1);
+        screen.add(&[1.0], 1.0);
+        let settings = DensitySettings { gradient_threshold: 0.5, split_above: 0.1, ..DensitySettings::default() };
+        let change = control_density(&mut p, &mut moments, &screen, &settings, (1.0, 100), &mut rng);
+        assert_eq!((change.split, p.len()), (1, 2));
+        for half in 0..2 {
+            assert_eq!(p.rotations[half], before.rotations[0]);
+            let offset: [f32; 3] = core::array::from_fn(|k| p.positions[half][k] - before.positions[0][k]);
+            assert!(offset[1].abs() > 1e-3 && offset[0].abs() < 1e-3 && offset[2].abs() < 1e-3, "{offset:?}");
+            for axis in 0..3 {
+                let expected = before.log_scales[axis] - 1.6f32.ln();
+                assert!((p.log_scales[3 * half + axis] - expected).abs() < 1e-6);
+            }
+        }
+        assert_eq!(moments.rotations.first.len(), 8);
+    }
+
+    #[test]
     fn density_control_keeps_to_its_limit_and_prefers_the_hardest_pulled() {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
-        let mut p = random_parameters(5, 1, &mut rng);
+        let mut p = random_parameters(5, (1, 1), &mut rng);
         p.opacity_logits = vec![2.0; 5];
         let before = p.clone();
         let mut moments = ParameterMoments::zeros(&p);

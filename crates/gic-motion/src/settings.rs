@@ -35,6 +35,8 @@ pub struct TrainSettings {
     /// How far inside the hull's surface the first points lie, in their spacings. Gaussians reach beyond their centres, and
     /// where no silhouette shows it, nothing but the start makes room for that.
     pub initial_inset: f64,
+    /// Whether Gaussians are round or ellipsoids. What follows a motion stays round (paper section 4.1).
+    pub shape: GaussianShape,
     /// Standard deviation of the first Gaussians in units of their spacing.
     pub first_scale: f64,
     /// Opacity of the first Gaussians.
@@ -76,6 +78,16 @@ pub enum InitialPoints {
     Random,
 }
 
+/// The covariances that are trained.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum GaussianShape {
+    /// One standard deviation per Gaussian.
+    Isotropic,
+    /// Three standard deviations and a rotation.
+    Anisotropic,
+}
+
 /// Weights of the loss terms (paper eq. 5, with the release's mask term).
 ///
 /// Picture terms are sums over pixels divided by the object's area in the mask [pixels], so their size does not depend on how
@@ -114,6 +126,8 @@ pub struct LearningRates {
     pub opacity: (f64, f64),
     /// Logarithm of the scale.
     pub scale: (f64, f64),
+    /// Quaternions of anisotropic Gaussians.
+    pub rotation: (f64, f64),
     /// The base motion's poses: matrices, and shifts and bends as a fraction of the object's size.
     pub base: (f64, f64),
     /// The base motion's shades, which multiply the colours.
@@ -129,6 +143,7 @@ impl Default for LearningRates {
             feature: (2.0e-2, 2.5e-3),
             opacity: (5.0e-2, 1.0e-2),
             scale: (1.0e-2, 1.0e-3),
+            rotation: (2.0e-3, 2.0e-4),
             base: (5.0e-4, 2.0e-5),
             shade: (8.0e-3, 5.0e-4),
             network: (8.0e-4, 5.0e-5),
@@ -186,6 +201,7 @@ impl Default for TrainSettings {
             initial: InitialPoints::Auto,
             initial_spacing_px: 3.0,
             initial_inset: 0.5,
+            shape: GaussianShape::Isotropic,
             first_scale: 0.5,
             first_opacity: 0.9,
             smoothing: (4.0, 1.0),

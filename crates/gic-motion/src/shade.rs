@@ -66,6 +66,7 @@ mod tests {
             features: (0..n).map(|i| core::array::from_fn(|k| wave(3 * i + k, 1.3))).collect(),
             details: (0..3 * n).map(|i| core::array::from_fn(|k| wave(3 * i + k, 2.1))).collect(),
             log_scales: vec![0.0; n],
+            rotations: Vec::new(),
             opacity_logits: vec![0.0; n],
             sh_degree: 1,
         };

@@ -1,34 +1,35 @@
 //! The training loop, static and dynamic.
 
 mod follow;
+mod judge;
+mod picture;
+mod regularise;
+mod schedule;
+mod start;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
-use gic_scene::{Camera, Scene};
-use gic_splat::{GaussianGradients, Gaussians, RenderSettings, Shape, backward, render};
-use glam::DVec3;
-use rand::{Rng, RngExt, SeedableRng};
+use gic_scene::Scene;
+use gic_splat::Gaussians;
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use crate::adam::{Moments, decayed};
 use crate::base::Pose;
 use crate::base_fit::{Base, Freedom};
-use crate::initial::{self, Ball, Points};
-use crate::loss::picture_loss;
-use crate::parameters::{
-    self, Gradient, ParameterMoments, Parameters, ScreenGradients, control_density, details_per_gaussian, logit,
-};
-use crate::shade::SH0;
+use crate::parameters::{Gradient, ParameterMoments, Parameters, ScreenGradients};
 use crate::smoothing::Anchors;
-use crate::targets::{self, Bounds, Target, windowed};
+use crate::targets::{self, Target};
 use crate::{
-    BaseMotion, Deformation, Domain, DynamicGaussians, InitialPoints, Motion, MotionError, MotionNetwork,
-    TrainSettings, ViewScore, checkpoint, evaluate,
+    BaseMotion, Deformation, Domain, DynamicGaussians, MotionError, MotionNetwork, TrainSettings, ViewScore, checkpoint,
 };
+use picture::ViewGradient;
+use schedule::Stage;
+use start::MIN_GAUSSIANS;
 
 /// Length of the network's unit, in radii of the object's ball at the first frame.
 const EXTENT_RADII: f64 = 2.0;
@@ -38,12 +39,6 @@ const MIN_SYNCHRONOUS: usize = 3;
 const AVERAGE: f64 = 0.02;
 /// Steps over which the network's learning rate rises to its full value.
 const NETWORK_RISE_STEPS: f64 = 100.0;
-/// Never start with, or stay below, fewer Gaussians than this.
-const MIN_GAUSSIANS: usize = 100;
-/// A smaller gain on the held-out views does not count as progress [dB].
-const PROGRESS_DB: f64 = 0.02;
-/// Nor does a smaller relative gain of the loss, where nothing is held out.
-const PROGRESS_LOSS: f64 = 0.005;
 
 /// What training is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -107,19 +102,6 @@ pub(crate) struct Best {
     pub(crate) parameters: Parameters,
     pub(crate) network: Vec<f32>,
     pub(crate) base: Option<BaseMotion>,
-}
-
-/// What takes part in a step.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Stage {
-    /// The Gaussians alone.
-    Still,
-    /// Gaussians and affine maps, on the frames that these explain.
-    Mapped,
-    /// Gaussians and the whole base motion, on all frames.
-    Bent,
-    /// Everything.
-    Network,
 }
 
 struct Trainer<'a> {
@@ -254,84 +236,6 @@ impl<'a> Trainer<'a> {
         rng
     }
 
-    /// The state before the first step.
-    fn start(&self, scene: &Scene) -> Result<State, MotionError> {
-        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
-        let seen: Vec<&Target> = match self.synchronous {
-            true => self.frames[0].iter().map(|&i| &self.targets[i]).collect(),
-            false => self.targets.iter().collect(),
-        };
-        let Some(ball) = initial::ball(&seen) else {
-            let reason =
-                "the masks' rays do not meet: at least two views of the object are needed, in front of their cameras";
-            return Err(MotionError::NothingToTrain(reason.into()));
-        };
-        let points = self.first_points(scene, &seen, &ball, &mut rng)?;
-        let times = self.frames.iter().map(|f| self.targets[f[0]].time);
-        let (start, end) = times.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(t), b.max(t)));
-        let domain = Domain {
-            centre: ball.centre.to_array(),
-            extent: EXTENT_RADII * ball.radius,
-            start,
-            duration: if end > start { end - start } else { 1.0 },
-        };
-        let n = points.positions.len();
-        let parameters = Parameters {
-            log_scales: vec![(self.settings.first_scale * points.spacing).ln() as f32; n],
-            opacity_logits: vec![logit(self.settings.first_opacity) as f32; n],
-            features: points.colors.iter().map(|c| c.map(|v| (v - 0.5) / SH0)).collect(),
-            details: vec![[0.0; 3]; n * details_per_gaussian(self.sh_degree)],
-            positions: points.positions,
-            sh_degree: self.sh_degree,
-        };
-        let network = MotionNetwork::random(self.settings.network, &mut rng);
-        Ok(State {
-            step: 0,
-            domain,
-            spacing: points.spacing,
-            moments: ParameterMoments::zeros(&parameters),
-            screen: ScreenGradients::zeros(n),
-            anchors: Anchors::default(),
-            base: None,
-            parameters,
-            network_moments: Moments::zeros(network.parameters.len()),
-            network,
-            network_steps: 0,
-            mean_loss: f64::NAN,
-            lowest_loss: None,
-            best: None,
-            stale: 0,
-        })
-    }
-
-    fn first_points(
-        &self,
-        scene: &Scene,
-        seen: &[&Target],
-        ball: &Ball,
-        rng: &mut impl Rng,
-    ) -> Result<Points, MotionError> {
-        // A ball that looks like `area` pixels has four times that surface.
-        let area = seen.iter().map(|t| t.area).sum::<f64>() / seen.len() as f64;
-        let count = 4.0 * area / self.settings.initial_spacing_px.powi(2);
-        let count = (count as usize).clamp(MIN_GAUSSIANS, self.max_gaussians);
-        match self.settings.initial {
-            InitialPoints::Random => return Ok(initial::random(ball, count, rng)),
-            InitialPoints::Auto if !scene.points.is_empty() => {
-                let points = initial::sparse(scene, seen);
-                if points.positions.len() >= MIN_GAUSSIANS {
-                    return Ok(points);
-                }
-            }
-            _ => {}
-        }
-        let inset = self.settings.initial_inset;
-        initial::hull_surface(seen, self.synchronous, (count, inset), rng).ok_or_else(|| {
-            let reason = "the masks have no common visual hull: a camera's pose or axes are wrong (see `gic inspect`)";
-            MotionError::NothingToTrain(reason.into())
-        })
-    }
-
     fn run(
         &self,
         state: &mut State,
@@ -368,55 +272,6 @@ impl<'a> Trainer<'a> {
             }
         }
         Ok(())
-    }
-
-    /// What takes part in `step` (counted from 0).
-    fn stage(&self, step: usize) -> Stage {
-        if self.is_static || step < self.settings.warm_up_steps {
-            Stage::Still
-        } else if self.follows && step < self.settings.warm_up_steps + self.settings.mapped_steps {
-            Stage::Mapped
-        } else if step < self.network_start() {
-            Stage::Bent
-        } else {
-            Stage::Network
-        }
-    }
-
-    /// The first step in which the network takes part.
-    fn network_start(&self) -> usize {
-        let base_steps = if self.follows { self.settings.mapped_steps + self.settings.bent_steps } else { 0 };
-        self.settings.warm_up_steps + base_steps
-    }
-
-    /// Views of one step: of one frame (which is told when the step knows motion), a few cameras.
-    fn draw_views(&self, state: &State, rng: &mut impl Rng) -> (usize, Vec<&Target>) {
-        let explained = state.base.as_ref().map_or(1, |base| base.explained);
-        let frames = match self.stage(state.step) {
-            Stage::Still if !self.synchronous => {
-                return (0, self.choose(self.frames.concat(), self.settings.views_per_step, rng));
-            }
-            Stage::Still => 1,
-            Stage::Mapped => explained,
-            Stage::Bent => self.frames.len(),
-            Stage::Network if state.base.is_some() => self.frames.len(),
-            Stage::Network => {
-                let grown = (state.step - self.network_start() + 1) as f64 / self.settings.growth_steps.max(1) as f64;
-                (grown * self.frames.len() as f64).ceil() as usize
-            }
-        };
-        let frame = rng.random_range(0..frames.clamp(1, self.frames.len()));
-        (frame, self.choose(self.frames[frame].clone(), self.settings.views_per_step, rng))
-    }
-
-    /// A random few of the targets in `pool`.
-    fn choose(&self, mut pool: Vec<usize>, count: usize, rng: &mut impl Rng) -> Vec<&Target> {
-        let count = count.min(pool.len());
-        for i in 0..count {
-            let j = rng.random_range(i..pool.len());
-            pool.swap(i, j);
-        }
-        pool[..count].iter().map(|&i| &self.targets[i]).collect()
     }
 
     /// One step of training; returns the PSNR of what it rendered.
@@ -486,24 +341,6 @@ impl<'a> Trainer<'a> {
         Ok(-10.0 * (squared.0 / squared.1.max(1) as f64).log10())
     }
 
-    /// Shares the pull on each point with its neighbours; false when that is over.
-    fn smooth(&self, state: &mut State, gradient: &mut Gradient, views: usize) -> bool {
-        let (first, last) = self.settings.smoothing;
-        let over = state.step as f64 / self.network_start().max(1) as f64;
-        let reach = first + (last - first) * over.min(1.0);
-        if reach <= 0.0 {
-            return false;
-        }
-        if state.anchors.positions().len() != state.parameters.len() {
-            state.anchors = Anchors::new(state.parameters.positions.clone(), state.spacing);
-        }
-        let neighbourhood = state.anchors.neighbourhood();
-        let weight = self.settings.loss.tension * views as f64;
-        neighbourhood.tension(weight, &state.parameters.positions, state.spacing, &mut gradient.positions);
-        neighbourhood.smooth(reach, &mut gradient.positions);
-        true
-    }
-
     fn update_network(
         &self,
         state: &mut State,
@@ -525,138 +362,6 @@ impl<'a> Trainer<'a> {
         let rise = (state.network_steps as f64 / NETWORK_RISE_STEPS).min(1.0);
         let rate = rise * decayed(self.settings.rates.network, fraction);
         state.network_moments.update(&mut state.network.parameters, &slope.parameters, rate, state.network_steps);
-    }
-
-    /// Loss and gradient of one view, rendered where its mask or the Gaussians are.
-    fn view_gradient(
-        &self,
-        target: &Target,
-        gaussians: &Gaussians,
-        degree: usize,
-    ) -> Result<ViewGradient, MotionError> {
-        let window = drawn_bounds(gaussians, &target.camera).union(target.bounds);
-        if window.is_empty() {
-            return Ok(ViewGradient {
-                loss: 0.0,
-                squared: (0.0, 0),
-                slope: GaussianGradients::zeros(gaussians),
-                screen_unit: 0.0,
-            });
-        }
-        let camera = windowed(&target.camera, window);
-        let settings = RenderSettings { max_sh_degree: degree, ..RenderSettings::default() };
-        let rendered = render(gaussians, &camera, &settings);
-        let (color, mask) = target.crop(window);
-        let size = (camera.width, camera.height);
-        let loss = picture_loss(&rendered, (&color, &mask), size, target.area, &self.settings.loss)?;
-        let slope = backward(gaussians, &camera, &settings, &rendered, &loss.gradient);
-        let (width, height) = (target.camera.width as f64, target.camera.height as f64);
-        // To the loss averaged over the picture, per half of its width: the units in which 3DGS states its threshold.
-        let screen_unit = target.area.max(1.0) / (width * height) * width / 2.0;
-        Ok(ViewGradient { loss: loss.value, squared: loss.squared, slope, screen_unit })
-    }
-
-    /// Adds the L1 norm of the scales (paper eq. 5's last term) for every rendered view.
-    fn regularise_scales(
-        &self,
-        state: &State,
-        gaussians: &Gaussians,
-        views: usize,
-        gradient: &mut Gradient,
-        d_residuals: &mut [[f32; 4]],
-    ) -> f64 {
-        let Shape::Isotropic { scales } = &gaussians.shape else { unreachable!("trained Gaussians are isotropic") };
-        let weight = self.settings.loss.scale * views as f64 / (gaussians.len().max(1) as f64 * state.spacing);
-        let mut sum = 0.0;
-        for (i, &scale) in scales.iter().enumerate() {
-            sum += f64::from(scale);
-            // Scales are positive, so their L1 norm is their sum; the factor is d scale / d log scale.
-            let d = weight as f32 * scale;
-            gradient.log_scales[i] += d;
-            d_residuals[i][3] += d;
-        }
-        weight * sum
-    }
-
-    fn control_density(&self, state: &mut State, rng: &mut impl Rng) {
-        let d = &self.settings.density;
-        let until = (d.until * self.settings.steps as f64) as usize;
-        // A followed surface was sampled densely from its hull, and its points' neighbourhoods are what holds it together.
-        if self.follows
-            || d.every == 0
-            || state.step < d.from
-            || state.step > until
-            || !state.step.is_multiple_of(d.every)
-        {
-            return;
-        }
-        let extent = 2.0 * state.domain.extent / EXTENT_RADII;
-        let limits = (extent, self.max_gaussians);
-        control_density(&mut state.parameters, &mut state.moments, &state.screen, d, limits, rng);
-        if d.opacity_reset_every > 0 && state.step.is_multiple_of(d.opacity_reset_every) {
-            parameters::reset_opacity(&mut state.parameters, &mut state.moments, 2.0 * d.min_opacity);
-        }
-        state.screen = ScreenGradients::zeros(state.parameters.len());
-    }
-
-    /// Measures the held-out views when it is time, and remembers the best state.
-    fn judge(&self, state: &mut State) -> Result<Option<ViewScore>, MotionError> {
-        let every = self.settings.evaluate_every;
-        let now = every > 0 && (state.step.is_multiple_of(every) || state.step == self.settings.steps);
-        if !now || (!self.is_static && self.stage(state.step) == Stage::Still) {
-            return Ok(None);
-        }
-        if self.held_out.is_empty() {
-            self.judge_loss(state);
-            return Ok(None);
-        }
-        let base = state.base.as_ref().map(|base| &base.motion);
-        let model = self.model(&state.parameters, &state.network, base, state.domain);
-        let score = ViewScore::mean(&evaluate::score_targets(&self.held_out, |time| model.at(time))?);
-        if state.best.as_ref().is_none_or(|best| score.psnr > best.psnr + PROGRESS_DB) {
-            state.stale = 0;
-        } else {
-            state.stale += 1;
-        }
-        if state.best.as_ref().is_none_or(|best| score.psnr > best.psnr) {
-            let (parameters, network) = (state.parameters.clone(), state.network.parameters.clone());
-            let base = state.base.as_ref().map(|base| base.motion.clone());
-            state.best = Some(Best { psnr: score.psnr, parameters, network, base });
-        }
-        Ok(Some(score))
-    }
-
-    /// Without held-out views: progress is a moving average of the loss lower than ever before.
-    fn judge_loss(&self, state: &mut State) {
-        if state.lowest_loss.is_none_or(|lowest| state.mean_loss < (1.0 - PROGRESS_LOSS) * lowest) {
-            state.lowest_loss = Some(state.mean_loss);
-            state.stale = 0;
-        } else {
-            state.stale += 1;
-        }
-    }
-
-    fn is_stale(&self, state: &State) -> bool {
-        self.settings.patience > 0 && state.stale >= self.settings.patience
-    }
-
-    fn finish(&self, state: State) -> DynamicGaussians {
-        let State { best, parameters, mut network, base, domain, .. } = state;
-        let base = base.map(|base| base.motion);
-        let Some(best) = best else { return self.model(&parameters, &network, base.as_ref(), domain) };
-        network.parameters = best.network;
-        self.model(&best.parameters, &network, best.base.as_ref(), domain)
-    }
-
-    fn model(
-        &self,
-        parameters: &Parameters,
-        network: &MotionNetwork<f32>,
-        base: Option<&BaseMotion>,
-        domain: Domain,
-    ) -> DynamicGaussians {
-        let motion = || Motion { network: network.clone(), domain, base: base.cloned() };
-        DynamicGaussians { canonical: parameters.gaussians(None), motion: (!self.is_static).then(motion) }
     }
 }
 
@@ -689,37 +394,4 @@ fn add_displacements(residuals: &mut [[f32; 4]], positions: &[[f32; 3]], motion:
             residual[axis] += moved[axis] - x[axis];
         }
     }
-}
-
-struct ViewGradient {
-    loss: f64,
-    squared: (f64, usize),
-    slope: GaussianGradients,
-    screen_unit: f64,
-}
-
-/// The pixels that Gaussians within three standard deviations can touch.
-fn drawn_bounds(gaussians: &Gaussians, camera: &Camera) -> Bounds {
-    let Shape::Isotropic { scales } = &gaussians.shape else { unreachable!("trained Gaussians are isotropic") };
-    let mut low = [f64::INFINITY; 2];
-    let mut high = [f64::NEG_INFINITY; 2];
-    for (position, &scale) in gaussians.positions.iter().zip(scales) {
-        let Some((pixel, depth)) = camera.project(DVec3::from_array(position.map(f64::from))) else { continue };
-        let reach = 3.0 * f64::from(scale) / depth * camera.focal.max_element() + 1.0;
-        if reach.is_finite() {
-            for (axis, x) in pixel.to_array().into_iter().enumerate() {
-                low[axis] = low[axis].min(x - reach);
-                high[axis] = high[axis].max(x + reach);
-            }
-        }
-    }
-    // Casting saturates, so infinities give an empty window.
-    let clamp = |x: f64, end: usize| (x.max(0.0) as usize).min(end);
-    let bounds = Bounds {
-        x0: clamp(low[0].floor(), camera.width),
-        y0: clamp(low[1].floor(), camera.height),
-        x1: clamp(high[0].ceil(), camera.width),
-        y1: clamp(high[1].ceil(), camera.height),
-    };
-    if bounds.is_empty() { Bounds::EMPTY } else { bounds }
 }

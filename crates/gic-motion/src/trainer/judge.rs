@@ -1,0 +1,72 @@
+//! When training is good enough, and what it leaves.
+
+use super::{Best, Stage, State, Trainer};
+use crate::parameters::Parameters;
+use crate::{BaseMotion, Domain, DynamicGaussians, Motion, MotionError, MotionNetwork, ViewScore, evaluate};
+
+/// A smaller gain on the held-out views does not count as progress [dB].
+const PROGRESS_DB: f64 = 0.02;
+/// Nor does a smaller relative gain of the loss, where nothing is held out.
+const PROGRESS_LOSS: f64 = 0.005;
+
+impl Trainer<'_> {
+    /// Measures the held-out views when it is time, and remembers the best state.
+    pub(super) fn judge(&self, state: &mut State) -> Result<Option<ViewScore>, MotionError> {
+        let every = self.settings.evaluate_every;
+        let now = every > 0 && (state.step.is_multiple_of(every) || state.step == self.settings.steps);
+        if !now || (!self.is_static && self.stage(state.step) == Stage::Still) {
+            return Ok(None);
+        }
+        if self.held_out.is_empty() {
+            self.judge_loss(state);
+            return Ok(None);
+        }
+        let base = state.base.as_ref().map(|base| &base.motion);
+        let model = self.model(&state.parameters, &state.network, base, state.domain);
+        let score = ViewScore::mean(&evaluate::score_targets(&self.held_out, |time| model.at(time))?);
+        if state.best.as_ref().is_none_or(|best| score.psnr > best.psnr + PROGRESS_DB) {
+            state.stale = 0;
+        } else {
+            state.stale += 1;
+        }
+        if state.best.as_ref().is_none_or(|best| score.psnr > best.psnr) {
+            let (parameters, network) = (state.parameters.clone(), state.network.parameters.clone());
+            let base = state.base.as_ref().map(|base| base.motion.clone());
+            state.best = Some(Best { psnr: score.psnr, parameters, network, base });
+        }
+        Ok(Some(score))
+    }
+
+    /// Without held-out views: progress is a moving average of the loss lower than ever before.
+    pub(super) fn judge_loss(&self, state: &mut State) {
+        if state.lowest_loss.is_none_or(|lowest| state.mean_loss < (1.0 - PROGRESS_LOSS) * lowest) {
+            state.lowest_loss = Some(state.mean_loss);
+            state.stale = 0;
+        } else {
+            state.stale += 1;
+        }
+    }
+
+    pub(super) fn is_stale(&self, state: &State) -> bool {
+        self.settings.patience > 0 && state.stale >= self.settings.patience
+    }
+
+    pub(super) fn finish(&self, state: State) -> DynamicGaussians {
+        let State { best, parameters, mut network, base, domain, .. } = state;
+        let base = base.map(|base| base.motion);
+        let Some(best) = best else { return self.model(&parameters, &network, base.as_ref(), domain) };
+        network.parameters = best.network;
+        self.model(&best.parameters, &network, best.base.as_ref(), domain)
+    }
+
+    pub(super) fn model(
+        &self,
+        parameters: &Parameters,
+        network: &MotionNetwork<f32>,
+        base: Option<&BaseMotion>,
+        domain: Domain,
+    ) -> DynamicGaussians {
+        let motion = || Motion { network: network.clone(), domain, base: base.cloned() };
+        DynamicGaussians { canonical: parameters.gaussians(None), motion: (!self.is_static).then(motion) }
+    }
+}

@@ -1,0 +1,71 @@
+//! What holds the Gaussians together besides the pictures, and how many there are.
+
+use gic_splat::Gaussians;
+use rand::Rng;
+
+use super::{EXTENT_RADII, State, Trainer};
+use crate::parameters::{self, Gradient, ScreenGradients, control_density};
+use crate::smoothing::Anchors;
+
+impl Trainer<'_> {
+    /// Shares the pull on each point with its neighbours; false when that is over.
+    pub(super) fn smooth(&self, state: &mut State, gradient: &mut Gradient, views: usize) -> bool {
+        let (first, last) = self.settings.smoothing;
+        let over = state.step as f64 / self.network_start().max(1) as f64;
+        let reach = first + (last - first) * over.min(1.0);
+        if reach <= 0.0 {
+            return false;
+        }
+        if state.anchors.positions().len() != state.parameters.len() {
+            state.anchors = Anchors::new(state.parameters.positions.clone(), state.spacing);
+        }
+        let neighbourhood = state.anchors.neighbourhood();
+        let weight = self.settings.loss.tension * views as f64;
+        neighbourhood.tension(weight, &state.parameters.positions, state.spacing, &mut gradient.positions);
+        neighbourhood.smooth(reach, &mut gradient.positions);
+        true
+    }
+
+    /// Adds the L1 norm of the scales (paper eq. 5's last term) for every rendered view.
+    pub(super) fn regularise_scales(
+        &self,
+        state: &State,
+        gaussians: &Gaussians,
+        views: usize,
+        gradient: &mut Gradient,
+        d_residuals: &mut [[f32; 4]],
+    ) -> f64 {
+        let (scales, axes) = (parameters::flat_scales(&gaussians.shape), state.parameters.axes());
+        let weight = self.settings.loss.scale * views as f64 / (scales.len().max(1) as f64 * state.spacing);
+        let mut sum = 0.0;
+        for (i, &scale) in scales.iter().enumerate() {
+            sum += f64::from(scale);
+            // Scales are positive, so their L1 norm is their sum; the factor is d scale / d log scale.
+            let d = weight as f32 * scale;
+            gradient.log_scales[i] += d;
+            d_residuals[i / axes][3] += d;
+        }
+        weight * sum
+    }
+
+    pub(super) fn control_density(&self, state: &mut State, rng: &mut impl Rng) {
+        let d = &self.settings.density;
+        let until = (d.until * self.settings.steps as f64) as usize;
+        // A followed surface was sampled densely from its hull, and its points' neighbourhoods are what holds it together.
+        if self.follows
+            || d.every == 0
+            || state.step < d.from
+            || state.step > until
+            || !state.step.is_multiple_of(d.every)
+        {
+            return;
+        }
+        let extent = 2.0 * state.domain.extent / EXTENT_RADII;
+        let limits = (extent, self.max_gaussians);
+        control_density(&mut state.parameters, &mut state.moments, &state.screen, d, limits, rng);
+        if d.opacity_reset_every > 0 && state.step.is_multiple_of(d.opacity_reset_every) {
+            parameters::reset_opacity(&mut state.parameters, &mut state.moments, 2.0 * d.min_opacity);
+        }
+        state.screen = ScreenGradients::zeros(state.parameters.len());
+    }
+}

@@ -1,0 +1,102 @@
+//! The state before the first step.
+
+use gic_scene::Scene;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::{EXTENT_RADII, State, Trainer};
+use crate::adam::Moments;
+use crate::initial::{self, Ball, Points};
+use crate::parameters::{ParameterMoments, Parameters, ScreenGradients, details_per_gaussian, logit};
+use crate::shade::SH0;
+use crate::smoothing::Anchors;
+use crate::targets::Target;
+use crate::{Domain, GaussianShape, InitialPoints, MotionError, MotionNetwork};
+
+/// Never start with, or stay below, fewer Gaussians than this.
+pub(super) const MIN_GAUSSIANS: usize = 100;
+
+impl Trainer<'_> {
+    /// The state before the first step.
+    pub(super) fn start(&self, scene: &Scene) -> Result<State, MotionError> {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        let seen: Vec<&Target> = match self.synchronous {
+            true => self.frames[0].iter().map(|&i| &self.targets[i]).collect(),
+            false => self.targets.iter().collect(),
+        };
+        let Some(ball) = initial::ball(&seen) else {
+            let reason =
+                "the masks' rays do not meet: at least two views of the object are needed, in front of their cameras";
+            return Err(MotionError::NothingToTrain(reason.into()));
+        };
+        let points = self.first_points(scene, &seen, &ball, &mut rng)?;
+        let times = self.frames.iter().map(|f| self.targets[f[0]].time);
+        let (start, end) = times.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(t), b.max(t)));
+        let domain = Domain {
+            centre: ball.centre.to_array(),
+            extent: EXTENT_RADII * ball.radius,
+            start,
+            duration: if end > start { end - start } else { 1.0 },
+        };
+        let n = points.positions.len();
+        let (axes, turned) = match self.settings.shape {
+            GaussianShape::Isotropic => (1, 0),
+            GaussianShape::Anisotropic => (3, 1),
+        };
+        let parameters = Parameters {
+            log_scales: vec![(self.settings.first_scale * points.spacing).ln() as f32; axes * n],
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]; turned * n],
+            opacity_logits: vec![logit(self.settings.first_opacity) as f32; n],
+            features: points.colors.iter().map(|c| c.map(|v| (v - 0.5) / SH0)).collect(),
+            details: vec![[0.0; 3]; n * details_per_gaussian(self.sh_degree)],
+            positions: points.positions,
+            sh_degree: self.sh_degree,
+        };
+        let network = MotionNetwork::random(self.settings.network, &mut rng);
+        Ok(State {
+            step: 0,
+            domain,
+            spacing: points.spacing,
+            moments: ParameterMoments::zeros(&parameters),
+            screen: ScreenGradients::zeros(n),
+            anchors: Anchors::default(),
+            base: None,
+            parameters,
+            network_moments: Moments::zeros(network.parameters.len()),
+            network,
+            network_steps: 0,
+            mean_loss: f64::NAN,
+            lowest_loss: None,
+            best: None,
+            stale: 0,
+        })
+    }
+
+    pub(super) fn first_points(
+        &self,
+        scene: &Scene,
+        seen: &[&Target],
+        ball: &Ball,
+        rng: &mut impl Rng,
+    ) -> Result<Points, MotionError> {
+        // A ball that looks like `area` pixels has four times that surface.
+        let area = seen.iter().map(|t| t.area).sum::<f64>() / seen.len() as f64;
+        let count = 4.0 * area / self.settings.initial_spacing_px.powi(2);
+        let count = (count as usize).clamp(MIN_GAUSSIANS, self.max_gaussians);
+        match self.settings.initial {
+            InitialPoints::Random => return Ok(initial::random(ball, count, rng)),
+            InitialPoints::Auto if !scene.points.is_empty() => {
+                let points = initial::sparse(scene, seen);
+                if points.positions.len() >= MIN_GAUSSIANS {
+                    return Ok(points);
+                }
+            }
+            _ => {}
+        }
+        let inset = self.settings.initial_inset;
+        initial::hull_surface(seen, self.synchronous, (count, inset), rng).ok_or_else(|| {
+            let reason = "the masks have no common visual hull: a camera's pose or axes are wrong (see `gic inspect`)";
+            MotionError::NothingToTrain(reason.into())
+        })
+    }
+}
