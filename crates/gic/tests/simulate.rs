@@ -393,3 +393,59 @@ fn gradients_agree_with_finite_differences() {
         &["youngs_modulus_pa", "friction_angle_deg", "viscosity_pa_s", "plastic_viscosity_pa_s", "derivatives agree"],
     );
 }
+
+/// Two boxes of different materials in free fall, one faster than the other: they meet in the air.
+#[test]
+fn twins_in_one_world_exchange_momentum_and_keep_its_sum() {
+    let case = Case::new();
+    let mut twin = box_twin();
+    twin["continuum"]["centre_m"] = json!([0, 0.5, 0]);
+    twin["initial_velocity_m_s"] = json!([0.0, 0.0, 0.0]);
+    let other = json!({
+        "schema": "gic.twin/1",
+        "material": {"model": "plasticine", "youngs_modulus_pa": 2e5, "poisson_ratio": 0.3, "yield_stress_pa": 2e3},
+        "density_kg_m3": 2000.0,
+        "initial_velocity_m_s": [0.0, -2.0, 0.0],
+        "grid_spacing_m": 0.04,
+        "continuum": {"shape": "box", "size_m": [0.12, 0.12, 0.12]}
+    });
+    let file = case.path("other.json");
+    fs::write(&file, other.to_string()).unwrap();
+    let with = format!("{}@0.03,0.68,0", file.display());
+    let output = case.simulate(&twin, "out", &["--with", &with, "--frames", "4"]);
+    assert!(output.status.success(), "{output:?}");
+    let trajectory: Value = serde_json::from_slice(&fs::read(case.path("out/trajectory.json")).unwrap()).unwrap();
+    let frames = trajectory["frames"].as_array().unwrap();
+    let momentum = |frame: &Value| frame["momentum_kg_m_s"][1].as_f64().unwrap();
+    // 0.12^3 m^3 of 1000 and of 2000 kg/m^3.
+    let mass = 3.0 * 1.728;
+    for frame in frames {
+        let expected = momentum(&frames[0]) - 9.8 * mass * frame["time_s"].as_f64().unwrap();
+        assert!((momentum(frame) / expected - 1.0).abs() < 1e-4, "{} against {expected}", momentum(frame));
+    }
+    // They have met: the lower one is faster than free fall.
+    let counts: Vec<usize> = serde_json::from_value(trajectory["bodies"].clone()).unwrap();
+    let (names, particles) = rows(&case.path("out/particles_0003.ply"));
+    let vy = names.iter().position(|n| n == "vy").unwrap();
+    let mean = particles[..counts[0]].iter().map(|row| row[vy]).sum::<f32>() / counts[0] as f32;
+    assert!(mean < -9.8 * 3.0 / 24.0 - 0.3, "{mean}");
+}
+
+#[test]
+fn another_law_gravity_and_obstacles_come_by_flags() {
+    let case = Case::new();
+    let obstacles = case.path("press.toml");
+    let text = "[[colliders]]\nshape = \"sphere\"\ncentre_m = [0.0, -1.0, 0.0]\nradius_m = 0.1\ncontact = \"slip\"\n";
+    fs::write(&obstacles, text).unwrap();
+    let flags = ["--material", "newtonian", "--gravity", "0,-1.6,0", "--velocity", "0,0,0", "--frames", "2"];
+    let missing = case.simulate(&box_twin(), "out", &flags);
+    assert_says(&String::from_utf8_lossy(&missing.stderr), &["material.viscosity_pa_s", "is missing"]);
+    let all = [&flags[..], &["--set", "viscosity_pa_s=50", "--set", "bulk_modulus_pa=1e5"]].concat();
+    let all = [&all[..], &["--colliders", obstacles.to_str().unwrap()]].concat();
+    let output = case.simulate(&box_twin(), "out", &all);
+    assert!(output.status.success(), "{output:?}");
+    let trajectory: Value = serde_json::from_slice(&fs::read(case.path("out/trajectory.json")).unwrap()).unwrap();
+    assert_eq!(trajectory["twin"]["material"]["model"], "newtonian");
+    assert_eq!(trajectory["twin"]["gravity_m_s2"], json!([0.0, -1.6, 0.0]));
+    assert_eq!(trajectory["colliders"][1], "colliders[1] (sphere)");
+}

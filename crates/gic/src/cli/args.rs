@@ -214,8 +214,9 @@ pub(crate) struct SceneAndRun {
 
 /// Simulate a twin: what happens to this matter from here on
 ///
-/// Writes particles_NNNN.ply (binary; position, velocity, von Mises stress, J = relative volume) for every frame from 0,
-/// the initial state, and trajectory.json. Run the same command again after an interruption, or with more --frames, and it
+/// The same world, further on, or another one: other parameters, another law, other obstacles, company. Writes
+/// particles_NNNN.ply (binary; position, velocity, von Mises stress, J = relative volume) for every frame from 0, the
+/// initial state, and trajectory.json. Run the same command again after an interruption, or with more --frames, and it
 /// goes on where it stopped, with the same bytes as without interruption.
 #[derive(Debug, Args)]
 #[command(after_help = "Example: gic simulate examples/elastic.json -o /tmp/elastic --set youngs_modulus_pa=2e5")]
@@ -232,6 +233,21 @@ pub(crate) struct SimulateArgs {
     /// Change a value of the twin: youngs_modulus_pa=2e5, gravity_m_s2=0,-1.62,0, colliders.0.contact=slip
     #[arg(long, value_name = "KEY=VALUE")]
     pub(crate) set: Vec<Setting>,
+    /// Another law; parameters that both laws have stay, further ones come with --set
+    #[arg(long, value_enum)]
+    pub(crate) material: Option<Model>,
+    /// Gravity [m/s^2]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub(crate) gravity: Option<String>,
+    /// Initial velocity [m/s]
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    pub(crate) velocity: Option<String>,
+    /// Further obstacles, at rest or moving: a TOML or JSON file with a list `colliders` as in a twin
+    #[arg(long, value_name = "FILE")]
+    pub(crate) colliders: Option<PathBuf>,
+    /// Another twin or run folder in the same world, moved by X,Y,Z metres; may be repeated, also for copies of the same
+    #[arg(long = "with", value_name = "TWIN@X,Y,Z")]
+    pub(crate) companions: Vec<gic::simulate::Companion>,
     /// Start anew, even if the folder holds frames of another twin or other settings
     #[arg(long)]
     pub(crate) restart: bool,

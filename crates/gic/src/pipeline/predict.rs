@@ -9,6 +9,8 @@ impl Run<'_> {
         let request = Request {
             twin: self.path("twin.json"),
             settings: Vec::new(),
+            colliders: None,
+            companions: Vec::new(),
             out: self.path("prediction"),
             frames: Some(self.frames_to_simulate()),
             restart: true,

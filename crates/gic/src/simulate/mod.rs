@@ -1,11 +1,12 @@
 //! `gic simulate`: a twin's future, frame by frame, resumable after each.
 
+mod bodies;
 mod state;
 mod trajectory;
 
 use std::path::{Path, PathBuf};
 
-use gic_mpm::{Frame, Options, SimulationError, Simulator, World};
+use gic_mpm::{Frame, Options, SimulationError, Simulator};
 
 use crate::atomic;
 use crate::error::{Error, Result};
@@ -14,6 +15,8 @@ use crate::interrupt::Interrupt;
 use crate::matter::write_particles;
 use crate::twin::{Setting, Twin};
 use crate::usage::Meter;
+use bodies::Cast;
+pub use bodies::Companion;
 pub use trajectory::{FrameSummary, Trajectory};
 
 const STAGE: &str = "simulate";
@@ -25,6 +28,10 @@ pub struct Request {
     pub twin: PathBuf,
     /// Changes to the twin.
     pub settings: Vec<Setting>,
+    /// A file with further obstacles.
+    pub colliders: Option<PathBuf>,
+    /// Further twins in the same world.
+    pub companions: Vec<Companion>,
     /// Folder for the frames.
     pub out: PathBuf,
     /// Frames in all, the initial state included; `None` takes the twin's.
@@ -49,10 +56,10 @@ pub struct Outcome {
 /// # Errors
 /// Bad input, an unstable simulation, an unwritable folder; [`Error::Interrupted`] after the frame during which the interrupt came.
 pub fn simulate(request: &Request, events: &Events, interrupt: &Interrupt) -> Result<Outcome> {
-    let (twin, world) = Twin::read(&request.twin, &request.settings)?.to_world()?;
-    let frames = request.frames.unwrap_or(twin.frames);
+    let cast = Cast::read(request)?;
+    let frames = request.frames.unwrap_or(cast.twin.frames);
     atomic::create_folder(&request.out)?;
-    let mut run = Run::open(request, &twin, &world, frames)?;
+    let mut run = Run::open(request, &cast, frames)?;
     let reused = run.trajectory.frames.len();
     let particles = run.trajectory.particles;
     if reused >= frames {
@@ -86,22 +93,23 @@ struct Run<'a> {
     trajectory: Trajectory,
     identity: [u8; 32],
     frame_rate_hz: f64,
-    particle_mass_kg: f64,
+    /// Number of particles of each body and the mass of one [kg].
+    masses: Vec<(usize, f64)>,
 }
 
 impl<'a> Run<'a> {
     /// Sets up the simulation and takes up what the folder holds of it.
-    fn open(request: &'a Request, twin: &Twin, world: &World, frames: usize) -> Result<Self> {
+    fn open(request: &'a Request, cast: &Cast, frames: usize) -> Result<Self> {
         let options = Options::default();
-        let simulator = Simulator::new(world, &options).map_err(|source| refused(twin, source))?;
-        let trajectory = Trajectory::new(twin, world, &options);
+        let simulator = Simulator::new(&cast.world, &options).map_err(|source| refused(&cast.twin, source))?;
+        let trajectory = Trajectory::new(cast, &options);
         let mut run = Self {
             out: &request.out,
             simulator,
             identity: trajectory.identity(),
             trajectory,
-            frame_rate_hz: world.frame_rate_hz,
-            particle_mass_kg: twin.density_kg_m3 * world.bodies[0].particle_volume_m3,
+            frame_rate_hz: cast.world.frame_rate_hz,
+            masses: cast.masses(),
         };
         if !request.restart {
             run.take_up(frames)?;
@@ -141,7 +149,7 @@ impl<'a> Run<'a> {
         };
         let file = format!("particles_{index:04}.ply");
         write_frame(&self.out.join(&file), &frame)?;
-        let summary = FrameSummary::new(&frame, file, self.frame_rate_hz, self.particle_mass_kg);
+        let summary = FrameSummary::new(&frame, file, self.frame_rate_hz, &self.masses);
         self.trajectory.frames.push(summary);
         self.trajectory.write(self.out)?;
         state::write(self.out, &self.identity, &self.simulator.snapshot())?;

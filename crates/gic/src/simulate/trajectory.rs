@@ -2,13 +2,14 @@
 
 use std::path::Path;
 
-use gic_mpm::{Frame, Options, World};
+use gic_mpm::{Frame, Options};
 use gic_simd::Level;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
+use super::bodies::Cast;
 use crate::atomic;
 use crate::difference::first_difference;
 use crate::error::{Error, Result};
@@ -31,6 +32,9 @@ pub struct Trajectory {
     pub particles_sha256: String,
     /// Number of particles.
     pub particles: usize,
+    /// Number of particles of each body: the twin's, then its companions', in the order of the files.
+    #[serde(default)]
+    pub bodies: Vec<usize>,
     /// Names of the obstacles, in the order of the contact forces.
     pub colliders: Vec<String>,
     /// The frames.
@@ -56,6 +60,9 @@ pub struct FrameSummary {
     pub low_m: [f64; 3],
     /// Largest coordinates [m].
     pub high_m: [f64; 3],
+    /// Momentum of all particles [kg m/s].
+    #[serde(default)]
+    pub momentum_kg_m_s: [f64; 3],
     /// Speed of the fastest particle [m/s].
     pub largest_speed_m_s: f64,
     /// Kinetic energy of the particles' velocities [J].
@@ -72,9 +79,9 @@ pub struct FrameSummary {
 
 impl Trajectory {
     /// A trajectory without frames.
-    pub(super) fn new(twin: &Twin, world: &World, options: &Options) -> Self {
+    pub(super) fn new(cast: &Cast, options: &Options) -> Self {
         let mut hash = Sha256::new();
-        let positions = || world.bodies.iter().flat_map(|body| &body.positions);
+        let positions = || cast.world.bodies.iter().flat_map(|body| &body.positions);
         for coordinate in positions().flat_map(|p| p.to_array()) {
             hash.update(coordinate.to_le_bytes());
         }
@@ -82,10 +89,11 @@ impl Trajectory {
             schema: "gic.trajectory/1".into(),
             gic_version: crate::VERSION.into(),
             simd: simd_level(options),
-            twin: physics(twin),
+            twin: everything(cast),
             particles_sha256: format!("{:x}", hash.finalize()),
             particles: positions().count(),
-            colliders: twin.colliders.iter().enumerate().map(|(i, o)| o.label(i)).collect(),
+            bodies: cast.world.bodies.iter().map(|body| body.positions.len()).collect(),
+            colliders: cast.twin.colliders.iter().enumerate().map(|(i, o)| o.label(i)).collect(),
             frames: Vec::new(),
         }
     }
@@ -133,6 +141,17 @@ impl Trajectory {
     }
 }
 
+/// The twin and its companions as JSON.
+fn everything(cast: &Cast) -> Value {
+    let mut value = physics(&cast.twin);
+    if let (Some(map), false) = (value.as_object_mut(), cast.companions.is_empty()) {
+        let companions =
+            cast.companions.iter().map(|(twin, shift_m)| json!({ "shift_m": shift_m, "twin": physics(twin) }));
+        map.insert("companions".into(), companions.collect());
+    }
+    value
+}
+
 /// The twin as JSON without what has no influence on the frames.
 fn physics(twin: &Twin) -> Value {
     let mut value = serde_json::to_value(twin).unwrap_or_default();
@@ -145,10 +164,12 @@ fn physics(twin: &Twin) -> Value {
 }
 
 impl FrameSummary {
-    /// The numbers of a frame of particles of equal mass [kg].
-    pub(super) fn new(frame: &Frame, file: String, frame_rate_hz: f64, particle_mass_kg: f64) -> Self {
-        let n = frame.positions.len() as f64;
-        let mean = |v: &[DVec3]| (v.iter().sum::<DVec3>() / n).to_array();
+    /// The numbers of a frame; `masses` holds the number of particles of each body and the mass of one [kg].
+    pub(super) fn new(frame: &Frame, file: String, frame_rate_hz: f64, masses: &[(usize, f64)]) -> Self {
+        let each = || masses.iter().flat_map(|&(n, mass)| std::iter::repeat_n(mass, n));
+        let total: f64 = each().sum();
+        let weighted = |v: &[DVec3]| v.iter().zip(each()).map(|(v, mass)| *v * mass).sum::<DVec3>();
+        let momentum = weighted(&frame.velocities);
         let squares = || frame.velocities.iter().map(|v| v.length_squared());
         let low = frame.positions.iter().fold(DVec3::INFINITY, |low, &p| low.min(p));
         let high = frame.positions.iter().fold(DVec3::NEG_INFINITY, |high, &p| high.max(p));
@@ -159,12 +180,13 @@ impl FrameSummary {
             time_s: frame.index as f64 / frame_rate_hz,
             file,
             substeps: frame.substeps,
-            centre_of_mass_m: mean(&frame.positions),
-            velocity_m_s: mean(&frame.velocities),
+            centre_of_mass_m: (weighted(&frame.positions) / total).to_array(),
+            velocity_m_s: (momentum / total).to_array(),
+            momentum_kg_m_s: momentum.to_array(),
             low_m: low.to_array(),
             high_m: high.to_array(),
             largest_speed_m_s: squares().fold(0.0, f64::max).sqrt(),
-            kinetic_energy_j: 0.5 * particle_mass_kg * squares().sum::<f64>(),
+            kinetic_energy_j: 0.5 * squares().zip(each()).map(|(square, mass)| square * mass).sum::<f64>(),
             largest_von_mises_pa: frame.von_mises_pa.iter().copied().fold(0.0, f32::max).into(),
             jacobian: jacobian.map(f64::from),
             contact_forces_n: frame.contacts.iter().map(|c| c.force_n.to_array()).collect(),

@@ -34,12 +34,7 @@ pub(super) const TOP_KEYS: &[&str] = &[
 ];
 
 pub(super) fn twin(path: &Path, settings: &[Setting]) -> Result<Twin> {
-    let text = std::fs::read_to_string(path).map_err(Error::read(path))?;
-    let mut value: Value = serde_json::from_str(&text).map_err(|source| Error::Syntax {
-        path: path.to_owned(),
-        format: "JSON",
-        source: source.into(),
-    })?;
+    let mut value = json(path)?;
     for setting in settings {
         setting.apply(path, &mut value)?;
     }
@@ -52,6 +47,15 @@ fn json(path: &Path) -> Result<Value> {
         path: path.to_owned(),
         format: "JSON",
         source: source.into(),
+    })
+}
+
+fn toml(path: &Path) -> Result<Value> {
+    let text = std::fs::read_to_string(path).map_err(Error::read(path))?;
+    toml::from_str(&text).map_err(|source| Error::Syntax {
+        path: path.to_owned(),
+        format: "TOML",
+        source: Box::new(source),
     })
 }
 
@@ -104,6 +108,11 @@ const MODELS: [Material; 5] = [
         plastic_viscosity_pa_s: 1.0,
     },
 ];
+
+/// The parameters of a law, by the law's name; `None` for a name that is no law's.
+pub(super) fn parameter_names(model: &str) -> Option<&'static [&'static str]> {
+    MODELS.iter().find(|material| material.model() == model).map(|material| material.parameter_names())
+}
 
 fn material(m: &Object) -> Result<Material> {
     let names = MODELS.map(|material| material.model());
@@ -189,9 +198,13 @@ fn shape(s: &Object) -> Result<Shape> {
     })
 }
 
+/// The obstacles of a file: a JSON list, or JSON or TOML with a list `colliders`.
 pub(super) fn obstacle_list(path: &Path) -> Result<Vec<Obstacle>> {
-    let list: Value = json(path)?;
-    obstacles(path, &Object::new(path, "", &serde_json::json!({ "colliders": list }))?)
+    let content = if path.extension().is_some_and(|ending| ending == "toml") { toml(path)? } else { json(path)? };
+    let whole = if content.is_array() { serde_json::json!({ "colliders": content }) } else { content };
+    let top = Object::new(path, "", &whole)?;
+    top.allow_only(&["colliders"])?;
+    obstacles(path, &top)
 }
 
 fn obstacles(file: &Path, top: &Object) -> Result<Vec<Obstacle>> {

@@ -5,7 +5,7 @@ use std::str::FromStr;
 
 use serde_json::{Map, Value};
 
-use super::read::TOP_KEYS;
+use super::read::{TOP_KEYS, parameter_names};
 use crate::error::{Error, Result};
 
 /// One change to a twin: a key, or a path of keys and list positions joined by dots, and its new value.
@@ -45,7 +45,7 @@ fn parse_value(text: &str) -> Value {
 impl Setting {
     /// Applies the change to the JSON of a twin. Misspelled keys are found later, by the strict reader.
     pub(super) fn apply(&self, file: &Path, root: &mut Value) -> Result<()> {
-        let mut here = root;
+        let mut here = &mut *root;
         for (depth, key) in self.path.iter().enumerate() {
             let place = self.path[..=depth].join(".");
             let refuse = |problem: &str| Error::Field {
@@ -67,7 +67,18 @@ impl Setting {
             };
         }
         *here = self.value.clone();
+        if self.path == ["material", "model"] {
+            self.forget_other_laws(root);
+        }
         Ok(())
+    }
+
+    /// After a change of the law: parameters that it does not have go. Those that it lacks are asked for by the strict reader.
+    fn forget_other_laws(&self, root: &mut Value) {
+        let names = self.value.as_str().and_then(parameter_names);
+        if let (Some(material), Some(names)) = (root["material"].as_object_mut(), names) {
+            material.retain(|key, _| key == "model" || names.contains(&key.as_str()));
+        }
     }
 }
 
@@ -90,6 +101,14 @@ mod tests {
         assert_eq!(value("gravity_m_s2=0,-1.62,0"), json!([0, -1.62, 0]));
         assert_eq!(value("gravity_m_s2=[0,-1.62,0]"), json!([0, -1.62, 0]));
         assert_eq!(value("colliders.0.contact=slip"), json!("slip"));
+    }
+
+    #[test]
+    fn another_law_keeps_the_parameters_that_it_has() {
+        let mut twin = json!({"material": {"model": "plasticine", "youngs_modulus_pa": 1e5, "poisson_ratio": 0.3, "yield_stress_pa": 1e3}});
+        let set: Setting = "material.model=elastic".parse().unwrap();
+        set.apply(Path::new("t.json"), &mut twin).unwrap();
+        assert_eq!(twin["material"], json!({"model": "elastic", "youngs_modulus_pa": 1e5, "poisson_ratio": 0.3}));
     }
 
     #[test]

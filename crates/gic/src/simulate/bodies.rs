@@ -1,0 +1,103 @@
+//! The bodies of a simulation: a twin, and others that share its world.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use gic_mpm::{Stepping, World};
+use glam::DVec3;
+
+use super::Request;
+use crate::error::Result;
+use crate::twin::Twin;
+
+/// Another twin, or another copy of the same, in the world of the first: its own matter and material, the first one's gravity,
+/// obstacles, grid and frame rate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Companion {
+    /// The twin's file, or a run folder.
+    pub twin: PathBuf,
+    /// By how much it is moved [m].
+    pub shift_m: [f64; 3],
+}
+
+impl FromStr for Companion {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        let wrong = || format!("`{text}` must be TWIN@X,Y,Z, for example other/twin.json@0,0.4,0 (metres)");
+        let (path, shift) = text.rsplit_once('@').ok_or_else(wrong)?;
+        let numbers: Option<Vec<f64>> =
+            shift.split(',').map(|x| x.trim().parse().ok().filter(|x: &f64| x.is_finite())).collect();
+        let shift_m = numbers.and_then(|n| <[f64; 3]>::try_from(n).ok()).ok_or_else(wrong)?;
+        if path.is_empty() { Err(wrong()) } else { Ok(Self { twin: path.into(), shift_m }) }
+    }
+}
+
+/// Everything that is simulated.
+pub(super) struct Cast {
+    /// The twin whose world it is, with spacings resolved.
+    pub(super) twin: Twin,
+    /// The others, with what they are moved by [m].
+    pub(super) companions: Vec<(Twin, [f64; 3])>,
+    pub(super) world: World,
+}
+
+impl Cast {
+    pub(super) fn read(request: &Request) -> Result<Self> {
+        let mut first = Twin::read(&request.twin, &request.settings)?;
+        if let Some(file) = &request.colliders {
+            first.colliders.extend(Twin::read_obstacles(file)?);
+        }
+        let (twin, mut world) = first.to_world()?;
+        let mut companions = Vec::new();
+        for companion in &request.companions {
+            let (other, theirs) = Twin::read(&companion.twin, &[])?.to_world()?;
+            for mut body in theirs.bodies {
+                body.positions.iter_mut().for_each(|p| *p += DVec3::from(companion.shift_m));
+                world.bodies.push(body);
+            }
+            world.stepping = finer(world.stepping, theirs.stepping);
+            companions.push((other, companion.shift_m));
+        }
+        Ok(Self { twin, companions, world })
+    }
+
+    /// Number of particles of each body and the mass of one [kg].
+    pub(super) fn masses(&self) -> Vec<(usize, f64)> {
+        let bodies = self.world.bodies.iter();
+        bodies.map(|body| (body.positions.len(), body.density_kg_m3 * body.particle_volume_m3)).collect()
+    }
+}
+
+/// Substeps that serve both; where one of them leaves their number open, stability decides.
+fn finer(a: Stepping, b: Stepping) -> Stepping {
+    match (a, b) {
+        (Stepping::Fixed { substeps_per_frame: a }, Stepping::Fixed { substeps_per_frame: b }) => {
+            Stepping::Fixed { substeps_per_frame: a.max(b) }
+        }
+        (bound @ Stepping::Bound { .. }, _) | (_, bound) => bound,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn companions_are_a_path_and_a_shift() {
+        let companion: Companion = "a@b/twin.json@0,0.4,-1".parse().unwrap();
+        assert_eq!(companion, Companion { twin: "a@b/twin.json".into(), shift_m: [0.0, 0.4, -1.0] });
+        for wrong in ["twin.json", "twin.json@1,2", "twin.json@1,2,x", "@1,2,3", "t@1,2,inf"] {
+            assert!(wrong.parse::<Companion>().is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn the_finer_stepping_wins() {
+        let fixed = |n| Stepping::Fixed { substeps_per_frame: n };
+        let bound = Stepping::Bound { courant: 0.4 };
+        assert_eq!(finer(fixed(100), fixed(200)), fixed(200));
+        assert_eq!(finer(bound, fixed(200)), bound);
+        assert_eq!(finer(fixed(200), bound), bound);
+    }
+}
