@@ -278,6 +278,9 @@ pub(crate) struct RenderArgs {
     /// What the colours mean
     #[arg(long, value_enum, default_value = "stress")]
     pub(crate) color: gic::render::Coloring,
+    /// Put the video's picture to the left; needs a camera of the scene
+    #[arg(long)]
+    pub(crate) beside_video: bool,
     /// Width and height of pictures from an orbit [pixels]
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "640x480", value_parser = size)]
     pub(crate) size: [usize; 2],

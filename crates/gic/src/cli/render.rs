@@ -13,6 +13,7 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> anyhow::Result<()> {
         scene: args.scene.clone(),
         background: args.background,
         coloring: args.color,
+        beside_video: args.beside_video,
         size: args.size,
         film: args.film.clone(),
         slow_motion: args.slow_motion,

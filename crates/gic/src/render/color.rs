@@ -15,6 +15,8 @@ pub enum Coloring {
     Speed,
     /// One colour for all.
     Plain,
+    /// As the video showed the object.
+    Appearance,
 }
 
 /// From a particle's value to its colour.
@@ -30,7 +32,7 @@ impl Scale {
         let largest = |frame: &FrameSummary| match coloring {
             Coloring::Stress => frame.largest_von_mises_pa,
             Coloring::Speed => frame.largest_speed_m_s,
-            Coloring::Plain => 1.0,
+            Coloring::Plain | Coloring::Appearance => 1.0,
         };
         let mut maxima: Vec<f64> = trajectory.frames.iter().map(largest).collect();
         maxima.sort_by(f64::total_cmp);
@@ -42,7 +44,7 @@ impl Scale {
         match self.coloring {
             Coloring::Stress => format!("colour: von Mises stress, blue 0 to red {:.3e} Pa and more", self.most),
             Coloring::Speed => format!("colour: speed, blue 0 to red {:.3} m/s and more", self.most),
-            Coloring::Plain => "colour: plain".into(),
+            Coloring::Plain | Coloring::Appearance => "colour: plain".into(),
         }
     }
 
@@ -53,7 +55,7 @@ impl Scale {
         match self.coloring {
             Coloring::Stress => along(&particles.von_mises_pa),
             Coloring::Speed => along(&particles.speeds),
-            Coloring::Plain => vec![coefficients([0.80, 0.58, 0.42]); particles.positions.len()],
+            Coloring::Plain | Coloring::Appearance => vec![coefficients([0.80, 0.58, 0.42]); particles.positions.len()],
         }
     }
 }

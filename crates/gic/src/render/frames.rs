@@ -53,6 +53,19 @@ impl Motion {
         })
     }
 
+    /// Number of particles of each body, and the file that its matter comes from; `None` for a shape.
+    pub(super) fn continua(&self) -> Vec<(usize, Option<String>)> {
+        let file = |twin: &serde_json::Value| twin.get("continuum").and_then(|c| c.as_str()).map(str::to_owned);
+        let companions = self.trajectory.twin.get("companions").and_then(|c| c.as_array());
+        let others = companions.into_iter().flatten().filter_map(|c| c.get("twin"));
+        let files = std::iter::once(&self.trajectory.twin).chain(others).map(file);
+        match self.trajectory.bodies.as_slice() {
+            // Written before there could be several.
+            [] => files.map(|file| (self.trajectory.particles, file)).collect(),
+            counts => counts.iter().copied().zip(files).collect(),
+        }
+    }
+
     /// Frames per second of the simulation.
     pub(super) fn frame_rate_hz(&self) -> f64 {
         self.trajectory.twin.get("frame_rate_hz").and_then(|rate| rate.as_f64()).unwrap_or(24.0)

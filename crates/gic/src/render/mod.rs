@@ -3,17 +3,17 @@
 mod color;
 mod film;
 mod frames;
+mod paint;
 mod shade;
 mod viewpoint;
 
 use std::path::PathBuf;
 
-use gic_scene::{Camera, Picture};
-use gic_splat::{Gaussians, RenderSettings, Shape};
+use gic_scene::Picture;
 
 pub use color::Coloring;
-use frames::{Motion, Particles};
-use shade::Stage;
+use frames::Motion;
+use paint::Paint;
 pub use viewpoint::Viewpoint;
 
 use crate::atomic;
@@ -23,11 +23,6 @@ use crate::interrupt::Interrupt;
 use crate::usage::Meter;
 
 const STAGE: &str = "render";
-/// Standard deviation of a particle's Gaussian in units of the particles' spacing: closed surfaces, sharp outlines.
-const SCALE: f64 = 0.55;
-/// Opacity of a particle.
-const OPACITY: f32 = 0.95;
-
 /// What lies behind the matter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Background {
@@ -56,6 +51,8 @@ pub struct Request {
     pub background: Background,
     /// Meaning of the colours.
     pub coloring: Coloring,
+    /// Put the video's picture to the left of each picture; needs a camera of the scene.
+    pub beside_video: bool,
     /// Width and height [pixels] of pictures from an orbit.
     pub size: [usize; 2],
     /// A film besides the pictures: .gif or .mp4.
@@ -85,8 +82,9 @@ pub fn render(request: &Request, events: &Events, interrupt: &Interrupt) -> Resu
     let motion = Motion::open(&request.frames)?;
     let view = viewpoint::View::new(request, &motion)?;
     let stage = view.stage(&motion, request.background);
-    let spacing = motion.particles(0)?.spacing();
-    let scale = color::Scale::new(request.coloring, &motion.trajectory);
+    let first = motion.particles(0)?;
+    let paint = Paint::new(request.coloring, &motion, &first)?;
+    let mut first = Some(first);
     atomic::create_folder(&request.out)?;
     let count = motion.trajectory.frames.len();
     events.send(&Event::StageStarted { stage: STAGE.into(), reason: format!("{count} frames") });
@@ -99,9 +97,16 @@ pub fn render(request: &Request, events: &Events, interrupt: &Interrupt) -> Resu
                 resume: "run the same command again".into(),
             });
         }
-        let particles = motion.particles(index)?;
+        let particles = match first.take() {
+            Some(particles) => particles,
+            None => motion.particles(index)?,
+        };
         let camera = view.camera(index, count);
-        let picture = draw(&particles, spacing, &scale, &camera, &stage);
+        let rendered = gic_splat::render(&paint.gaussians(&particles), &camera, &paint.settings());
+        let mut picture = shade::compose(&rendered, &camera, &stage, paint.is_lit());
+        if request.beside_video {
+            picture = beside(&view.video(motion.trajectory.frames[index].time_s)?, &picture);
+        }
         let path = request.out.join(format!("frame_{index:04}.png"));
         picture.save_png(&path).map_err(Error::stage(STAGE))?;
         if film.is_some() {
@@ -111,20 +116,15 @@ pub fn render(request: &Request, events: &Events, interrupt: &Interrupt) -> Resu
     }
     let film = film.map(|film| film.write(&pictures, &request.out, motion.frame_rate_hz())).transpose()?;
     events.send(&meter.done(STAGE));
-    Ok(Outcome { frames: count, legend: scale.legend(), film })
+    Ok(Outcome { frames: count, legend: paint.legend(), film })
 }
 
-/// One picture.
-fn draw(particles: &Particles, spacing: f64, scale: &color::Scale, camera: &Camera, stage: &Stage<'_>) -> Picture {
-    let gaussians = Gaussians {
-        positions: particles.positions.iter().map(|p| p.as_vec3().to_array()).collect(),
-        opacities: vec![OPACITY; particles.positions.len()],
-        shape: Shape::Isotropic { scales: vec![(SCALE * spacing) as f32; particles.positions.len()] },
-        sh_degree: 0,
-        sh: scale.harmonics(particles),
-    };
-    // The filter of masks: true outlines, no fringe.
-    let settings = RenderSettings { channels: gic_splat::Channels::ColorAlphaDepth, ..RenderSettings::masks() };
-    let rendered = gic_splat::render(&gaussians, camera, &settings);
-    shade::compose(&rendered, camera, stage)
+/// Two pictures of the same height, side by side.
+fn beside(left: &Picture, right: &Picture) -> Picture {
+    let rows = left.rgb.chunks_exact(3 * left.width).zip(right.rgb.chunks_exact(3 * right.width));
+    Picture {
+        width: left.width + right.width,
+        height: left.height.min(right.height),
+        rgb: rows.flat_map(|(l, r)| l.iter().chain(r)).copied().collect(),
+    }
 }

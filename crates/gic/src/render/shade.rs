@@ -29,8 +29,8 @@ pub(super) enum Backdrop<'a> {
     Picture(&'a Picture),
 }
 
-/// Lights what was drawn over black, and puts it before the backdrop.
-pub(super) fn compose(rendered: &Rendered, camera: &Camera, stage: &Stage<'_>) -> Picture {
+/// Lights what was drawn over black, unless it is lit already, and puts it before the backdrop.
+pub(super) fn compose(rendered: &Rendered, camera: &Camera, stage: &Stage<'_>, is_lit: bool) -> Picture {
     let (width, height) = (camera.width, camera.height);
     // From above, beside the camera.
     let light = (stage.up * 1.2 - camera.rotation.x_axis * 0.5 - camera.rotation.z_axis * 0.7).normalize();
@@ -40,8 +40,11 @@ pub(super) fn compose(rendered: &Rendered, camera: &Camera, stage: &Stage<'_>) -
             let i = y * width + x;
             let behind = stage.backdrop.color(camera, x, y);
             let left = 1.0 - rendered.alpha[i];
-            let shade = normal(rendered, camera, x, y)
-                .map_or(OUTLINE, |n| AMBIENT + (1.0 - AMBIENT) * 1.2 * n.dot(light).max(0.0) as f32);
+            let shade = match is_lit {
+                true => 1.0,
+                false => normal(rendered, camera, x, y)
+                    .map_or(OUTLINE, |n| AMBIENT + (1.0 - AMBIENT) * 1.2 * n.dot(light).max(0.0) as f32),
+            };
             for c in 0..3 {
                 rgb.push((rendered.color[i][c] * shade + left * behind[c]).clamp(0.0, 1.0));
             }

@@ -43,13 +43,17 @@ const MARGIN: f64 = 1.15;
 /// The cameras of a rendering, and what stands still in it.
 pub(super) enum View {
     Orbit { centre: DVec3, distance: f64, up: DVec3, size: [usize; 2] },
-    Fixed { camera: Camera, backdrop: Option<Picture> },
+    Fixed { number: usize, camera: Camera, backdrop: Option<Picture>, scene: Box<Scene> },
 }
 
 impl View {
     pub(super) fn new(request: &Request, motion: &Motion) -> Result<Self> {
         let needs_picture = request.background == Background::Picture;
         match request.viewpoint {
+            Viewpoint::Orbit if request.beside_video => Err(Error::Usage {
+                problem: "no video was taken from an orbit".into(),
+                hint: Some("use a camera of the scene: --camera 0 --beside-video".into()),
+            }),
             Viewpoint::Orbit if needs_picture => Err(Error::Usage {
                 problem: "an orbit has no background picture".into(),
                 hint: Some("use a camera of the scene (--camera 0), or --background floor, black or white".into()),
@@ -78,7 +82,7 @@ impl View {
                         hint: Some("use --background floor, black or white".into()),
                     });
                 }
-                Ok(Self::Fixed { camera: camera.clone(), backdrop })
+                Ok(Self::Fixed { number, camera: camera.clone(), backdrop, scene: Box::new(scene) })
             }
         }
     }
@@ -90,6 +94,22 @@ impl View {
             Self::Orbit { centre, distance, up, size } => {
                 let turn = TAU * index as f64 / count.max(1) as f64 + 0.25 * PI;
                 orbit(*centre, *distance, *up, turn, *size)
+            }
+        }
+    }
+
+    /// The video's picture at a time [s]; black where there is none.
+    pub(super) fn video(&self, time_s: f64) -> Result<Picture> {
+        let Self::Fixed { number, camera, scene, .. } = self else {
+            unreachable!("an orbit beside the video is refused")
+        };
+        let half_frame = 0.5 / scene.frame_rate.unwrap_or(24.0);
+        let frame = scene.times.iter().position(|t| (t - time_s).abs() < half_frame);
+        match frame.and_then(|frame| scene.view(*number, frame)) {
+            Some(view) => Ok(scene.load(view).map_err(Error::stage(STAGE))?.0),
+            None => {
+                let rgb = vec![0.0; 3 * camera.width * camera.height];
+                Ok(Picture { width: camera.width, height: camera.height, rgb })
             }
         }
     }
