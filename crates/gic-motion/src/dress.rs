@@ -39,13 +39,14 @@ impl LitGaussians {
     pub fn at(&self, positions: Vec<[f32; 3]>, normals: &[[f32; 3]]) -> Gaussians {
         let lit = |(sh, &normal): (&[f32; 3], &[f32; 3])| {
             let light = self.light.at(normal);
-            core::array::from_fn(|c| coefficient(color(sh[c]) * light[c]))
+            core::array::from_fn(|c| coefficient(color_of(sh[c]) * light[c]))
         };
         Gaussians { positions, sh: self.gaussians.sh.iter().zip(normals).map(lit).collect(), ..self.gaussians.clone() }
     }
 }
 
-fn color(coefficient: f32) -> f32 {
+/// The colour in [0, 1] of a degree-0 harmonic's coefficient.
+pub fn color_of(coefficient: f32) -> f32 {
     0.5 + SH0 * coefficient
 }
 

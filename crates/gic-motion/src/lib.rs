@@ -26,7 +26,7 @@ mod tensor_file;
 mod trainer;
 
 pub use base::{Affine, BaseMotion, Pose};
-pub use dress::{DressProgress, DressSettings, LitGaussians, Posture, dress};
+pub use dress::{DressProgress, DressSettings, LitGaussians, Posture, color_of, dress};
 pub use error::MotionError;
 pub use evaluate::{ViewScore, evaluate};
 pub use lattice::Lattice;

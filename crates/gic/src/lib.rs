@@ -18,6 +18,7 @@ pub mod report;
 pub mod simulate;
 pub mod twin;
 pub mod usage;
+pub mod view;
 
 pub use error::{Error, Result};
 pub use interrupt::Interrupt;

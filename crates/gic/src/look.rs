@@ -84,6 +84,16 @@ impl Look {
         Self { spacing, offsets: offsets.collect(), parents, lit }
     }
 
+    /// Distance of neighbouring points [m].
+    pub fn spacing(&self) -> f64 {
+        self.spacing
+    }
+
+    /// Index of the particle that carries each point.
+    pub fn parents(&self) -> &[u32] {
+        &self.parents
+    }
+
     /// The Gaussians to draw when the particles are at `moved` [m], in the order of those that the look was bound to.
     pub fn at(&self, moved: &[DVec3]) -> Gaussians {
         let position = |(&i, &offset): (&u32, &DVec3)| (moved[i as usize] + offset).as_vec3().to_array();
@@ -91,6 +101,11 @@ impl Look {
         let normals = outward_normals(&positions, self.spacing);
         self.lit.at(positions, &normals)
     }
+}
+
+/// RGB of Gaussians that [`Look::at`] gave.
+pub fn colors(drawn: &Gaussians) -> impl Iterator<Item = [f32; 3]> + '_ {
+    drawn.sh.iter().map(|sh| sh.map(gic_motion::color_of))
 }
 
 #[cfg(test)]

@@ -61,6 +61,7 @@ pub(crate) enum Command {
     Export(ExportArgs),
     Simulate(SimulateArgs),
     Render(RenderArgs),
+    View(ViewArgs),
     Gradcheck(GradcheckArgs),
     /// Print the completion script of a shell
     ///
@@ -290,6 +291,20 @@ pub(crate) struct RenderArgs {
     /// How many times slower than life the film runs
     #[arg(long, value_name = "TIMES", default_value = "1", value_parser = slowness)]
     pub(crate) slow_motion: f64,
+}
+
+/// Make a page that shows a simulated motion in a browser: turn it, step through time, see stress and speed
+///
+/// One HTML file that needs nothing installed and no network.
+#[derive(Debug, Args)]
+#[command(after_help = "Example: gic view RUN -o twin.html")]
+pub(crate) struct ViewArgs {
+    /// A folder of simulated frames, or a run folder
+    #[arg(value_name = "FRAMES|RUN")]
+    pub(crate) frames: PathBuf,
+    /// The page [default: view.html in the folder]
+    #[arg(short, long, value_name = "FILE.html")]
+    pub(crate) out: Option<PathBuf>,
 }
 
 /// Check the simulator's gradients: adjoint against finite differences in f64

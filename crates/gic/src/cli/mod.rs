@@ -8,6 +8,7 @@ mod render;
 mod results;
 mod run;
 mod simulate;
+mod view;
 
 use std::io::Write;
 use std::process::ExitCode;
@@ -75,6 +76,7 @@ fn dispatch(command: Command, context: &Context) -> anyhow::Result<()> {
         Command::Identify(args) => run::identify(&args, context),
         Command::Simulate(args) => simulate::run(&args, context),
         Command::Render(args) => render::run(&args, context),
+        Command::View(args) => view::run(&args, context),
         Command::Gradcheck(args) => gradcheck::run(&args, context),
         Command::Completions { shell } => {
             let mut script = Vec::new();

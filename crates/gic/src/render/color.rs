@@ -20,7 +20,7 @@ pub enum Coloring {
 }
 
 /// From a particle's value to its colour.
-pub(super) struct Scale {
+pub(crate) struct Scale {
     coloring: Coloring,
     /// The value that is drawn red.
     most: f64,
@@ -28,7 +28,7 @@ pub(super) struct Scale {
 
 impl Scale {
     /// Red is the largest value of a typical frame: the median of the frames' maxima, so that one short impact does not leave all else blue.
-    pub(super) fn new(coloring: Coloring, trajectory: &Trajectory) -> Self {
+    pub(crate) fn new(coloring: Coloring, trajectory: &Trajectory) -> Self {
         let largest = |frame: &FrameSummary| match coloring {
             Coloring::Stress => frame.largest_von_mises_pa,
             Coloring::Speed => frame.largest_speed_m_s,
@@ -40,7 +40,7 @@ impl Scale {
         Self { coloring, most }
     }
 
-    pub(super) fn legend(&self) -> String {
+    pub(crate) fn legend(&self) -> String {
         match self.coloring {
             Coloring::Stress => format!("colour: von Mises stress, blue 0 to red {:.3e} Pa and more", self.most),
             Coloring::Speed => format!("colour: speed, blue 0 to red {:.3} m/s and more", self.most),
@@ -48,8 +48,14 @@ impl Scale {
         }
     }
 
+    /// A value as a fraction of what is drawn red; 0 for what is no number.
+    pub(crate) fn share(&self, value: f32) -> f32 {
+        let share = value / self.most as f32;
+        if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) }
+    }
+
     /// The particles' colours as coefficients of the degree-0 harmonic.
-    pub(super) fn harmonics(&self, particles: &Particles) -> Vec<[f32; 3]> {
+    pub(crate) fn harmonics(&self, particles: &Particles) -> Vec<[f32; 3]> {
         let coefficients = |color: [f32; 3]| color.map(|c| (c - 0.5) / SH0);
         let along = |values: &[f32]| values.iter().map(|&v| coefficients(blue_to_red(v / self.most as f32))).collect();
         match self.coloring {

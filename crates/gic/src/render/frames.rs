@@ -10,26 +10,26 @@ use crate::matter::read_particles;
 use crate::simulate::Trajectory;
 
 /// A simulated motion on disk.
-pub(super) struct Motion {
-    pub(super) trajectory: Trajectory,
+pub(crate) struct Motion {
+    pub(crate) trajectory: Trajectory,
     folder: PathBuf,
     /// The run it belongs to, if it was opened as a run.
-    pub(super) run: Option<PathBuf>,
+    pub(crate) run: Option<PathBuf>,
 }
 
 /// The particles of a frame.
-pub(super) struct Particles {
+pub(crate) struct Particles {
     /// Positions [m].
-    pub(super) positions: Vec<DVec3>,
+    pub(crate) positions: Vec<DVec3>,
     /// Speeds [m/s].
-    pub(super) speeds: Vec<f32>,
+    pub(crate) speeds: Vec<f32>,
     /// Von Mises stresses [Pa].
-    pub(super) von_mises_pa: Vec<f32>,
+    pub(crate) von_mises_pa: Vec<f32>,
 }
 
 impl Motion {
     /// Opens a folder of frames, or the prediction of a run.
-    pub(super) fn open(path: &Path) -> Result<Self> {
+    pub(crate) fn open(path: &Path) -> Result<Self> {
         let predicted = path.join("prediction");
         for (folder, run) in [(path, None), (predicted.as_path(), Some(path.to_owned()))] {
             if let Some(trajectory) = Trajectory::read(folder)?
@@ -44,7 +44,7 @@ impl Motion {
         })
     }
 
-    pub(super) fn particles(&self, index: usize) -> Result<Particles> {
+    pub(crate) fn particles(&self, index: usize) -> Result<Particles> {
         let read = read_particles(&self.folder.join(&self.trajectory.frames[index].file))?;
         Ok(Particles {
             positions: read.positions,
@@ -54,7 +54,7 @@ impl Motion {
     }
 
     /// Number of particles of each body, and the file that its matter comes from; `None` for a shape.
-    pub(super) fn continua(&self) -> Vec<(usize, Option<String>)> {
+    pub(crate) fn continua(&self) -> Vec<(usize, Option<String>)> {
         let file = |twin: &serde_json::Value| twin.get("continuum").and_then(|c| c.as_str()).map(str::to_owned);
         let companions = self.trajectory.twin.get("companions").and_then(|c| c.as_array());
         let others = companions.into_iter().flatten().filter_map(|c| c.get("twin"));
@@ -67,25 +67,25 @@ impl Motion {
     }
 
     /// Frames per second of the simulation.
-    pub(super) fn frame_rate_hz(&self) -> f64 {
+    pub(crate) fn frame_rate_hz(&self) -> f64 {
         self.trajectory.twin.get("frame_rate_hz").and_then(|rate| rate.as_f64()).unwrap_or(24.0)
     }
 
     /// Lowest and highest coordinates [m] over all frames.
-    pub(super) fn bounds(&self) -> (DVec3, DVec3) {
+    pub(crate) fn bounds(&self) -> (DVec3, DVec3) {
         self.trajectory.frames.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), frame| {
             (low.min(frame.low_m.into()), high.max(frame.high_m.into()))
         })
     }
 
     /// Up: against gravity.
-    pub(super) fn up(&self) -> DVec3 {
+    pub(crate) fn up(&self) -> DVec3 {
         let gravity = self.trajectory.twin.get("gravity_m_s2").and_then(vector).unwrap_or(DVec3::NEG_Y);
         (-gravity).normalize_or(DVec3::Y)
     }
 
     /// A point [m] and the normal of each plane among the obstacles.
-    pub(super) fn planes(&self) -> Vec<(DVec3, DVec3)> {
+    pub(crate) fn planes(&self) -> Vec<(DVec3, DVec3)> {
         let colliders = self.trajectory.twin.get("colliders").and_then(|c| c.as_array());
         let planes = colliders.into_iter().flatten().filter(|c| c.get("shape").is_some_and(|s| s == "half_space"));
         planes.filter_map(|c| Some((c.get("point_m").and_then(vector)?, c.get("normal").and_then(vector)?))).collect()
@@ -99,7 +99,7 @@ fn vector(value: &serde_json::Value) -> Option<DVec3> {
 
 impl Particles {
     /// Median distance [m] of some particles to the nearest of the others.
-    pub(super) fn spacing(&self) -> f64 {
+    pub(crate) fn spacing(&self) -> f64 {
         /// About so many particles are asked.
         const SAMPLE: usize = 500;
         let points: Vec<[f32; 3]> = self.positions.iter().map(|p| p.as_vec3().to_array()).collect();

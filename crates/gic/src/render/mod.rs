@@ -1,9 +1,9 @@
 //! `gic render`: pictures of a simulated motion, from a camera of the scene or from an orbit, as PNG files and as a film.
 
-mod color;
+pub(crate) mod color;
 mod film;
-mod frames;
-mod paint;
+pub(crate) mod frames;
+pub(crate) mod paint;
 mod shade;
 mod viewpoint;
 

@@ -79,7 +79,7 @@ impl Paint {
 }
 
 /// The look of every body, from the run folder in which its matter lies.
-fn looks(motion: &Motion) -> Result<Vec<(usize, Look)>> {
+pub(crate) fn looks(motion: &Motion) -> Result<Vec<(usize, Look)>> {
     let no_look = |continuum: &str| Error::Usage {
         problem: format!("{continuum} has no colours beside it"),
         hint: Some("colours come with `gic run SCENE -o RUN`; use --color stress, speed or plain without them".into()),

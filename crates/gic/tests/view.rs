@@ -1,0 +1,85 @@
+//! `gic view` from outside, and in a browser where there is one.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::json;
+use tempfile::TempDir;
+
+fn gic(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_gic")).args(args).output().expect("the binary starts")
+}
+
+/// The page of three frames of a falling box.
+fn page() -> (TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let twin = json!({
+        "schema": "gic.twin/1",
+        "material": {"model": "elastic", "youngs_modulus_pa": 1e5, "poisson_ratio": 0.3},
+        "initial_velocity_m_s": [0.0, -2.0, 0.0],
+        "colliders": [{"shape": "half_space", "normal": [0, 1, 0], "contact": "sticky"}],
+        "grid_spacing_m": 0.04,
+        "frames": 3,
+        "continuum": {"shape": "box", "size_m": [0.12, 0.12, 0.12], "centre_m": [0, 0.2, 0]}
+    });
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    fs::write(path("twin.json"), twin.to_string()).unwrap();
+    let output = gic(&["simulate", &path("twin.json"), "-o", &path("frames")]);
+    assert!(output.status.success(), "{output:?}");
+    let output = gic(&["view", &path("frames"), "-o", &path("page.html")]);
+    assert!(output.status.success(), "{output:?}");
+    assert!(String::from_utf8_lossy(&output.stdout).contains("3 frames"), "{output:?}");
+    let page = path("page.html").into();
+    (folder, page)
+}
+
+#[test]
+fn a_page_opens_without_network() {
+    let (_folder, page) = page();
+    let text = fs::read_to_string(page).unwrap();
+    assert!(!text.contains("http://") && !text.contains("https://"), "the page must need no network");
+    for mark in [">HEAD<", ">DATA<", "\nSCRIPT\n", "TITLE"] {
+        assert!(!text.contains(mark), "{mark} was not filled in");
+    }
+    assert!(text.contains("\"frames\":3") && text.contains("gic: elastic twin"));
+}
+
+#[test]
+fn a_folder_without_frames_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = gic(&["view", folder.path().to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("gic simulate"), "{output:?}");
+}
+
+/// A screenshot of the page, if a headless Chromium is installed.
+fn screenshot(page: &Path, state: &str, picture: &Path) -> Option<image::RgbImage> {
+    let url = format!("file://{}#{state}", page.display());
+    let shot = format!("--screenshot={}", picture.display());
+    let flags = ["--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"];
+    let window = ["--window-size=480,400", "--hide-scrollbars", "--virtual-time-budget=2000"];
+    Command::new("chromium").args(flags).args(window).args([&shot, &url]).output().ok()?;
+    Some(image::open(picture).expect("chromium made a picture").to_rgb8())
+}
+
+#[test]
+fn a_browser_shows_the_box_falling_onto_the_floor() {
+    let (folder, page) = page();
+    let picture = folder.path().join("shot.png");
+    // Box pixels are saturated: blue to red, on greys.
+    let coloured = |state: &str| -> Option<Vec<u32>> {
+        let shot = screenshot(&page, state, &picture)?;
+        let stage = shot.enumerate_pixels().filter(|(_, y, _)| (60..340).contains(y));
+        let vivid = stage.filter(|(.., p)| p.0.iter().max().unwrap() - p.0.iter().min().unwrap() > 60);
+        Some(vivid.map(|(_, y, _)| y).collect())
+    };
+    let Some(start) = coloured("frame=0&mode=1") else {
+        eprintln!("skipped: the program `chromium` is not installed");
+        return;
+    };
+    let end = coloured("frame=2&mode=1").unwrap();
+    let mean = |rows: &[u32]| f64::from(rows.iter().sum::<u32>()) / rows.len() as f64;
+    assert!(start.len() > 2000 && end.len() > 2000, "{} and {} coloured pixels", start.len(), end.len());
+    assert!(mean(&end) > mean(&start) + 20.0, "it falls: {} {}", mean(&start), mean(&end));
+}
