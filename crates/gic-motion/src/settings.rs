@@ -116,7 +116,7 @@ pub struct LossWeights {
 
 impl Default for LossWeights {
     fn default() -> Self {
-        LossWeights { color: 0.8, ssim: 0.2, mask: 1.0, scale: 0.03, tension: 0.1 }
+        LossWeights { color: 0.8, ssim: 0.6, mask: 1.0, scale: 0.03, tension: 0.1 }
     }
 }
 
@@ -274,7 +274,7 @@ impl TrainSettings {
             smoothing: (0.0, 0.0),
             gaussians_per_pixel: 1.2,
             sh_interval: 500,
-            loss: LossWeights { scale: 0.0, tension: 0.0, ..LossWeights::default() },
+            loss: LossWeights { ssim: 0.2, scale: 0.0, tension: 0.0, ..LossWeights::default() },
             rates: LearningRates {
                 position: (5.0e-4, 5.0e-6),
                 feature: (1.0e-2, 1.5e-3),
