@@ -21,25 +21,33 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 fn main() -> Result<(), Box<dyn Error>> {
     let mut scene = None;
     let (mut out, mut checkpoint, mut pictures, mut seed) = (None, None, None, 0);
-    let mut settings = serde_json::to_value(TrainSettings::default())?;
+    let mut changes = Vec::new();
+    let mut base: Option<Value> = None;
     let mut args = std::env::args().skip(1);
     while let Some(arg) = args.next() {
         let mut value = || args.next().ok_or_else(|| format!("{arg} needs a value"));
         match arg.as_str() {
-            "--paper" => settings = serde_json::to_value(TrainSettings::paper())?,
-            "--settings" => settings = serde_json::from_str(&std::fs::read_to_string(value()?)?)?,
-            "--held-out" => settings["held_out"] = serde_json::from_str(&format!("[{}]", value()?))?,
+            "--paper" => base = Some(serde_json::to_value(TrainSettings::paper())?),
+            "--settings" => base = Some(serde_json::from_str(&std::fs::read_to_string(value()?)?)?),
+            "--held-out" => changes.push(format!("held_out=[{}]", value()?)),
             "--out" => out = Some(PathBuf::from(value()?)),
             "--checkpoint" => checkpoint = Some(PathBuf::from(value()?)),
             "--seed" => seed = value()?.parse()?,
             "--pictures" => pictures = Some(PathBuf::from(value()?)),
-            "--set" => set(&mut settings, &value()?)?,
+            "--set" => changes.push(value()?),
             _ => scene = Some(PathBuf::from(arg)),
         }
     }
-    let settings: TrainSettings = serde_json::from_value(settings)?;
     let started = Instant::now();
     let scene = Scene::open(scene.ok_or("which scene?")?)?;
+    let mut settings = match base {
+        Some(settings) => settings,
+        None => serde_json::to_value(TrainSettings::for_scene(&scene))?,
+    };
+    for change in &changes {
+        set(&mut settings, change)?;
+    }
+    let settings: TrainSettings = serde_json::from_value(settings)?;
     let model = train(
         &scene,
         &settings,

@@ -9,11 +9,8 @@ use crate::targets::Target;
 
 /// Cells along the hull for the first, coarse carving.
 const COARSE: usize = 40;
-/// A point belongs to the hull of a moving object seen by one camera at a time unless more than this share of the pictures
-/// miss it.
-const MISSES_OVER_TIME: f64 = 0.3;
 /// The hull is carved from at most this many pictures, evenly spread.
-const MAX_HULL_VIEWS: usize = 48;
+const MAX_HULL_VIEWS: usize = 64;
 
 /// A ball around the object.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,11 +84,10 @@ fn share(targets: &[&Target], x: DVec3) -> f64 {
 
 /// About `count` points on the surface of the visual hull of `targets`, coloured by the pictures that see them.
 ///
-/// With several cameras at one time the hull is what every mask shows; of a moving object seen by one camera at a time it keeps
-/// what most pictures show. Points are the surface cells of a grid as fine as `count` asks for, moved at random within them.
+/// The hull is what at most the share `misses` of the masks does not show. Points are the surface cells of a grid as fine as `count` asks for, moved at random within them.
 pub(crate) fn hull_surface(
     targets: &[&Target],
-    same_time: bool,
+    misses: f64,
     (count, inset): (usize, f64),
     rng: &mut impl Rng,
 ) -> Option<Points> {
@@ -100,7 +96,7 @@ pub(crate) fn hull_surface(
         targets.par_iter().step_by(stride).map(|&target| (target, target.mask(), target.picture())).collect();
     let carving: Vec<HullView> =
         views.iter().map(|(target, mask, _)| HullView { camera: &target.camera, mask }).collect();
-    let tolerated_misses = if same_time { 0 } else { (MISSES_OVER_TIME * views.len() as f64) as usize };
+    let tolerated_misses = (misses * views.len() as f64) as usize;
     let carve = |resolution| Hull::carve(&carving, &HullSettings { resolution, tolerated_misses });
     let coarse = carve(COARSE)?;
     // The number of surface cells grows with the square of the resolution.

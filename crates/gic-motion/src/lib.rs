@@ -34,5 +34,5 @@ pub use light::{Light, TERMS};
 pub use model::{Domain, DynamicGaussians, Motion};
 pub use network::{Architecture, Deformation, MotionNetwork, NetworkGradient, Scalar};
 pub use normals::outward_normals;
-pub use settings::{DensitySettings, GaussianShape, InitialPoints, LearningRates, LossWeights, TrainSettings};
+pub use settings::{Capture, DensitySettings, GaussianShape, InitialPoints, LearningRates, LossWeights, TrainSettings};
 pub use trainer::{Phase, Progress, train};

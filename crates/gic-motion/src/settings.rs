@@ -1,8 +1,12 @@
 //! Every setting of a reconstruction, with its default.
 
+use gic_scene::{Scene, Split};
 use serde::{Deserialize, Serialize};
 
 use crate::Architecture;
+
+/// A moment has a visual hull of its own from this many views on.
+pub(crate) const MIN_SYNCHRONOUS: usize = 3;
 
 /// How to train; lengths are relative to the object, so that one set of defaults serves every scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -26,6 +30,8 @@ pub struct TrainSettings {
     pub mapped_steps: usize,
     /// Steps on all frames with the base motion alone, which cost less than those with the network.
     pub bent_steps: usize,
+    /// Share of the steps in which pictures are shown at half their size: a quarter of the pixels while nothing fine is settled.
+    pub half_size: f64,
     /// Views rendered per step, all of the same time; the network is evaluated once for all of them.
     pub views_per_step: usize,
     /// How the first points are chosen.
@@ -110,7 +116,7 @@ pub struct LossWeights {
 
 impl Default for LossWeights {
     fn default() -> Self {
-        LossWeights { color: 0.8, ssim: 0.2, mask: 1.0, scale: 0.03, tension: 0.1 }
+        LossWeights { color: 0.8, ssim: 0.6, mask: 1.0, scale: 0.03, tension: 0.1 }
     }
 }
 
@@ -197,6 +203,7 @@ impl Default for TrainSettings {
             bend_steps: 50,
             mapped_steps: 200,
             bent_steps: 400,
+            half_size: 0.0,
             views_per_step: 6,
             initial: InitialPoints::Auto,
             initial_spacing_px: 3.0,
@@ -219,7 +226,86 @@ impl Default for TrainSettings {
     }
 }
 
+/// How a scene was filmed, which decides the defaults.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Capture {
+    /// Several cameras at each moment.
+    Synchronous,
+    /// What moves was seen by one camera at a time.
+    OneCamera,
+    /// Nothing moves.
+    Still,
+}
+
+impl Capture {
+    /// How the pictures to train on were taken.
+    pub fn of(scene: &Scene) -> Capture {
+        let views = || scene.views.iter().filter(|view| view.split == Split::Train);
+        let Some(first) = views().map(|view| view.frame).min() else { return Capture::Still };
+        let at_first = views().filter(|view| view.frame == first).count();
+        if views().all(|view| view.frame == first) {
+            Capture::Still
+        } else if at_first < MIN_SYNCHRONOUS {
+            Capture::OneCamera
+        } else {
+            Capture::Synchronous
+        }
+    }
+}
+
 impl TrainSettings {
+    /// The defaults for a scene: [`TrainSettings::default`], [`TrainSettings::one_camera`] or [`TrainSettings::still`].
+    pub fn for_scene(scene: &Scene) -> Self {
+        match Capture::of(scene) {
+            Capture::Synchronous => TrainSettings::default(),
+            Capture::OneCamera => TrainSettings::one_camera(),
+            Capture::Still => TrainSettings::still(),
+        }
+    }
+
+    /// For what stands still, as 3DGS has it: ellipsoids, one picture per step, as many Gaussians as the pictures ask for.
+    pub fn still() -> Self {
+        TrainSettings {
+            steps: 3_500,
+            views_per_step: 1,
+            half_size: 0.2,
+            initial_inset: 0.0,
+            shape: GaussianShape::Anisotropic,
+            smoothing: (0.0, 0.0),
+            gaussians_per_pixel: 1.2,
+            sh_interval: 500,
+            loss: LossWeights { ssim: 0.2, scale: 0.0, tension: 0.0, ..LossWeights::default() },
+            rates: LearningRates {
+                position: (5.0e-4, 5.0e-6),
+                feature: (1.0e-2, 1.5e-3),
+                scale: (1.0e-2, 2.0e-3),
+                rotation: (2.0e-3, 5.0e-4),
+                ..LearningRates::default()
+            },
+            density: DensitySettings { from: 300, until: 0.6, ..DensitySettings::default() },
+            ..TrainSettings::default()
+        }
+    }
+
+    /// For what moves before one camera: no moment has a shape of its own to start from, so there is no base motion. The network
+    /// starts from Gaussians trained on all pictures, as if nothing moved.
+    pub fn one_camera() -> Self {
+        TrainSettings {
+            steps: 9_000,
+            warm_up_steps: 600,
+            affine_steps: 0,
+            bend_steps: 0,
+            mapped_steps: 0,
+            bent_steps: 0,
+            half_size: 0.5,
+            initial_spacing_px: 6.0,
+            initial_inset: 0.0,
+            gaussians_per_pixel: 0.2,
+            density: DensitySettings { from: 900, until: 0.6, every: 200, ..DensitySettings::default() },
+            ..TrainSettings::still()
+        }
+    }
+
     /// The schedule that the paper prints: 40,000 steps of one picture, 3,000 of warm-up, points drawn in the object's box.
     pub fn paper() -> Self {
         TrainSettings {

@@ -16,6 +16,8 @@ pub(crate) struct Target {
     pub(crate) centre: [f64; 2],
     /// Where the mask is above zero.
     pub(crate) bounds: Bounds,
+    /// Width of its pixels in those of the picture on disk.
+    pub(crate) pixel: f64,
     /// Colour over black and coverage, 8 bits each like the pictures on disk, inside `bounds`.
     pixels: Vec<[u8; 4]>,
 }
@@ -44,6 +46,11 @@ impl Bounds {
         self.y1.saturating_sub(self.y0)
     }
 
+    /// Columns and rows of its pixels, row by row.
+    fn pixels(self) -> impl Iterator<Item = (usize, usize)> {
+        (self.y0..self.y1).flat_map(move |y| (self.x0..self.x1).map(move |x| (x, y)))
+    }
+
     pub(crate) fn union(self, other: Bounds) -> Bounds {
         Bounds {
             x0: self.x0.min(other.x0),
@@ -56,39 +63,40 @@ impl Bounds {
 
 impl Target {
     fn new(scene: &Scene, view: &View, picture: &Picture, mask: &Mask) -> Target {
-        let mut bounds = Bounds::EMPTY;
-        let (mut area, mut sum) = (0.0f64, [0.0f64; 2]);
-        for y in 0..mask.height {
-            for x in 0..mask.width {
-                let a = f64::from(mask.at(x, y));
-                if a > 0.0 {
-                    bounds = bounds.union(Bounds { x0: x, y0: y, x1: x + 1, y1: y + 1 });
-                    area += a;
-                    sum[0] += a * (x as f64 + 0.5);
-                    sum[1] += a * (y as f64 + 0.5);
-                }
-            }
-        }
         let byte = |v: f32| (v * 255.0).round().clamp(0.0, 255.0) as u8;
-        let mut pixels = Vec::with_capacity(bounds.width() * bounds.height());
-        if !bounds.is_empty() {
-            for y in bounds.y0..bounds.y1 {
-                for x in bounds.x0..bounds.x1 {
-                    let (a, [r, g, b]) = (mask.at(x, y), picture.at(x, y));
-                    pixels.push([byte(a * r), byte(a * g), byte(a * b), byte(a)]);
-                }
-            }
-        }
+        let (bounds, area, centre) = extent((mask.width, mask.height), |x, y| f64::from(mask.at(x, y)));
+        let pixel = |(x, y)| {
+            let (a, [r, g, b]) = (mask.at(x, y), picture.at(x, y));
+            [byte(a * r), byte(a * g), byte(a * b), byte(a)]
+        };
+        let pixels = bounds.pixels().map(pixel).collect();
         Target {
             camera: scene.camera_of(view).clone(),
             camera_index: view.camera,
             frame: view.frame,
             time: scene.times[view.frame],
             area,
-            centre: sum.map(|s| s / area.max(f64::MIN_POSITIVE)),
+            centre,
             bounds,
+            pixel: 1.0,
             pixels,
         }
+    }
+
+    /// The picture at half its size, each pixel the mean of four; a last odd column or row is left out.
+    pub(crate) fn halved(&self) -> Target {
+        let mut camera = self.camera.clone();
+        (camera.width, camera.height) = ((camera.width / 2).max(1), (camera.height / 2).max(1));
+        camera.focal /= 2.0;
+        camera.principal /= 2.0;
+        let mean = |x: usize, y: usize| -> [u8; 4] {
+            let four = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| self.pixel(2 * x + i, 2 * y + j));
+            core::array::from_fn(|c| ((four.iter().map(|p| u16::from(p[c])).sum::<u16>() + 2) / 4) as u8)
+        };
+        let size = (camera.width, camera.height);
+        let (bounds, area, centre) = extent(size, |x, y| f64::from(mean(x, y)[3]) / 255.0);
+        let pixels = bounds.pixels().map(|(x, y)| mean(x, y)).collect();
+        Target { camera, area, centre, bounds, pixel: 2.0 * self.pixel, pixels, ..*self }
     }
 
     /// Coverage of the pixel in column `x`, row `y`.
@@ -128,6 +136,24 @@ impl Target {
     }
 }
 
+/// Where a mask is above zero, its area [pixels], and the mean of its pixels [pixels].
+fn extent((width, height): (usize, usize), coverage: impl Fn(usize, usize) -> f64) -> (Bounds, f64, [f64; 2]) {
+    let mut bounds = Bounds::EMPTY;
+    let (mut area, mut sum) = (0.0f64, [0.0f64; 2]);
+    for y in 0..height {
+        for x in 0..width {
+            let a = coverage(x, y);
+            if a > 0.0 {
+                bounds = bounds.union(Bounds { x0: x, y0: y, x1: x + 1, y1: y + 1 });
+                area += a;
+                sum[0] += a * (x as f64 + 0.5);
+                sum[1] += a * (y as f64 + 0.5);
+            }
+        }
+    }
+    (bounds, area, sum.map(|s| s / area.max(f64::MIN_POSITIVE)))
+}
+
 /// The camera whose picture is `window` of this camera's picture.
 pub(crate) fn windowed(camera: &Camera, window: Bounds) -> Camera {
     let mut cropped = camera.clone();
@@ -158,4 +184,43 @@ fn load<'a>(scene: &Scene, views: impl Iterator<Item = &'a View>) -> Result<Vec<
         .par_iter()
         .map(|view| scene.load(view).map(|(picture, mask)| Target::new(scene, view, &picture, &mask)))
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DMat3, DVec2, DVec3};
+
+    use super::*;
+
+    fn target() -> Target {
+        let camera = Camera {
+            width: 7,
+            height: 6,
+            focal: DVec2::splat(10.0),
+            principal: DVec2::new(3.5, 3.0),
+            rotation: DMat3::IDENTITY,
+            centre: DVec3::new(0.0, 0.0, -2.0),
+        };
+        let bounds = Bounds { x0: 2, y0: 1, x1: 6, y1: 4 };
+        let pixels = (0..12).map(|i| [10 * i, 5 * i, 2 * i, 20 * i + 4]).collect();
+        let (area, centre) = (0.0, [0.0; 2]);
+        Target { camera, camera_index: 1, frame: 2, time: 0.5, area, centre, bounds, pixel: 1.0, pixels }
+    }
+
+    #[test]
+    fn halving_keeps_what_a_point_shows_and_where() {
+        let full = target();
+        let half = full.halved();
+        assert_eq!((half.camera.width, half.camera.height, half.pixel), (3, 3, 2.0));
+        let point = DVec3::new(0.1, -0.05, 0.3);
+        let ((a, _), (b, _)) = (full.camera.project(point).unwrap(), half.camera.project(point).unwrap());
+        assert!((a / 2.0 - b).length() < 1e-12);
+        assert_eq!(half.bounds, Bounds { x0: 1, y0: 0, x1: 3, y1: 2 });
+        // Rows 0 and 1 of the picture, of which row 0 is empty; columns 2 and 3 hold pixels 0 and 1.
+        assert_eq!(half.pixel(1, 0), [3, 1, 1, 7]);
+        // Rows 2 and 3, columns 4 and 5: pixels 6, 7, 10, 11.
+        assert_eq!(half.pixel(2, 1), [85, 43, 17, 174]);
+        let sum: f64 = (0..12).map(|i| f64::from(20 * i + 4) / 255.0).sum();
+        assert!((half.area - sum / 4.0).abs() < 0.01, "{} against {sum} / 4", half.area);
+    }
 }

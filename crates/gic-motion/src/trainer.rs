@@ -22,6 +22,7 @@ use crate::adam::{Moments, decayed};
 use crate::base::Pose;
 use crate::base_fit::{Base, Freedom};
 use crate::parameters::{Gradient, ParameterMoments, Parameters, ScreenGradients};
+use crate::settings::MIN_SYNCHRONOUS;
 use crate::smoothing::Anchors;
 use crate::targets::{self, Target};
 use crate::{
@@ -33,8 +34,6 @@ use start::MIN_GAUSSIANS;
 
 /// Length of the network's unit, in radii of the object's ball at the first frame.
 const EXTENT_RADII: f64 = 2.0;
-/// A camera's frames need at least this many views at one time to carve a hull of that time.
-const MIN_SYNCHRONOUS: usize = 3;
 /// Weight of the newest step in the moving average of the loss.
 const AVERAGE: f64 = 0.02;
 /// Steps over which the network's learning rate rises to its full value.
@@ -108,6 +107,8 @@ struct Trainer<'a> {
     settings: &'a TrainSettings,
     seed: u64,
     targets: Vec<Target>,
+    /// The same at half their size, if training starts with them.
+    halved: Vec<Target>,
     held_out: Vec<Target>,
     /// Indices into `targets` of each trained frame, in the order of time.
     frames: Vec<Vec<usize>>,
@@ -154,6 +155,10 @@ fn check(scene: &Scene, settings: &TrainSettings) -> Result<(), MotionError> {
         true => Ok(()),
         false => Err(MotionError::Setting { setting, reason: format!("{value} must be above zero") }),
     };
+    if !(0.0..=1.0).contains(&settings.half_size) {
+        let reason = format!("{} is no share of the steps, 0 to 1", settings.half_size);
+        return Err(MotionError::Setting { setting: "half_size", reason });
+    }
     positive("initial_spacing_px", settings.initial_spacing_px)?;
     positive("views_per_step", settings.views_per_step as f64)?;
     positive("steps", settings.steps as f64)?;
@@ -214,6 +219,11 @@ impl<'a> Trainer<'a> {
         let mut trainer = Trainer {
             settings,
             seed,
+            halved: if settings.half_size > 0.0 {
+                targets.par_iter().map(Target::halved).collect()
+            } else {
+                Vec::new()
+            },
             targets,
             held_out,
             frames,

@@ -178,15 +178,48 @@ fn the_papers_schedule_has_no_base_motion() {
 
 #[test]
 fn a_static_scene_has_no_motion() {
-    let (folder, _) = scene();
+    let (folder, scene) = scene();
     let path = folder.path().join("all_data.json");
     let list: Vec<serde_json::Value> = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
     let first: Vec<_> = list.into_iter().filter(|v| v["time"] == json!(0.0)).collect();
     std::fs::write(&path, serde_json::to_vec(&first).unwrap()).unwrap();
-    let scene = Scene::open(folder.path()).unwrap();
-    let model = run(&scene, &settings(20), None, 0);
+    let still = Scene::open(folder.path()).unwrap();
+    let defaults = TrainSettings::for_scene(&still);
+    assert_eq!(defaults, TrainSettings::still());
+    assert_eq!(TrainSettings::for_scene(&scene), TrainSettings::default());
+    let settings =
+        TrainSettings { steps: 300, initial_spacing_px: 1.5, held_out: vec![2], evaluate_every: 0, ..defaults };
+    let model = run(&still, &settings, None, 0);
     assert!(model.motion.is_none());
+    assert!(matches!(model.canonical.shape, Shape::Anisotropic { .. }));
     assert_eq!(model.at(0.0), model.at(5.0));
+    let score = ViewScore::mean(&evaluate(&model, &still, &settings.held_out).unwrap());
+    assert!(score.psnr > 22.0, "PSNR {:.2} dB", score.psnr);
+
+    // Ellipsoids and half-sized pictures go on where they were stopped.
+    let checkpoint = tempfile::tempdir().unwrap();
+    run(&still, &settings, Some(checkpoint.path()), 43);
+    assert!(same(&model, &run(&still, &settings, Some(checkpoint.path()), 0)));
+}
+
+#[test]
+fn one_moving_camera_is_told_from_several() {
+    let (folder, _) = scene();
+    let path = folder.path().join("all_data.json");
+    let list: Vec<serde_json::Value> = serde_json::from_slice(&std::fs::read(&path).unwrap()).unwrap();
+    // Frame f from camera f alone.
+    let name = |v: &serde_json::Value| v["file_path"].as_str().unwrap().to_owned();
+    let wanted = |v: &serde_json::Value| (0..FRAMES).any(|f| name(v).ends_with(&format!("r_{f}_{f}.png")));
+    let one: Vec<_> = list.into_iter().filter(wanted).collect();
+    assert_eq!(one.len(), FRAMES);
+    std::fs::write(&path, serde_json::to_vec(&one).unwrap()).unwrap();
+    let scene = Scene::open(folder.path()).unwrap();
+    let defaults = TrainSettings::for_scene(&scene);
+    assert_eq!(defaults, TrainSettings::one_camera());
+    let network = Architecture { width: 32, ..defaults.network };
+    let settings = TrainSettings { steps: 12, warm_up_steps: 6, evaluate_every: 0, network, ..defaults };
+    let model = run(&scene, &settings, None, 0);
+    assert!(model.motion.unwrap().base.is_none());
 }
 
 #[test]
@@ -199,6 +232,7 @@ fn settings_without_meaning_are_named() {
     assert!(refused(TrainSettings { sh_degree: Some(4), ..settings(5) }).contains("sh_degree"));
     assert!(refused(TrainSettings { gaussians_per_pixel: f64::NAN, ..settings(5) }).contains("gaussians_per_pixel"));
     assert!(refused(TrainSettings { views_per_step: 0, ..settings(5) }).contains("views_per_step"));
+    assert!(refused(TrainSettings { half_size: 1.5, ..settings(5) }).contains("half_size"));
     let all: MotionError = train(
         &scene,
         &TrainSettings { held_out: (0..CAMERAS).collect(), ..settings(5) },
@@ -212,7 +246,9 @@ fn settings_without_meaning_are_named() {
 
 #[test]
 fn settings_survive_json_and_unknown_keys_are_refused() {
-    for settings in [TrainSettings::default(), TrainSettings::paper()] {
+    for settings in
+        [TrainSettings::default(), TrainSettings::paper(), TrainSettings::still(), TrainSettings::one_camera()]
+    {
         let text = serde_json::to_string(&settings).unwrap();
         assert_eq!(serde_json::from_str::<TrainSettings>(&text).unwrap(), settings);
     }

@@ -10,7 +10,7 @@ use toml::{Table, Value};
 use crate::atomic;
 use crate::error::{Error, Result};
 
-/// The settings of all stages; [`Default`] is right for every scene.
+/// The settings of all stages; [`Default`] is right for every scene that several cameras filmed, see [`TrainSettings::for_scene`].
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Config {
@@ -262,6 +262,7 @@ pub enum OptimizerChoice {
 }
 
 /// Part of a configuration, and where it comes from.
+#[derive(Clone)]
 pub struct Layer {
     /// Where it comes from, for messages.
     pub origin: PathBuf,
@@ -270,6 +271,18 @@ pub struct Layer {
 }
 
 impl Layer {
+    /// All settings of the reconstruction.
+    pub fn reconstruct(origin: &str, settings: &TrainSettings) -> Result<Self> {
+        let syntax = |source: toml::ser::Error| Error::Syntax {
+            path: origin.into(),
+            format: "a configuration",
+            source: source.into(),
+        };
+        let settings = Table::try_from(settings).map_err(syntax)?;
+        let table = Table::from_iter([("reconstruct".to_owned(), Value::Table(settings))]);
+        Ok(Self { origin: origin.into(), table })
+    }
+
     /// The settings of a TOML file.
     pub fn read(path: &Path) -> Result<Self> {
         let text = std::fs::read_to_string(path).map_err(Error::read(path))?;

@@ -68,7 +68,7 @@ impl Trainer<'_> {
         for step in 0..steps {
             let pose = base.motion.pose(frame);
             let gaussians = state.posed(&base.motion, &pose);
-            let views = self.choose(self.frames[frame].clone(), FOLLOW_VIEWS, rng);
+            let views = self.choose(state.step, self.frames[frame].clone(), rng, FOLLOW_VIEWS);
             let rendered: Vec<ViewGradient> =
                 views.par_iter().map(|view| self.view_gradient(view, &gaussians, 0)).collect::<Result<_, _>>()?;
             let mut slope = vec![[0.0f32; 4]; gaussians.len()];

@@ -35,7 +35,9 @@ impl Trainer<'_> {
             });
         }
         let camera = windowed(&target.camera, window);
-        let settings = RenderSettings { max_sh_degree: degree, ..RenderSettings::default() };
+        let mut settings = RenderSettings { max_sh_degree: degree, ..RenderSettings::default() };
+        // The same width on the object, whatever the size of the pixels: nothing changes when they do.
+        settings.dilation /= target.pixel.powi(2) as f32;
         let rendered = render(gaussians, &camera, &settings);
         let (color, mask) = target.crop(window);
         let size = (camera.width, camera.height);

@@ -43,7 +43,7 @@ impl Trainer<'_> {
         let explained = state.base.as_ref().map_or(1, |base| base.explained);
         let frames = match self.stage(state.step) {
             Stage::Still if !self.synchronous => {
-                return (0, self.choose(self.frames.concat(), self.settings.views_per_step, rng));
+                return (0, self.choose(state.step, self.frames.concat(), rng, self.settings.views_per_step));
             }
             Stage::Still => 1,
             Stage::Mapped => explained,
@@ -55,16 +55,18 @@ impl Trainer<'_> {
             }
         };
         let frame = rng.random_range(0..frames.clamp(1, self.frames.len()));
-        (frame, self.choose(self.frames[frame].clone(), self.settings.views_per_step, rng))
+        (frame, self.choose(state.step, self.frames[frame].clone(), rng, self.settings.views_per_step))
     }
 
-    /// A random few of the targets in `pool`.
-    pub(super) fn choose(&self, mut pool: Vec<usize>, count: usize, rng: &mut impl Rng) -> Vec<&Target> {
+    /// A random few of the targets in `pool`, as `step` shows them.
+    pub(super) fn choose(&self, step: usize, mut pool: Vec<usize>, rng: &mut impl Rng, count: usize) -> Vec<&Target> {
         let count = count.min(pool.len());
         for i in 0..count {
             let j = rng.random_range(i..pool.len());
             pool.swap(i, j);
         }
-        pool[..count].iter().map(|&i| &self.targets[i]).collect()
+        let half_sized = step < (self.settings.half_size * self.settings.steps as f64) as usize;
+        let targets = if half_sized { &self.halved } else { &self.targets };
+        pool[..count].iter().map(|&i| &targets[i]).collect()
     }
 }

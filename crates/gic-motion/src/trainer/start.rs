@@ -16,6 +16,10 @@ use crate::{Domain, GaussianShape, InitialPoints, MotionError, MotionNetwork};
 /// Never start with, or stay below, fewer Gaussians than this.
 pub(super) const MIN_GAUSSIANS: usize = 100;
 
+/// A point belongs to the hull of a moving object seen by one camera at a time unless more than this share of the pictures
+/// miss it.
+const MISSES_OVER_TIME: f64 = 0.3;
+
 impl Trainer<'_> {
     /// The state before the first step.
     pub(super) fn start(&self, scene: &Scene) -> Result<State, MotionError> {
@@ -38,27 +42,14 @@ impl Trainer<'_> {
             start,
             duration: if end > start { end - start } else { 1.0 },
         };
-        let n = points.positions.len();
-        let (axes, turned) = match self.settings.shape {
-            GaussianShape::Isotropic => (1, 0),
-            GaussianShape::Anisotropic => (3, 1),
-        };
-        let parameters = Parameters {
-            log_scales: vec![(self.settings.first_scale * points.spacing).ln() as f32; axes * n],
-            rotations: vec![[1.0, 0.0, 0.0, 0.0]; turned * n],
-            opacity_logits: vec![logit(self.settings.first_opacity) as f32; n],
-            features: points.colors.iter().map(|c| c.map(|v| (v - 0.5) / SH0)).collect(),
-            details: vec![[0.0; 3]; n * details_per_gaussian(self.sh_degree)],
-            positions: points.positions,
-            sh_degree: self.sh_degree,
-        };
+        let (spacing, parameters) = (points.spacing, self.first_parameters(points));
         let network = MotionNetwork::random(self.settings.network, &mut rng);
         Ok(State {
             step: 0,
             domain,
-            spacing: points.spacing,
+            spacing,
             moments: ParameterMoments::zeros(&parameters),
-            screen: ScreenGradients::zeros(n),
+            screen: ScreenGradients::zeros(parameters.len()),
             anchors: Anchors::default(),
             base: None,
             parameters,
@@ -72,17 +63,40 @@ impl Trainer<'_> {
         })
     }
 
-    pub(super) fn first_points(
+    /// How many Gaussians to start with.
+    fn first_count(&self, seen: &[&Target]) -> usize {
+        // A ball that looks like `area` pixels has four times that surface.
+        let area = seen.iter().map(|t| t.area).sum::<f64>() / seen.len() as f64;
+        let count = 4.0 * area / self.settings.initial_spacing_px.powi(2);
+        (count as usize).clamp(MIN_GAUSSIANS, self.max_gaussians)
+    }
+
+    /// Round Gaussians, all alike, at coloured points.
+    fn first_parameters(&self, points: Points) -> Parameters {
+        let n = points.positions.len();
+        let (axes, turned) = match self.settings.shape {
+            GaussianShape::Isotropic => (1, 0),
+            GaussianShape::Anisotropic => (3, 1),
+        };
+        Parameters {
+            log_scales: vec![(self.settings.first_scale * points.spacing).ln() as f32; axes * n],
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]; turned * n],
+            opacity_logits: vec![logit(self.settings.first_opacity) as f32; n],
+            features: points.colors.iter().map(|c| c.map(|v| (v - 0.5) / SH0)).collect(),
+            details: vec![[0.0; 3]; n * details_per_gaussian(self.sh_degree)],
+            positions: points.positions,
+            sh_degree: self.sh_degree,
+        }
+    }
+
+    fn first_points(
         &self,
         scene: &Scene,
         seen: &[&Target],
         ball: &Ball,
         rng: &mut impl Rng,
     ) -> Result<Points, MotionError> {
-        // A ball that looks like `area` pixels has four times that surface.
-        let area = seen.iter().map(|t| t.area).sum::<f64>() / seen.len() as f64;
-        let count = 4.0 * area / self.settings.initial_spacing_px.powi(2);
-        let count = (count as usize).clamp(MIN_GAUSSIANS, self.max_gaussians);
+        let count = self.first_count(seen);
         match self.settings.initial {
             InitialPoints::Random => return Ok(initial::random(ball, count, rng)),
             InitialPoints::Auto if !scene.points.is_empty() => {
@@ -94,7 +108,8 @@ impl Trainer<'_> {
             _ => {}
         }
         let inset = self.settings.initial_inset;
-        initial::hull_surface(seen, self.synchronous, (count, inset), rng).ok_or_else(|| {
+        let misses = if self.synchronous || self.is_static { 0.0 } else { MISSES_OVER_TIME };
+        initial::hull_surface(seen, misses, (count, inset), rng).ok_or_else(|| {
             let reason = "the masks have no common visual hull: a camera's pose or axes are wrong (see `gic inspect`)";
             MotionError::NothingToTrain(reason.into())
         })

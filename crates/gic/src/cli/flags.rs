@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use gic::config::{Layer, MaskChoice, Model, OptimizerChoice, TargetChoice, UnseenChoice};
+use gic::config::{Config, Layer, MaskChoice, Model, OptimizerChoice, TargetChoice, UnseenChoice};
+use gic::pipeline::open_scene;
+use gic_motion::TrainSettings;
 use serde::Serialize;
 use toml::{Table, Value};
 
@@ -174,18 +176,18 @@ impl Flags<'_> {
     /// Layers of settings in ascending precedence: a schedule, `--config`, flags, `--set`.
     pub(crate) fn layers(&self, settings: &SettingsFlags) -> anyhow::Result<Vec<Layer>> {
         let mut layers = Vec::new();
+        let given = Layer { origin: "the command line".into(), table: self.table(settings)? };
         if let Some(schedule) = self.reconstruct.and_then(|flags| flags.schedule) {
             let train = match schedule {
-                Schedule::Gic => gic_motion::TrainSettings::default(),
-                Schedule::Paper => gic_motion::TrainSettings::paper(),
+                Schedule::Gic => TrainSettings::for_scene(&open_scene(&Config::resolve(vec![given.clone()])?)?),
+                Schedule::Paper => TrainSettings::paper(),
             };
-            let table = Table::from_iter([("reconstruct".to_owned(), Value::Table(Table::try_from(train)?))]);
-            layers.push(Layer { origin: "--schedule".into(), table });
+            layers.push(Layer::reconstruct("--schedule", &train)?);
         }
         if let Some(file) = &settings.config {
             layers.push(Layer::read(file)?);
         }
-        layers.push(Layer { origin: "the command line".into(), table: self.table(settings)? });
+        layers.push(given);
         layers.push(Layer::from_assignments(settings.set.iter().map(String::as_str))?);
         Ok(layers)
     }

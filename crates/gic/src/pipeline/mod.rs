@@ -14,6 +14,7 @@ mod stamp;
 
 use std::path::{Path, PathBuf};
 
+use gic_motion::TrainSettings;
 use gic_scene::{Masks, OpenOptions, Scene};
 use sha2::{Digest, Sha256};
 
@@ -86,19 +87,25 @@ pub struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    /// Opens or makes a run folder: settings are the defaults, changed by what the folder holds, then by `layers`.
+    /// Opens or makes a run folder: settings are what the folder holds, or else the defaults for the scene, changed by `layers`.
     ///
     /// # Errors
     /// Unusable settings, an unreadable scene, an unwritable folder.
     pub fn open(folder: &Path, layers: Vec<Layer>, events: &'a Events, interrupt: &'a Interrupt) -> Result<Self> {
         let file = folder.join("config.toml");
+        let begun = file.exists();
         let mut all = Vec::new();
-        if file.exists() {
+        if begun {
             all.push(Layer::read(&file)?);
         }
         all.extend(layers);
-        let config = Config::resolve(all)?;
+        let mut config = Config::resolve(all.clone())?;
         let video = open_scene(&config)?;
+        if !begun {
+            // How to train depends on how the scene was filmed, which is only known now.
+            all.insert(0, Layer::reconstruct("the scene's defaults", &TrainSettings::for_scene(&video))?);
+            config = Config::resolve(all)?;
+        }
         let scene = fitted_part(&video, &config)?;
         atomic::create_folder(&folder.join("stamps"))?;
         config.write(&file)?;
