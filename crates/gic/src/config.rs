@@ -114,9 +114,9 @@ pub enum UnseenChoice {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct IdentifyConfig {
-    /// The material's model.
+    /// The material's model, or `auto`.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub material: Option<Model>,
+    pub material: Option<MaterialChoice>,
     /// Density [kg/m^3]: a video shows only the ratio of stress to density.
     pub density_kg_m3: f64,
     /// Gravity [m/s^2]; by default the scene's, else (0, -9.8, 0).
@@ -212,7 +212,42 @@ pub enum Model {
     NonNewtonian,
 }
 
+/// A model, or the search for one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum MaterialChoice {
+    /// The model that, fitted to the earlier frames, predicts the later ones best.
+    Auto,
+    /// [`Model::Elastic`].
+    Elastic,
+    /// [`Model::Plasticine`].
+    Plasticine,
+    /// [`Model::Sand`].
+    Sand,
+    /// [`Model::Newtonian`].
+    Newtonian,
+    /// [`Model::NonNewtonian`].
+    NonNewtonian,
+}
+
+impl MaterialChoice {
+    /// The model; `None` for [`MaterialChoice::Auto`].
+    pub fn model(self) -> Option<Model> {
+        match self {
+            Self::Auto => None,
+            Self::Elastic => Some(Model::Elastic),
+            Self::Plasticine => Some(Model::Plasticine),
+            Self::Sand => Some(Model::Sand),
+            Self::Newtonian => Some(Model::Newtonian),
+            Self::NonNewtonian => Some(Model::NonNewtonian),
+        }
+    }
+}
+
 impl Model {
+    /// Every model, the fewest unknowns first.
+    pub const ALL: [Self; 5] = [Self::Sand, Self::Elastic, Self::Newtonian, Self::Plasticine, Self::NonNewtonian];
+
     /// Its name in `twin.json`.
     pub fn name(self) -> &'static str {
         match self {
@@ -373,7 +408,7 @@ mod tests {
         let config =
             set(&["seed=7", "reconstruct.loss.scale=0.5", "identify.material=sand", "fill.unseen=fill"]).unwrap();
         assert_eq!((config.seed, config.reconstruct.loss.scale), (7, 0.5));
-        assert_eq!(config.identify.material, Some(Model::Sand));
+        assert_eq!(config.identify.material.and_then(MaterialChoice::model), Some(Model::Sand));
         assert_eq!(config.fill.unseen, UnseenChoice::Fill);
         assert_eq!(config.reconstruct.steps, Config::default().reconstruct.steps);
     }

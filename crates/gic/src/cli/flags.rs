@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
-use gic::config::{Config, Layer, MaskChoice, Model, OptimizerChoice, TargetChoice, UnseenChoice};
+use gic::config::{Config, Layer, MaskChoice, MaterialChoice, OptimizerChoice, TargetChoice, UnseenChoice};
 use gic::pipeline::open_scene;
 use gic_motion::TrainSettings;
 use serde::Serialize;
@@ -89,10 +89,10 @@ pub(crate) struct FillFlags {
 #[derive(Debug, Default, Args, Serialize)]
 #[command(next_help_heading = "Identification")]
 pub(crate) struct IdentifyFlags {
-    /// The material's model
+    /// The material's model; auto fits every model to the earlier frames and takes the one that predicts the later ones best
     #[arg(long, value_enum)]
     #[serde(skip_serializing_if = "Option::is_none")]
-    material: Option<Model>,
+    material: Option<MaterialChoice>,
     /// A parameter that is known: poisson_ratio=0.3; may be repeated
     #[arg(long = "fix", value_name = "NAME=VALUE", value_parser = known_parameter)]
     #[serde(skip)]

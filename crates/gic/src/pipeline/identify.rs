@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use gic_identify::{
     Checkpoint, Event, Identification, IdentifyError, Input, Observation, Optimizer, Settings, Stage as IdentifyStage,
@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::stamp::Stamp;
 use super::{Continuum, Run, Stage};
 use crate::atomic;
-use crate::config::{Model, OptimizerChoice, TargetChoice};
+use crate::config::{MaterialChoice, Model, OptimizerChoice, TargetChoice};
 use crate::error::{Error, Result};
 use crate::twin::{self, ContactKind, Obstacle, ObstacleShape, Twin};
 
@@ -96,37 +96,14 @@ impl Run<'_> {
         let continuum = self.continuum()?;
         let obstacles = self.obstacles()?;
         let input = self.identify_input(&continuum, &obstacles)?;
-        let names: Vec<&str> = model.kind().parameters().iter().map(|p| p.name).collect();
-        let settings = self.identify_settings();
         let (begun, checkpoint) = (self.path("stamps/identify.begun.json"), self.path("identify.checkpoint.json"));
         // Results of finished stages that belong to other settings or other matter must not be taken up.
         let goes_on = Stamp::read(&begun).is_some_and(|found| found.outdated_for(stamp).is_none());
-        let resume: Checkpoint =
-            if goes_on && checkpoint.exists() { atomic::read_json(&checkpoint)? } else { Checkpoint::default() };
         if !goes_on && checkpoint.exists() {
             std::fs::remove_file(&checkpoint).map_err(Error::write(&checkpoint))?;
         }
         stamp.write(&begun)?;
-        let mut unwritten = None;
-        let found = identify(&input, model.kind(), &settings, resume, &mut |event| {
-            match event {
-                Event::Step(step) => self.tell_step(&names, step),
-                Event::Reached(state) => unwritten = atomic::write_json(&checkpoint, state).err(),
-                Event::Working => (),
-            }
-            if self.interrupt.requested() || unwritten.is_some() {
-                ControlFlow::Break(())
-            } else {
-                ControlFlow::Continue(())
-            }
-        });
-        let found = match (found, unwritten) {
-            (_, Some(error)) => return Err(error),
-            (Err(IdentifyError::Interrupted), None) => {
-                return Err(self.interrupted("the last finished stage of identification"));
-            }
-            (found, None) => found.map_err(Error::stage("identification"))?,
-        };
+        let found = self.fit(&input, model, &self.identify_settings(), (Stage::Identify, &checkpoint))?;
         for warning in &found.warnings {
             self.events.warn(Stage::Identify.name(), warning);
         }
@@ -139,24 +116,67 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// The material's model.
+    /// Fits one model. What finished parts of it found is kept in `checkpoint`, and taken up from there.
+    pub(super) fn fit(
+        &self,
+        input: &Input,
+        model: Model,
+        settings: &Settings,
+        (stage, checkpoint): (Stage, &Path),
+    ) -> Result<Identification> {
+        let names: Vec<&str> = model.kind().parameters().iter().map(|p| p.name).collect();
+        let resume: Checkpoint =
+            if checkpoint.exists() { atomic::read_json(checkpoint)? } else { Checkpoint::default() };
+        let mut unwritten = None;
+        let found = identify(input, model.kind(), settings, resume, &mut |event| {
+            match event {
+                Event::Step(step) => self.tell_step(stage, &names, step),
+                Event::Reached(state) => unwritten = atomic::write_json(checkpoint, state).err(),
+                Event::Working => (),
+            }
+            if self.interrupt.requested() || unwritten.is_some() {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
+        });
+        match (found, unwritten) {
+            (_, Some(error)) => Err(error),
+            (Err(IdentifyError::Interrupted), None) => {
+                Err(self.interrupted("the last finished stage of identification"))
+            }
+            (found, None) => found.map_err(Error::stage("identification")),
+        }
+    }
+
+    /// The material's model: as given, or as selected.
     pub(super) fn model(&self) -> Result<Model> {
+        match self.material()?.model() {
+            Some(model) => Ok(model),
+            None => self.selection()?.chosen_model(),
+        }
+    }
+
+    /// What the settings say of the material.
+    pub(super) fn material(&self) -> Result<MaterialChoice> {
         self.config.identify.material.ok_or_else(|| Error::Usage {
             problem: "the material's model is not known".into(),
-            hint: Some("add --material elastic, plasticine, sand, newtonian or non-newtonian".into()),
+            hint: Some(
+                "add --material elastic, plasticine, sand, newtonian, non-newtonian, or auto to have it found".into(),
+            ),
         })
     }
 
-    fn tell_step(&self, names: &[&str], step: &Step) {
+    fn tell_step(&self, stage: Stage, names: &[&str], step: &Step) {
         let mut values = vec![("objective", step.objective), ("rollouts", step.rollouts as f64)];
         values.extend(names.iter().copied().zip(step.values.iter().copied()));
         let axes = ["velocity_x_m_s", "velocity_y_m_s", "velocity_z_m_s"];
         values.extend(axes.into_iter().zip(step.velocity_m_s.to_array()));
-        self.events.step(Stage::Identify.name(), stage_name(step.stage), step.iteration as u64, None, &values);
+        self.events.step(stage.name(), stage_name(step.stage), step.iteration as u64, None, &values);
     }
 
     /// Obstacles: from a file, else the scene's ground.
-    fn obstacles(&self) -> Result<Vec<Obstacle>> {
+    pub(super) fn obstacles(&self) -> Result<Vec<Obstacle>> {
         if let Some(path) = &self.config.identify.colliders {
             return Twin::read_obstacles(path);
         }
@@ -183,7 +203,7 @@ impl Run<'_> {
         Ok(half_space(point, normal))
     }
 
-    fn identify_input(&self, continuum: &Continuum, obstacles: &[Obstacle]) -> Result<Input> {
+    pub(super) fn identify_input(&self, continuum: &Continuum, obstacles: &[Obstacle]) -> Result<Input> {
         let config = &self.config.identify;
         let Some(frame_rate_hz) = self.scene.frame_rate else {
             return Err(Error::Usage {
@@ -228,7 +248,7 @@ impl Run<'_> {
         })
     }
 
-    fn identify_settings(&self) -> Settings {
+    pub(super) fn identify_settings(&self) -> Settings {
         let config = &self.config.identify;
         Settings {
             target: match config.target {

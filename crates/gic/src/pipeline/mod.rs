@@ -10,6 +10,7 @@ mod gaussians;
 mod identify;
 mod log;
 mod predict;
+mod select;
 mod stamp;
 
 use std::path::{Path, PathBuf};
@@ -19,7 +20,7 @@ use gic_scene::{Masks, OpenOptions, Scene};
 use sha2::{Digest, Sha256};
 
 use crate::atomic;
-use crate::config::{Config, Layer, MaskChoice};
+use crate::config::{Config, Layer, MaskChoice, MaterialChoice};
 use crate::error::{Error, Result};
 use crate::events::{Event, Events};
 use crate::interrupt::Interrupt;
@@ -29,6 +30,7 @@ pub use export::Export;
 pub(crate) use fill::filling_file;
 pub use fill::{Continuum, FillSummary, FrameFilling};
 pub use identify::{EstimateRecord, IdentifyRecord, StepRecord};
+pub use select::{LawRecord, Selection};
 use stamp::Stamp;
 
 /// The stages, in the order of the data.
@@ -38,6 +40,8 @@ pub enum Stage {
     Reconstruct,
     /// Gaussians to matter.
     Fill,
+    /// Which law the matter follows; only where the material is `auto`.
+    Select,
     /// Matter to material: the twin.
     Identify,
     /// The twin's motion, over the frames of the video.
@@ -47,13 +51,15 @@ pub enum Stage {
 }
 
 impl Stage {
-    const ALL: [Self; 5] = [Self::Reconstruct, Self::Fill, Self::Identify, Self::Predict, Self::Appearance];
+    const ALL: [Self; 6] =
+        [Self::Reconstruct, Self::Fill, Self::Select, Self::Identify, Self::Predict, Self::Appearance];
 
     /// Its name in events, messages and files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Reconstruct => "reconstruct",
             Self::Fill => "fill",
+            Self::Select => "select",
             Self::Identify => "identify",
             Self::Predict => "predict",
             Self::Appearance => "appearance",
@@ -65,6 +71,7 @@ impl Stage {
         match self {
             Self::Reconstruct => &["gaussians/canonical.ply"],
             Self::Fill => &["continuum.ply", "fill.json", "surface", "filling"],
+            Self::Select => &["selection.json"],
             Self::Identify => &["twin.json", "identify.json"],
             Self::Predict => &["prediction/trajectory.json"],
             Self::Appearance => &look::FILES,
@@ -150,9 +157,12 @@ impl<'a> Run<'a> {
     pub fn bring_up_to_date(&self, last: Stage) -> Result<()> {
         if last >= Stage::Identify {
             // Not after the minutes that the stages before it take.
-            self.model()?;
+            self.material()?;
         }
         for stage in Stage::ALL.into_iter().filter(|stage| *stage <= last) {
+            if stage == Stage::Select && !self.selects() {
+                continue;
+            }
             self.bring(stage)?;
         }
         Ok(())
@@ -183,6 +193,7 @@ impl<'a> Run<'a> {
         match stage {
             Stage::Reconstruct => self.reconstruct(&stamp)?,
             Stage::Fill => self.fill()?,
+            Stage::Select => self.select(&stamp)?,
             Stage::Identify => self.identify(&stamp)?,
             Stage::Predict => self.predict()?,
             Stage::Appearance => self.appearance()?,
@@ -190,6 +201,11 @@ impl<'a> Run<'a> {
         stamp.after(meter.seconds()).write(&file)?;
         self.events.send(&meter.done(stage.name()));
         Ok(())
+    }
+
+    /// Whether the law is to be found.
+    fn selects(&self) -> bool {
+        self.config.identify.material == Some(MaterialChoice::Auto)
     }
 
     fn stamp(&self, stage: Stage) -> Result<Stamp> {
@@ -200,13 +216,14 @@ impl<'a> Run<'a> {
                 Stamp::new(("scene", self.scene_hash.clone()), &settings)
             }
             Stage::Fill => Stamp::new(before(Stage::Reconstruct)?, &serde_json::json!({ "fill": self.config.fill })),
-            Stage::Identify => {
+            Stage::Select | Stage::Identify => {
                 let colliders = match &self.config.identify.colliders {
                     Some(path) => hash(std::fs::read(path).map_err(Error::read(path))?),
                     None => String::new(),
                 };
                 let settings = serde_json::json!({ "identify": self.config.identify, "colliders": colliders });
-                Stamp::new(before(Stage::Fill)?, &settings)
+                let input = if stage == Stage::Identify && self.selects() { Stage::Select } else { Stage::Fill };
+                Stamp::new(before(input)?, &settings)
             }
             Stage::Predict => {
                 Stamp::new(before(Stage::Identify)?, &serde_json::json!({ "frames": self.frames_to_simulate() }))

@@ -11,7 +11,7 @@ use crate::atomic;
 use crate::error::{Error, Result};
 use crate::events::{Event, Events};
 use crate::matter::read_particles;
-use crate::pipeline::{IdentifyRecord, Run};
+use crate::pipeline::{IdentifyRecord, Run, Selection};
 use chart::{Series, chart, short};
 
 const STAGE: &str = "report";
@@ -25,6 +25,7 @@ pub fn write(run: &Run, events: &Events) -> Result<()> {
     let history = history(&run.folder().join("log.jsonl"))?;
     let mut page = head(&found.model);
     page += &estimates(&found);
+    page += &run.selection_if_any()?.map_or_else(String::new, |selection| ranking(&selection));
     page += &views(run, &found, events)?;
     page += &format!("<h2>Curves</h2><div class=\"charts\">{}</div>", curves(&found, &history));
     page += &costs(&history, &found);
@@ -93,6 +94,33 @@ fn estimates(found: &IdentifyRecord) -> String {
         let _ = write!(text, "<p class=\"warning\">{}</p>", escape(warning));
     }
     text
+}
+
+/// The laws, by how they predict frames that they were not fitted to.
+fn ranking(selection: &Selection) -> String {
+    let mut text = format!(
+        "<h2>Law</h2><p>Each law was fitted to the first {} frames and predicted the others. The run goes on with <b>{}</b>{}.</p>\
+         <table><tr><th>law</th><th>differing pixels, fitted</th><th>predicted</th><th></th></tr>",
+        selection.fitted_frames,
+        escape(&selection.chosen),
+        match selection.close.is_empty() {
+            true => "; no other law comes near".into(),
+            false => format!("; the video hardly tells it from {}", escape(&selection.close.join(", "))),
+        }
+    );
+    for law in &selection.laws {
+        let percent = |share: f64| if share.is_finite() { format!("{:.2} %", 100.0 * share) } else { "-".into() };
+        let remark = law.failure.as_deref().unwrap_or(if law.model == selection.chosen { "chosen" } else { "" });
+        let _ = write!(
+            text,
+            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
+            escape(&law.model),
+            percent(law.fit_error.unwrap_or(f64::NAN)),
+            percent(law.prediction_error()),
+            escape(remark)
+        );
+    }
+    text + "</table>"
 }
 
 fn views(run: &Run, found: &IdentifyRecord, events: &Events) -> Result<String> {
@@ -212,7 +240,7 @@ fn costs(history: &History, found: &IdentifyRecord) -> String {
     let mut text = String::from(
         "<h2>Times and memory</h2><table><tr><th>stage</th><th>seconds</th><th>CPU seconds</th><th>peak memory [MiB]</th></tr>",
     );
-    for stage in ["reconstruct", "fill", "identify", "predict", "appearance"] {
+    for stage in ["reconstruct", "fill", "select", "identify", "predict", "appearance"] {
         if let Some((seconds, cpu, memory)) = history.costs.get(stage) {
             let cpu = cpu.map_or("-".into(), |s| format!("{s:.1}"));
             let memory = memory.map_or("-".into(), |bytes| format!("{}", bytes >> 20));

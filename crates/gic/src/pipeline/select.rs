@@ -1,0 +1,316 @@
+//! The stage `select`: which law the matter follows.
+//!
+//! Every law is fitted to the earlier frames and predicts the later ones, which it has not seen. The law that predicts best wins,
+//! unless one with fewer unknowns predicts about as well: plasticine that never yields is elastic.
+
+use gic_continuum::{Appearance, Drawing, informed_gaussians};
+use gic_identify::{Identification, Input};
+use gic_mpm::{Body, Options, Simulator, Stepping, World};
+use gic_splat::{RenderSettings, render};
+use glam::DVec3;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::stamp::Stamp;
+use super::{Run, Stage};
+use crate::atomic;
+use crate::config::Model;
+use crate::error::{Error, Result};
+use crate::eval::mean;
+
+/// Share of the frames that the laws have to predict.
+const HELD_BACK: f64 = 0.3;
+/// Two laws are close if their errors differ by less than this share of the smaller one ...
+const CLOSE: f64 = 0.1;
+/// ... or by less than so many standard errors of the difference, over the cameras.
+const STANDARD_ERRORS: f64 = 2.0;
+
+/// `selection.json`: how the laws predict.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Selection {
+    /// Frames that the laws were fitted to, from the first; they predicted the others.
+    pub fitted_frames: usize,
+    /// The laws, the best prediction first; those that could not be fitted last.
+    pub laws: Vec<LawRecord>,
+    /// The law that the run goes on with.
+    pub chosen: String,
+    /// Laws whose predictions the video does not tell from the chosen one's.
+    pub close: Vec<String>,
+}
+
+/// One law.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LawRecord {
+    /// Its name.
+    pub model: String,
+    /// Its parameters, fitted to the earlier frames.
+    pub parameters: Vec<(String, f64)>,
+    /// Pixels that differ in the frames that it was fitted to, as a share of the object's; `None` where it could not be fitted.
+    pub fit_error: Option<f64>,
+    /// The same for each camera over the frames that it predicts; empty where the law could not be fitted.
+    pub prediction_errors: Vec<f64>,
+    /// Rollouts that the fit took.
+    pub rollouts: usize,
+    /// Why the law could not be fitted.
+    pub failure: Option<String>,
+}
+
+impl LawRecord {
+    /// Mean share of pixels that differ in predicted frames; infinite where the law could not be fitted.
+    pub fn prediction_error(&self) -> f64 {
+        if self.prediction_errors.is_empty() { f64::INFINITY } else { mean(self.prediction_errors.iter().copied()) }
+    }
+
+    /// Whether `better`, which predicts at least as well, is not clearly better.
+    fn is_close_to(&self, better: &Self) -> bool {
+        let pairs = self.prediction_errors.iter().zip(&better.prediction_errors);
+        let differences: Vec<f64> = pairs.map(|(a, b)| a - b).collect();
+        if differences.is_empty() {
+            return false;
+        }
+        let average = mean(differences.iter().copied());
+        let variance = mean(differences.iter().map(|d| (d - average).powi(2)));
+        let standard_error = (variance / differences.len() as f64).sqrt();
+        average < (STANDARD_ERRORS * standard_error).max(CLOSE * better.prediction_error())
+    }
+}
+
+impl Selection {
+    /// Ranks the laws, which come with the fewest unknowns first.
+    fn new(fitted_frames: usize, laws: Vec<LawRecord>) -> Option<Self> {
+        let best = laws.iter().min_by(|a, b| a.prediction_error().total_cmp(&b.prediction_error()))?;
+        if !best.prediction_error().is_finite() {
+            return None;
+        }
+        let chosen = laws.iter().find(|law| law.is_close_to(best)).unwrap_or(best);
+        let other = |law: &&LawRecord| law.model != chosen.model;
+        let close = laws.iter().filter(other).filter(|law| law.is_close_to(best)).map(|law| law.model.clone());
+        let (close, chosen) = (close.collect(), chosen.model.clone());
+        let mut ranked = laws;
+        ranked.sort_by(|a, b| a.prediction_error().total_cmp(&b.prediction_error()));
+        Some(Self { fitted_frames, laws: ranked, chosen, close })
+    }
+
+    /// The law that the run goes on with.
+    pub(super) fn chosen_model(&self) -> Result<Model> {
+        Model::ALL.into_iter().find(|model| model.name() == self.chosen).ok_or_else(|| Error::Usage {
+            problem: format!("selection.json chose the material {}, which is not known", self.chosen),
+            hint: Some("remove selection.json from the run folder to have it made anew".into()),
+        })
+    }
+}
+
+impl Run<'_> {
+    pub(super) fn select(&self, stamp: &Stamp) -> Result<()> {
+        let folder = self.path("selection");
+        let begun = self.path("stamps/select.begun.json");
+        let goes_on = Stamp::read(&begun).is_some_and(|found| found.outdated_for(stamp).is_none());
+        if !goes_on && folder.exists() {
+            std::fs::remove_dir_all(&folder).map_err(Error::write(&folder))?;
+        }
+        atomic::create_folder(&folder)?;
+        stamp.write(&begun)?;
+
+        let frames = self.scene.times.len();
+        let held_back = ((HELD_BACK * frames as f64).round() as usize).max(1);
+        let fitted = frames.saturating_sub(held_back);
+        let continuum = self.continuum()?;
+        let input = self.identify_input(&continuum, &self.obstacles()?)?;
+        let drawing = self.drawing(&continuum)?;
+        let mut laws = Vec::new();
+        for model in Model::ALL {
+            let file = folder.join(format!("{}.json", model.name()));
+            // Laws that were finished before an interruption.
+            let law =
+                if file.exists() { atomic::read_json(&file)? } else { self.try_law(model, &input, &drawing, fitted)? };
+            atomic::write_json(&file, &law)?;
+            self.events.note(Stage::Select.name(), describe(&law));
+            laws.push(law);
+        }
+        let selection = Selection::new(fitted, laws).ok_or_else(|| Error::Usage {
+            problem: "no law could be fitted to the earlier frames".into(),
+            hint: Some("see `failure` of each law in the folder `selection` of the run".into()),
+        })?;
+        let close = if selection.close.is_empty() {
+            "no other law comes near".into()
+        } else {
+            format!("the video hardly tells it from {}", selection.close.join(", "))
+        };
+        self.events.note(Stage::Select.name(), format!("goes on with {}; {close}", selection.chosen));
+        atomic::write_json(&self.path("selection.json"), &selection)?;
+        std::fs::remove_dir_all(&folder).map_err(Error::write(&folder))
+    }
+
+    /// The result of selection; `None` where the law was given.
+    ///
+    /// # Errors
+    /// A missing or damaged file.
+    pub fn selection_if_any(&self) -> Result<Option<Selection>> {
+        if self.selects() { self.selection().map(Some) } else { Ok(None) }
+    }
+
+    pub(super) fn selection(&self) -> Result<Selection> {
+        atomic::read_json(&self.path("selection.json"))
+    }
+
+    /// Fits a law to the first `fitted` frames and predicts the others.
+    fn try_law(
+        &self,
+        model: Model,
+        input: &Input,
+        drawing: &(Drawing, Appearance),
+        fitted: usize,
+    ) -> Result<LawRecord> {
+        let settings = gic_identify::Settings {
+            frames: Some(fitted),
+            resolution_check: None,
+            fixed: Vec::new(),
+            start: None,
+            ..self.identify_settings()
+        };
+        let checkpoint = self.path(format!("selection/{}.checkpoint.json", model.name()));
+        let mut law = LawRecord {
+            model: model.name().into(),
+            parameters: Vec::new(),
+            fit_error: None,
+            prediction_errors: Vec::new(),
+            rollouts: 0,
+            failure: None,
+        };
+        let tried = self
+            .fit(input, model, &settings, (Stage::Select, &checkpoint))
+            .and_then(|found| Ok((self.prediction_errors(input, &found, drawing, fitted)?, found)));
+        match tried {
+            Ok((errors, found)) => {
+                law.parameters = found.estimates.iter().map(|e| (e.parameter.name.to_owned(), e.value)).collect();
+                law.fit_error = Some(found.loss.mask_error);
+                law.prediction_errors = errors;
+                law.rollouts = found.rollouts + found.coarse_rollouts;
+            }
+            Err(error @ Error::Interrupted { .. }) => return Err(error),
+            // A law that does not suit the matter may well fail; the others need not.
+            Err(error) => {
+                let cause = std::error::Error::source(&error).map(|cause| format!(": {cause}")).unwrap_or_default();
+                law.failure = Some(format!("{error}{cause}"));
+            }
+        }
+        Ok(law)
+    }
+
+    /// Pixels that differ in the frames from `fitted` on, as a share of the object's, for each camera.
+    fn prediction_errors(
+        &self,
+        input: &Input,
+        found: &Identification,
+        (drawing, drawn): &(Drawing, Appearance),
+        fitted: usize,
+    ) -> Result<Vec<f64>> {
+        let last = input.observations.len() - 1;
+        let frame_of = |frame: usize| (input.observations[frame].time_s * input.frame_rate_hz).round() as usize;
+        let moved = simulate(input, found, frame_of(last)).map_err(Error::stage("prediction"))?;
+        let appearance = Appearance { scale: found.splat_factor * drawn.scale, ..*drawn };
+        let mut differing = vec![0.0; input.cameras.len()];
+        let mut covered = vec![0.0; input.cameras.len()];
+        for frame in fitted..=last {
+            let positions = drawing.positions(&moved[frame_of(frame)]);
+            let gaussians = informed_gaussians(&positions, &drawing.particles, &appearance);
+            let views = &input.observations[frame].views;
+            let sums: Vec<(f64, f64)> = views
+                .par_iter()
+                .map(|view| {
+                    let alpha = render(&gaussians, &input.cameras[view.camera], &RenderSettings::masks()).alpha;
+                    let pixels = || alpha.iter().zip(&view.mask).map(|(a, m)| (f64::from(*a), f64::from(*m)));
+                    (pixels().map(|(a, m)| (a - m).abs()).sum(), pixels().map(|(_, m)| m).sum())
+                })
+                .collect();
+            for (view, (wrong, area)) in views.iter().zip(sums) {
+                differing[view.camera] += wrong;
+                covered[view.camera] += area;
+            }
+        }
+        let seen = differing.iter().zip(covered).filter(|(_, area)| *area > 0.0);
+        Ok(seen.map(|(wrong, area)| wrong / area).collect())
+    }
+}
+
+/// Particles in every frame up to `last` [m].
+fn simulate(
+    input: &Input,
+    found: &Identification,
+    last: usize,
+) -> std::result::Result<Vec<Vec<DVec3>>, gic_mpm::SimulationError> {
+    let world = World {
+        bodies: vec![Body {
+            material: found.material,
+            density_kg_m3: input.density_kg_m3,
+            particle_volume_m3: input.particle_volume_m3,
+            positions: input.positions.iter().map(|p| *p + found.offset_m).collect(),
+            velocity_m_s: found.velocity_m_s,
+            angular_velocity_rad_s: found.angular_velocity_rad_s,
+        }],
+        colliders: input.colliders.clone(),
+        gravity_m_s2: input.gravity_m_s2,
+        grid_spacing_m: input.grid_spacing_m,
+        frame_rate_hz: input.frame_rate_hz,
+        stepping: Stepping::Fixed { substeps_per_frame: input.substeps_per_frame },
+    };
+    let mut simulator = Simulator::new(&world, &Options::default())?;
+    let mut frames = vec![simulator.frame().positions];
+    for _ in 0..last {
+        frames.push(simulator.advance_frame()?.positions);
+    }
+    Ok(frames)
+}
+
+fn describe(law: &LawRecord) -> String {
+    match &law.failure {
+        Some(failure) => format!("{}: could not be fitted ({failure})", law.model),
+        None => format!(
+            "{}: {:.2} % of the pixels differ in fitted frames, {:.2} % in predicted ones",
+            law.model,
+            100.0 * law.fit_error.unwrap_or(f64::NAN),
+            100.0 * law.prediction_error()
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn law(model: &str, prediction_errors: &[f64]) -> LawRecord {
+        LawRecord {
+            model: model.into(),
+            parameters: Vec::new(),
+            fit_error: Some(0.1),
+            prediction_errors: prediction_errors.to_vec(),
+            rollouts: 1,
+            failure: prediction_errors.is_empty().then(|| "unstable".into()),
+        }
+    }
+
+    #[test]
+    fn the_best_prediction_wins() {
+        let laws = vec![law("elastic", &[0.2, 0.21]), law("newtonian", &[]), law("plasticine", &[0.1, 0.11])];
+        let selection = Selection::new(10, laws).unwrap();
+        assert_eq!(selection.chosen, "plasticine");
+        assert!(selection.close.is_empty());
+        let order: Vec<&str> = selection.laws.iter().map(|law| law.model.as_str()).collect();
+        assert_eq!(order, ["plasticine", "elastic", "newtonian"]);
+    }
+
+    #[test]
+    fn of_two_that_predict_alike_the_one_with_fewer_unknowns_wins() {
+        let laws = vec![law("elastic", &[0.100, 0.111]), law("plasticine", &[0.101, 0.109])];
+        let selection = Selection::new(10, laws).unwrap();
+        assert_eq!(
+            (selection.chosen.as_str(), selection.close.as_slice()),
+            ("elastic", &["plasticine".to_owned()][..])
+        );
+    }
+
+    #[test]
+    fn nothing_is_chosen_where_nothing_could_be_fitted() {
+        assert!(Selection::new(10, vec![law("elastic", &[])]).is_none());
+    }
+}
