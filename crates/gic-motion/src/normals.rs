@@ -11,15 +11,13 @@ const RADIUS: f64 = 2.5;
 /// It is the mean offset from the neighbours within 2.5 spacings, weighted by (1 - r^2 / R^2)^2 and divided by what a flat
 /// surface gives, cut at length 1. Points that are not finite get zero.
 pub fn outward_normals(points: &[[f32; 3]], spacing: f64) -> Vec<[f32; 3]> {
-    let radius = RADIUS * spacing;
-    let cells = Cells::new(points, radius);
+    // In units of half the radius, which is the cells' side: cells are few to look into and little larger than the ball.
+    let scale = 2.0 / (RADIUS * spacing);
+    let scaled: Vec<[f32; 3]> = points.iter().map(|p| p.map(|x| (f64::from(x) * scale) as f32)).collect();
+    let cells = Cells::new(&scaled);
     // Integral of the weighted height over a half ball of matter: pi (R / s)^3 / 24, in units of R.
-    let flat = core::f64::consts::PI * RADIUS.powi(3) / 24.0;
-    points
-        .par_iter()
-        .map(|&p| cells.offset(points, p, radius as f32).map(|o| (o / flat) as f32))
-        .map(shortened)
-        .collect()
+    let flat = (2.0 * core::f64::consts::PI * RADIUS.powi(3) / 24.0) as f32;
+    scaled.par_iter().map(|&p| shortened(cells.offset(p).map(|o| o / flat))).collect()
 }
 
 fn shortened(v: [f32; 3]) -> [f32; 3] {
@@ -27,36 +25,40 @@ fn shortened(v: [f32; 3]) -> [f32; 3] {
     if length.is_finite() { v.map(|x| x / length.max(1.0)) } else { [0.0; 3] }
 }
 
-/// Points sorted by the cell of a grid that they are in.
+/// Points sorted by the cell of a grid of side 1 that they are in.
 struct Cells {
-    width: f64,
-    /// Cell and index of each point, ascending.
-    sorted: Vec<([i32; 3], u32)>,
+    /// The cells, ascending.
+    cells: Vec<[i32; 3]>,
+    /// The point of each entry.
+    points: Vec<[f32; 3]>,
 }
 
 impl Cells {
-    fn new(points: &[[f32; 3]], width: f64) -> Cells {
-        let mut cells = Cells { width, sorted: Vec::with_capacity(points.len()) };
-        cells.sorted.extend(points.iter().enumerate().map(|(i, &p)| (cell(p, width), i as u32)));
-        cells.sorted.par_sort_unstable();
-        cells
+    fn new(points: &[[f32; 3]]) -> Cells {
+        let mut order: Vec<([i32; 3], u32)> = points.iter().enumerate().map(|(i, &p)| (cell(p), i as u32)).collect();
+        order.par_sort_unstable();
+        let points = order.iter().map(|&(_, i)| points[i as usize]).collect();
+        Cells { cells: order.into_iter().map(|(cell, _)| cell).collect(), points }
     }
 
-    /// Weighted sum of the offsets from the neighbours of `p`, in units of the radius.
-    fn offset(&self, points: &[[f32; 3]], p: [f32; 3], radius: f32) -> [f64; 3] {
-        let [cx, cy, cz] = cell(p, self.width);
-        let mut sum = [0.0f64; 3];
-        for x in cx.saturating_sub(1)..=cx.saturating_add(1) {
-            for y in cy.saturating_sub(1)..=cy.saturating_add(1) {
+    /// Weighted sum of the offsets of `p` from its neighbours, those nearer than 2.
+    fn offset(&self, p: [f32; 3]) -> [f32; 3] {
+        let [cx, cy, cz] = cell(p);
+        let mut sum = [0.0f32; 3];
+        for x in cx.saturating_sub(2)..=cx.saturating_add(2) {
+            for y in cy.saturating_sub(2)..=cy.saturating_add(2) {
                 // Cells that differ in z only lie side by side.
-                let (low, high) = ([x, y, cz.saturating_sub(1)], [x, y, cz.saturating_add(1)]);
-                let start = self.sorted.partition_point(|(cell, _)| *cell < low);
-                for &(_, j) in self.sorted[start..].iter().take_while(|(cell, _)| *cell <= high) {
-                    let d: [f32; 3] = core::array::from_fn(|axis| (p[axis] - points[j as usize][axis]) / radius);
-                    let left = 1.0 - d.iter().map(|x| x * x).sum::<f32>();
+                let (low, high) = ([x, y, cz.saturating_sub(2)], [x, y, cz.saturating_add(2)]);
+                let start = self.cells.partition_point(|cell| *cell < low);
+                let end = start + self.cells[start..].partition_point(|cell| *cell <= high);
+                for q in &self.points[start..end] {
+                    let d = [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
+                    // Phrased so that points that are no numbers weigh nothing.
+                    let left = 1.0 - 0.25 * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
                     if left > 0.0 {
+                        let weight = left * left;
                         for axis in 0..3 {
-                            sum[axis] += f64::from(left * left * d[axis]);
+                            sum[axis] += weight * d[axis];
                         }
                     }
                 }
@@ -67,8 +69,8 @@ impl Cells {
 }
 
 /// Casting saturates, so that far away points share the outermost cells.
-fn cell(p: [f32; 3], width: f64) -> [i32; 3] {
-    p.map(|x| (f64::from(x) / width).floor() as i32)
+fn cell(p: [f32; 3]) -> [i32; 3] {
+    p.map(|x| x.floor() as i32)
 }
 
 #[cfg(test)]

@@ -83,6 +83,29 @@ impl Gaussians {
         (self.sh_degree + 1) * (self.sh_degree + 1)
     }
 
+    /// The Gaussians listed in `rows`, in that order.
+    ///
+    /// # Panics
+    /// If a row is beyond the end.
+    #[must_use]
+    pub fn select(&self, rows: &[usize]) -> Gaussians {
+        let k = if self.sh.is_empty() { 0 } else { self.sh_per_gaussian() };
+        let shape = match &self.shape {
+            Shape::Isotropic { scales } => Shape::Isotropic { scales: rows.iter().map(|&i| scales[i]).collect() },
+            Shape::Anisotropic { scales, rotations } => Shape::Anisotropic {
+                scales: rows.iter().map(|&i| scales[i]).collect(),
+                rotations: rows.iter().map(|&i| rotations[i]).collect(),
+            },
+        };
+        Gaussians {
+            positions: rows.iter().map(|&i| self.positions[i]).collect(),
+            opacities: rows.iter().map(|&i| self.opacities[i]).collect(),
+            shape,
+            sh_degree: self.sh_degree,
+            sh: rows.iter().flat_map(|&i| &self.sh[i * k..(i + 1) * k]).copied().collect(),
+        }
+    }
+
     /// Checks lengths, degree and values; what a set from outside should pass before it is drawn.
     ///
     /// # Errors

@@ -14,6 +14,8 @@ use crate::error::{Error, Result};
 /// The files that hold a look, inside a run folder.
 pub const FILES: [&str; 2] = ["appearance/gaussians.ply", "appearance/light.json"];
 const SCHEMA: &str = "gic.light/1";
+/// Points whose normal is shorter than this lie almost two spacings deep, behind nearly opaque ones.
+const DEEP: f32 = 0.06;
 
 /// Points with colours, each carried by one particle of the simulation.
 pub struct Look {
@@ -94,12 +96,25 @@ impl Look {
         &self.parents
     }
 
-    /// The Gaussians to draw when the particles are at `moved` [m], in the order of those that the look was bound to.
+    /// All Gaussians when the particles are at `moved` [m], in the order of those that the look was bound to.
     pub fn at(&self, moved: &[DVec3]) -> Gaussians {
-        let position = |(&i, &offset): (&u32, &DVec3)| (moved[i as usize] + offset).as_vec3().to_array();
-        let positions: Vec<[f32; 3]> = self.parents.iter().zip(&self.offsets).map(position).collect();
+        let positions = self.positions(moved);
         let normals = outward_normals(&positions, self.spacing);
         self.lit.at(positions, &normals)
+    }
+
+    /// Those of [`Look::at`] that can be seen: without the ones that have matter all around.
+    pub fn visible(&self, moved: &[DVec3]) -> Gaussians {
+        let positions = self.positions(moved);
+        let normals = outward_normals(&positions, self.spacing);
+        let outside = |normal: &[f32; 3]| normal.iter().map(|x| x * x).sum::<f32>() > DEEP * DEEP;
+        let seen: Vec<usize> = (0..positions.len()).filter(|&i| outside(&normals[i])).collect();
+        self.lit.at(positions, &normals).select(&seen)
+    }
+
+    fn positions(&self, moved: &[DVec3]) -> Vec<[f32; 3]> {
+        let position = |(&i, &offset): (&u32, &DVec3)| (moved[i as usize] + offset).as_vec3().to_array();
+        self.parents.iter().zip(&self.offsets).map(position).collect()
     }
 }
 

@@ -57,7 +57,7 @@ impl<'a> Pictures<'a> {
         if !particles.exists() {
             return Ok(None);
         }
-        let gaussians = self.look.at(&read_particles(&particles)?.positions);
+        let gaussians = self.look.visible(&read_particles(&particles)?.positions);
         let views = self.scene.views_at(frame);
         let loaded = self.scene.load_all(views).map_err(Error::stage("reading pictures"))?;
         let scores: Vec<Option<Score>> = views

@@ -61,7 +61,7 @@ impl Paint {
                 let bodies = looks.iter().map(|(n, look)| {
                     let own = start..start + n;
                     start += n;
-                    look.at(&particles.positions[own])
+                    look.visible(&particles.positions[own])
                 });
                 joined(bodies)
             }
