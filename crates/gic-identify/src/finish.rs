@@ -94,9 +94,22 @@ impl Job<'_> {
                 self.estimate(&self.parameters()[i], state.material[i], deviation(unknown), shift)
             })
             .collect();
-        let velocity = DVec3::from_array([0, 1, 2].map(|a| deviation(Unknown::Velocity(a)).unwrap_or(0.0)));
+        let velocity = [0, 1, 2].map(|a| {
+            let half = deviation(Unknown::Velocity(a)).unwrap_or(0.0);
+            half.hypot(self.flown_half_width(launched, Unknown::Velocity(a)))
+        });
+        let velocity = DVec3::from_array(velocity);
         checks::explained(self, launched, &motion);
         Ok(self.result(launched, state, estimates, velocity, Some(&motion)))
+    }
+
+    /// Half-width of an unknown's interval from free flight alone, where the position is uncertain, too; 0 where it was not fitted.
+    fn flown_half_width(&self, launched: &Launch, unknown: Unknown) -> f64 {
+        let none = DMatrix::zeros(0, 0);
+        let count = launched.unknowns.len();
+        let place = launched.unknowns.iter().position(|u| *u == unknown);
+        let covariance = interval::covariance(&launched.clusters, &self.weights, count, &none, &none);
+        place.zip(covariance).map_or(0.0, |(k, c)| half_width(c[(k, k)]))
     }
 
     fn estimate(&self, p: &Parameter, coordinate: f64, half: Option<f64>, shift: Option<f64>) -> Estimate {

@@ -35,8 +35,8 @@ const SHARP_FIT: usize = 4;
 /// blurred, and a sharp outline would let it creep.
 pub(crate) const BLUR: usize = 8;
 
-/// Times that the joint stage weighs the frames anew and fits.
-const ROUNDS: usize = 2;
+/// Most steps of the joint stage under its first weights, which only have to be good enough to weigh the frames anew.
+const FIRST_FIT: usize = 5;
 
 /// The joint stage ends where a step gains less than this of the cost, which is half of chi-squared.
 const LEAST_GAIN: f64 = 0.1;
@@ -372,7 +372,8 @@ impl Job<'_> {
         fit(state, SHARP, SHARP_FIT).map(|fit| fit.state).map_err(failed)
     }
 
-    /// Material, velocity, rotation where there is one, the Gaussians' size, and the shape.
+    /// Material, velocity, rotation where there is one, the Gaussians' size, and the shape. The position stays that of free flight: free, it
+    /// is traded for the velocity.
     pub(crate) fn joint_unknowns(&self, launched: &Launch) -> Vec<Unknown> {
         let mut unknowns = self.free_materials();
         let flown = launched.unknowns.iter().filter(|u| !matches!(u, Unknown::Offset(_)));
@@ -408,7 +409,7 @@ impl Job<'_> {
         let (simulation, prior) = (self.simulation(launched.free), self.joint_prior(launched));
         let (unknowns, level) = (self.joint_unknowns(launched), self.all_frames());
         let mut state = start;
-        for _ in 0..ROUNDS {
+        for iterations in [FIRST_FIT.min(self.settings.iterations), self.settings.iterations] {
             let problem = Problem {
                 forward: &simulation,
                 objective: self.base_objective(),
@@ -423,7 +424,6 @@ impl Job<'_> {
             let clusters = problem.clusters(&motion, &tangents);
             let weights = self.weights_at(&clusters, unknowns.len(), launched);
             let problem = Problem { objective: Objective { weights: &weights, ..self.base_objective() }, ..problem };
-            let iterations = self.settings.iterations;
             // The cost is in units of chi-squared: what matters is the absolute gain.
             let limits =
                 Limits { iterations, step_tolerance: 0.05, gain_tolerance: 0.0, least_gain: LEAST_GAIN, secants: true };
