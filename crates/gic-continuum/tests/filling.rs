@@ -46,9 +46,13 @@ fn surface_error(body: &Body, filling: &Filling) -> SurfaceError {
 
 /// The default settings but for the inset, which is calibrated for trained Gaussians: these are wider (a standard deviation is a
 /// whole voxel) and their centres lie less deep. 0.7 standard deviations more than [`common::INSET`], because depth maps of so wide
-/// Gaussians are rippled and the emptiest view counts.
+/// Gaussians are rippled and the emptiest view counts. The voxels are as wide as the Gaussians, of which there are fewer than trained ones.
 fn settings_for(body: &Body) -> FillSettings {
-    FillSettings { depth_inset: common::INSET + 0.7, ..FillSettings::for_size(body.size) }
+    FillSettings {
+        grid_spacing: body.size / 6.0,
+        depth_inset: common::INSET + 0.7,
+        ..FillSettings::for_size(body.size)
+    }
 }
 
 /// Largest distance between filled and true surface from perfect Gaussians, in finest voxels: the corners of boxes.

@@ -60,5 +60,5 @@ fn working_pooling(input: &Input) -> usize {
     sizes.sort_by(f64::total_cmp);
     scales.sort_by(f32::total_cmp);
     let ratio = f64::from(scales[scales.len() / 2]) / sizes[sizes.len() / 2];
-    (ratio.floor() as usize).clamp(1, 8)
+    (ratio.round() as usize).clamp(1, 8)
 }

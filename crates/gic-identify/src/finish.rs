@@ -11,20 +11,13 @@ use crate::flight::Flight;
 use crate::interval::{self, half_width};
 use crate::levenberg::Tangents;
 use crate::loss::mean_loss;
-use crate::objective::{Forward, Level, Motion, Prior, Problem};
+use crate::objective::{Forward, Level, Motion, Problem};
 use crate::result::{Estimate, Identification, Loss, Stage};
 use crate::simulation::Simulation;
 use crate::stages::Job;
 use crate::state::{State, Unknown};
 use crate::velocity::Launch;
 use crate::{IdentifyError, MaterialKind, Parameter};
-
-/// Standard deviation of the position of the surface that was reconstructed, in particle spacings.
-const SHAPE_SIGMA: f64 = 0.15;
-
-/// Standard deviation of the height of the underside as reconstructed, in particle spacings, and of its slopes at one radius: what no
-/// camera shows meets the ground first.
-const UNDERSIDE_SIGMA: f64 = 0.3;
 
 impl Job<'_> {
     fn material(&self, state: &State) -> gic_mpm::Material {
@@ -33,7 +26,8 @@ impl Job<'_> {
     }
 
     pub(crate) fn finish_untouched(&self, launched: &Launch) -> Identification {
-        let motion = Flight { input: self.input, data: &self.data }.motion(&launched.state, &self.all_frames());
+        let motion = Flight { input: self.input, data: &self.data, shape: &self.shape }
+            .motion(&launched.state, &self.all_frames());
         let estimates = self
             .parameters()
             .iter()
@@ -44,26 +38,19 @@ impl Job<'_> {
     }
 
     /// Intervals, checks, and everything into one result.
-    pub(crate) fn finish(
-        &self,
-        launched: &Launch,
-        flown: Option<&Prior>,
-        state: &State,
-    ) -> Result<Identification, IdentifyError> {
+    pub(crate) fn finish(&self, launched: &Launch, state: &State) -> Result<Identification, IdentifyError> {
         let simulation = self.simulation(launched.free);
-        let mut unknowns = self.joint_unknowns(flown);
-        let count = unknowns.len();
-        unknowns.push(Unknown::Size);
-        unknowns.extend((0..3).map(Unknown::Underside));
+        let prior = self.joint_prior(launched);
         let problem = Problem {
             forward: &simulation,
             objective: self.base_objective(),
-            unknowns,
+            unknowns: self.joint_unknowns(launched),
             parameters: self.parameters(),
-            level: self.joint_frames(launched, flown),
-            prior: flown,
+            level: self.all_frames(),
+            prior: Some(&prior),
         };
-        let motion = simulation.motion(state, &self.all_frames()).map_err(self.failure(1))?;
+        let count = problem.unknowns.len();
+        let motion = simulation.motion(state, &problem.level).map_err(self.failure(1))?;
         let (check, finer) = (self.settings.resolution_check, self.simulation(launched.free));
         let (tangents, refined) = rayon::join(
             || Tangents::measure(&problem, state, &motion),
@@ -73,28 +60,29 @@ impl Job<'_> {
         let (mut covariance, mut shifts) = (None, None);
         match tangents {
             Ok(Tangents { mut motions, mut steps, .. }) => {
-                // A refined grid is one more direction in which the residuals move.
+                // A refined grid is one more direction in which the residuals move: a nuisance, with the whole of its shift.
                 if let Some(motion) = refined {
                     motions.push(motion);
                     steps.push(1.0);
                 }
                 let clusters = problem.objective.clusters(&motion, &motions, &steps, &problem.level);
-                let known = flown.map_or(DMatrix::zeros(0, 0), |p| p.information_of(&problem.unknowns[..count]));
-                // Size, underside, and the refined grid with the whole of its shift.
-                let mut nuisances = DMatrix::zeros(steps.len() - count, steps.len() - count);
-                nuisances[(0, 0)] = self.size_sigma().powi(2);
-                let spacing = self.input.particle_volume_m3.cbrt();
-                (1..4).for_each(|k| nuisances[(k, k)] = (UNDERSIDE_SIGMA * spacing).powi(2));
-                if steps.len() > problem.unknowns.len() {
-                    let refined = problem.unknowns.len();
-                    shifts = interval::response(&clusters, self.weights, count, &known, refined);
-                    nuisances[(refined - count, refined - count)] = 1.0;
+                let weights = self.weights_at(&clusters, count, launched);
+                let known = prior.information_of(&problem.unknowns);
+                let nuisances = DMatrix::identity(steps.len() - count, steps.len() - count);
+                if steps.len() > count {
+                    shifts = interval::response(&clusters, &weights, count, &known, count);
                 }
-                covariance = interval::covariance(&clusters, self.weights, count, &known, &nuisances);
+                let places = |of: &dyn Fn(&Unknown) -> bool| -> Vec<usize> {
+                    (0..count).filter(|k| of(&problem.unknowns[*k])).collect()
+                };
+                let materials = places(&|u| matches!(u, Unknown::Material(_)));
+                let shapes = places(&|u| matches!(u, Unknown::Shape(_)));
+                covariance = interval::covariance(&clusters, &weights, count, &known, &nuisances)
+                    .map(|c| c + interval::unrevealed(&clusters, &weights, count, &known, &materials, &shapes));
             }
             Err(reason) => self.warn(format!("no intervals: {reason}")),
         }
-        let place = |unknown: Unknown| problem.unknowns[..count].iter().position(|u| *u == unknown);
+        let place = |unknown: Unknown| problem.unknowns.iter().position(|u| *u == unknown);
         let deviation = |unknown: Unknown| {
             let k = place(unknown)?;
             covariance.as_ref().map(|c| half_width(c[(k, k)]))
@@ -106,17 +94,22 @@ impl Job<'_> {
                 self.estimate(&self.parameters()[i], state.material[i], deviation(unknown), shift)
             })
             .collect();
-        let velocity = DVec3::from_array([0, 1, 2].map(|a| deviation(Unknown::Velocity(a)).unwrap_or(0.0)));
+        let velocity = [0, 1, 2].map(|a| {
+            let half = deviation(Unknown::Velocity(a)).unwrap_or(0.0);
+            half.hypot(self.flown_half_width(launched, Unknown::Velocity(a)))
+        });
+        let velocity = DVec3::from_array(velocity);
         checks::explained(self, launched, &motion);
         Ok(self.result(launched, state, estimates, velocity, Some(&motion)))
     }
 
-    /// Standard deviation of the logarithm of the continuum's size.
-    fn size_sigma(&self) -> f64 {
-        let centre = self.input.centre();
-        let radius =
-            self.input.positions.iter().map(|p| p.distance(centre)).sum::<f64>() / self.input.positions.len() as f64;
-        SHAPE_SIGMA * self.input.particle_volume_m3.cbrt() / radius
+    /// Half-width of an unknown's interval from free flight alone, where the position is uncertain, too; 0 where it was not fitted.
+    fn flown_half_width(&self, launched: &Launch, unknown: Unknown) -> f64 {
+        let none = DMatrix::zeros(0, 0);
+        let count = launched.unknowns.len();
+        let place = launched.unknowns.iter().position(|u| *u == unknown);
+        let covariance = interval::covariance(&launched.clusters, &self.weights, count, &none, &none);
+        place.zip(covariance).map_or(0.0, |(k, c)| half_width(c[(k, k)]))
     }
 
     fn estimate(&self, p: &Parameter, coordinate: f64, half: Option<f64>, shift: Option<f64>) -> Estimate {

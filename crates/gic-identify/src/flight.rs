@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use crate::Input;
 use crate::data::Data;
 use crate::objective::{Forward, Level, Motion};
+use crate::shape::ShapeModes;
 use crate::state::State;
 
 /// Distance travelled after `time` by gravity alone, as symplectic Euler sums it with steps of `dt`: g t (t + dt) / 2.
@@ -15,44 +16,12 @@ pub(crate) fn fall(gravity: DVec3, time: f64, dt: f64) -> DVec3 {
     gravity * (0.5 * time * (time + dt))
 }
 
-/// Particles of `input` as `state` places them at time 0 [m], and their centre.
-pub(crate) fn placed(input: &Input, state: &State) -> (Vec<DVec3>, DVec3) {
-    let centre = input.centre();
-    let factor = state.size.exp();
-    let mut positions: Vec<DVec3> =
-        input.positions.iter().map(|p| centre + state.offset + (*p - centre) * factor).collect();
-    if state.underside != DVec3::ZERO {
-        lift_underside(&mut positions, centre + state.offset, -input.gravity_m_s2.normalize_or_zero(), state.underside);
-    }
-    (positions, centre + state.offset)
-}
-
-/// Raises the lower parts by `lift` (mean [m]; more of it at one radius along two horizontal axes), growing with the square of the
-/// depth below the top: undersides are what no camera shows, and they meet the ground first.
-fn lift_underside(positions: &mut [DVec3], centre: DVec3, up: DVec3, lift: DVec3) {
-    if up == DVec3::ZERO {
-        return;
-    }
-    let across = up.any_orthonormal_pair();
-    let (low, high) = positions
-        .iter()
-        .map(|p| (*p - centre).dot(up))
-        .fold((f64::MAX, f64::MIN), |(low, high), h| (low.min(h), high.max(h)));
-    let flat = |p: &DVec3| ((*p - centre).dot(across.0), (*p - centre).dot(across.1));
-    let radius = positions.iter().map(flat).map(|(x, y)| x.hypot(y)).fold(f64::MIN_POSITIVE, f64::max);
-    for p in positions {
-        let (x, y) = flat(p);
-        let depth = (high - (*p - centre).dot(up)) / (high - low).max(f64::MIN_POSITIVE);
-        *p += up * depth * depth * (lift.x + lift.y * x / radius + lift.z * y / radius);
-    }
-}
-
-/// Share of its volume that the body loses where its underside is raised by `lift` [m]: that of a column as high as the body.
-pub(crate) fn lost_volume(input: &Input, lift: f64) -> f64 {
-    let up = input.gravity_m_s2.normalize_or_zero();
-    let heights = input.positions.iter().map(|p| p.dot(up));
-    let (low, high) = heights.fold((f64::MAX, f64::MIN), |(low, high), h| (low.min(h), high.max(h)));
-    lift / (high - low).max(f64::MIN_POSITIVE)
+/// Particles of `input` as `state` places and shapes them at time 0 [m], and the centre about which they turn.
+pub(crate) fn placed(input: &Input, shape: &ShapeModes, state: &State) -> (Vec<DVec3>, DVec3) {
+    let mut positions = input.positions.clone();
+    shape.displace(&mut positions, &state.shape);
+    positions.iter_mut().for_each(|p| *p += state.offset);
+    (positions, input.centre() + state.offset)
 }
 
 /// Seconds of one substep.
@@ -64,12 +33,13 @@ pub(crate) fn substep(input: &Input) -> f64 {
 pub(crate) struct Flight<'a> {
     pub input: &'a Input,
     pub data: &'a Data,
+    pub shape: &'a ShapeModes,
 }
 
 impl Flight<'_> {
     /// Positions at simulated frame `frame` [m], shape [n].
     pub(crate) fn positions(&self, state: &State, frame: usize) -> Vec<DVec3> {
-        let (placed, centre) = placed(self.input, state);
+        let (placed, centre) = placed(self.input, self.shape, state);
         let time = frame as f64 / self.input.frame_rate_hz;
         let rotation = DQuat::from_scaled_axis(state.angular * time);
         let shift = state.velocity * time + fall(self.input.gravity_m_s2, time, substep(self.input));
@@ -91,6 +61,7 @@ impl Forward for Flight<'_> {
             })
             .collect();
         let scales = vec![self.input.scales.clone(); positions.len()];
-        Ok(Motion { positions, scales, splat_factor: state.splat.exp() as f32 })
+        let swelling = self.shape.swelling(&state.shape);
+        Ok(Motion { positions, scales, splat_factor: state.splat.exp() as f32, swelling })
     }
 }

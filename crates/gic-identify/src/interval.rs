@@ -3,25 +3,25 @@
 //! Residuals inside a picture, along a camera's frames (the same wrong shape), and across the cameras of a frame (the same wrong
 //! simulation) are correlated, so the textbook covariance s^2 H^-1 is far too narrow. The sandwich H^-1 M H^-1 takes M from the
 //! scatter of whole clusters' gradients at the optimum, clustered both ways: by camera and by frame. An error that is common to all
-//! clusters leaves no scatter; the size of the continuum, which no residual reveals once the Gaussians are fitted to the outline,
-//! therefore enters as a nuisance with its own prior.
+//! clusters leaves no scatter: what can be wrong with the shape is therefore among the unknowns, with its prior, and the simulation grid
+//! enters as a nuisance.
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::normal::{Cluster, Modality, Normal, Weights};
+use crate::normal::{Cluster, Normal, Weights};
 
 /// Student's t at 97.5 % for the ten-odd clusters of a typical scene.
 const T_975: f64 = 2.2;
 
 /// Frames are correlated over this share of their number.
-const FRAMES_PER_LAG: usize = 4;
+pub(crate) const FRAMES_PER_LAG: usize = 4;
 
 /// Covariance of the first `unknowns` columns, given what is `known` of them besides (an information matrix, or an empty one).
 ///
 /// `nuisances` is the covariance of the next columns of the clusters, which were held fixed.
 pub(crate) fn covariance(
     clusters: &[Cluster],
-    weights: Weights,
+    weights: &Weights,
     unknowns: usize,
     known: &DMatrix<f64>,
     nuisances: &DMatrix<f64>,
@@ -37,10 +37,39 @@ pub(crate) fn covariance(
     Some(&inverse * middle * &inverse + &shifts * nuisances * shifts.transpose())
 }
 
+/// Covariance of the first `unknowns` columns, nonzero for `materials`, from the whole prior (unit variances) of those in `shapes`, as if
+/// the data did not narrow it.
+///
+/// The fit uses what the pictures say about the shape, but a few components stand for all ways in which a shape can be wrong: what they
+/// explain of the others' effect makes the estimate better without making it certain.
+pub(crate) fn unrevealed(
+    clusters: &[Cluster],
+    weights: &Weights,
+    unknowns: usize,
+    known: &DMatrix<f64>,
+    materials: &[usize],
+    shapes: &[usize],
+) -> DMatrix<f64> {
+    let mut covariance = DMatrix::zeros(unknowns, unknowns);
+    let Some(first) = clusters.first() else { return covariance };
+    let total = with_known(&Normal::sum(clusters, weights, first.gradient.len()).hessian, unknowns, known);
+    let Some(inverse) = regularised_inverse(&total.select_rows(materials).select_columns(materials)) else {
+        return covariance;
+    };
+    let shifts = inverse * total.select_rows(materials).select_columns(shapes);
+    let spread = &shifts * shifts.transpose();
+    for (i, a) in materials.iter().enumerate() {
+        for (j, b) in materials.iter().enumerate() {
+            covariance[(*a, *b)] = spread[(i, j)];
+        }
+    }
+    covariance
+}
+
 /// How far the first `unknowns` columns move per unit of column `other`, which was held fixed: -H^-1 J^T W J_other.
 pub(crate) fn response(
     clusters: &[Cluster],
-    weights: Weights,
+    weights: &Weights,
     unknowns: usize,
     known: &DMatrix<f64>,
     other: usize,
@@ -62,15 +91,15 @@ pub(crate) fn half_width(variance: f64) -> f64 {
 }
 
 /// The gradients of whole groups of clusters, in the order of the groups' keys.
-fn groups(
+pub(crate) fn groups(
     clusters: &[Cluster],
-    weights: Weights,
+    weights: &Weights,
     unknowns: usize,
     key: &dyn Fn(&Cluster) -> usize,
 ) -> Vec<DVector<f64>> {
     let mut groups = std::collections::BTreeMap::<usize, DVector<f64>>::new();
     for cluster in clusters {
-        let g = cluster.gradient.rows(0, unknowns) * weights.of(cluster.modality);
+        let g = cluster.gradient.rows(0, unknowns) * weights.of(cluster);
         *groups.entry(key(cluster)).or_insert_with(|| DVector::zeros(unknowns)) += g;
     }
     groups.into_values().collect()
@@ -78,7 +107,7 @@ fn groups(
 
 /// Sum of g_c g_c^T with the usual small-sample factor, plus the products of groups up to `lags` apart with Bartlett's weights
 /// (Newey and West): neighbouring frames show the same wrong shape.
-fn scatter(groups: &[DVector<f64>], lags: usize) -> DMatrix<f64> {
+pub(crate) fn scatter(groups: &[DVector<f64>], lags: usize) -> DMatrix<f64> {
     let unknowns = groups.first().map_or(0, |g| g.len());
     let mut sum = DMatrix::zeros(unknowns, unknowns);
     if groups.len() < 2 {
@@ -111,30 +140,10 @@ fn regularised_inverse(h: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     Some(&d * normalised.try_inverse()? * &d)
 }
 
-/// Weights that make each modality's residuals count by their effective noise: the scatter of whole clusters' gradients over the
-/// curvature, averaged over the unknowns. Derived from the data, so that nothing is tuned per scene.
-pub(crate) fn effective_weights(clusters: &[Cluster], unknowns: usize, floors: Weights) -> Weights {
-    let weight = |modality: Modality| {
-        let mut ratios = Vec::new();
-        for k in 0..unknowns {
-            let (mut scatter, mut curvature) = (0.0, 0.0);
-            for cluster in clusters.iter().filter(|c| c.modality == modality) {
-                scatter += cluster.gradient[k].powi(2);
-                curvature += cluster.hessian[(k, k)];
-            }
-            if curvature > 0.0 {
-                ratios.push(scatter / curvature);
-            }
-        }
-        let noise = ratios.iter().sum::<f64>() / ratios.len().max(1) as f64;
-        1.0 / noise.max(1.0 / floors.of(modality))
-    };
-    Weights { mask: weight(Modality::Mask), surface: weight(Modality::Surface) }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::normal::Modality;
     use rand::{RngExt, SeedableRng};
 
     /// A line y = a + b x seen by 11 "cameras" in 14 "frames" with errors that are common to a camera: the nominal 95 % interval
@@ -163,14 +172,9 @@ mod tests {
                     cluster.finish()
                 })
                 .collect();
-            let c = covariance(
-                &clusters,
-                Weights { mask: 1.0, surface: 1.0 },
-                1,
-                &DMatrix::zeros(0, 0),
-                &DMatrix::zeros(0, 0),
-            )
-            .unwrap();
+            let c =
+                covariance(&clusters, &Weights::uniform(1.0, 1.0, 14), 1, &DMatrix::zeros(0, 0), &DMatrix::zeros(0, 0))
+                    .unwrap();
             inside += usize::from(estimate.abs() < half_width(c[(0, 0)]));
             let noise: f64 = data.iter().map(|(_, _, s, e)| (e - s * estimate).powi(2)).sum::<f64>() / 154.0;
             textbook += usize::from(estimate.abs() < 1.96 * (noise / h).sqrt());

@@ -19,6 +19,8 @@ pub(crate) struct Limits {
     pub step_tolerance: f64,
     /// Converged when the cost falls by less than this share.
     pub gain_tolerance: f64,
+    /// Converged when the cost falls by less than this, or cannot fall by more.
+    pub least_gain: f64,
     /// Whether forward runs are dear, so that Jacobians are carried along by secants rather than measured at every step.
     pub secants: bool,
 }
@@ -106,6 +108,7 @@ impl Tangents {
         }
         for ((motion, unknown), step) in self.motions.iter_mut().zip(&problem.unknowns).zip(&self.steps) {
             motion.splat_factor = new.splat_factor;
+            motion.swelling = sum_of(&new.swelling, &motion.swelling, &old.swelling);
             if *unknown == Unknown::Splat {
                 *motion = new.drawn_wider(*step);
             }
@@ -114,26 +117,42 @@ impl Tangents {
     }
 }
 
-/// Minimises from `start`; fails only where the start itself cannot be simulated.
+/// a + b - c; those that are missing are zero.
+fn sum_of(a: &[f32], b: &[f32], c: &[f32]) -> Vec<f32> {
+    let at = |v: &[f32], i: usize| v.get(i).copied().unwrap_or(0.0);
+    (0..a.len().max(b.len()).max(c.len())).map(|i| at(a, i) + at(b, i) - at(c, i)).collect()
+}
+
+/// Minimises from `start`, where the motion and its tangents may be known already; fails only where the start itself cannot be simulated.
 ///
 /// A failed forward run is a rejected step: the damping grows until the step stays where the simulator works.
 pub(crate) fn minimise(
     problem: &Problem,
     start: State,
+    known: Option<(Motion, Tangents)>,
     limits: Limits,
     accepted: &mut dyn FnMut(&Iterate) -> Result<(), String>,
 ) -> Result<Fit, String> {
-    let motion = problem.forward.motion(&start, &problem.level)?;
+    let (motion, tangents) = match known {
+        Some((motion, tangents)) => (motion, Some(tangents)),
+        None => (problem.forward.motion(&start, &problem.level)?, None),
+    };
     let cost = problem.cost(&start, &motion);
     let mut fit = Fit { cost, state: start, motion };
     if limits.iterations == 0 {
         return Ok(fit);
     }
-    let mut tangents = Tangents::measure(problem, &fit.state, &fit.motion)?;
+    let mut tangents = match tangents {
+        Some(tangents) => tangents,
+        None => Tangents::measure(problem, &fit.state, &fit.motion)?,
+    };
     let mut lambda = 1e-3;
     let mut iteration = 0;
     while iteration < limits.iterations {
         let normal = problem.normal(&problem.clusters(&fit.motion, &tangents), &fit.state);
+        if normal.largest_gain() < limits.least_gain {
+            break;
+        }
         let step = loop {
             // Two dampings at once: the second core would idle otherwise.
             let trials: Vec<Option<Trial>> = [lambda, lambda * 30.0]
@@ -171,7 +190,7 @@ pub(crate) fn minimise(
             tangents.carry(problem, &fit.motion, &motion, &delta);
         }
         (fit.state, fit.cost, fit.motion) = (state, cost, motion);
-        if size < limits.step_tolerance || share < limits.gain_tolerance {
+        if size < limits.step_tolerance || share < limits.gain_tolerance || gain < limits.least_gain {
             break;
         }
         if iteration < limits.iterations && !(limits.secants && trusted) {

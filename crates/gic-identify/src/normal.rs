@@ -63,18 +63,24 @@ impl Cluster {
     }
 }
 
-/// Weight of each modality's residuals in the sum.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Weight of each modality's residuals in the sum, by observation.
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Weights {
-    pub mask: f64,
-    pub surface: f64,
+    pub mask: Vec<f64>,
+    pub surface: Vec<f64>,
 }
 
 impl Weights {
-    pub(crate) fn of(&self, modality: Modality) -> f64 {
-        match modality {
-            Modality::Mask => self.mask,
-            Modality::Surface => self.surface,
+    /// The same in all of `observations`.
+    pub(crate) fn uniform(mask: f64, surface: f64, observations: usize) -> Weights {
+        Weights { mask: vec![mask; observations], surface: vec![surface; observations] }
+    }
+
+    /// That of one cluster.
+    pub(crate) fn of(&self, cluster: &Cluster) -> f64 {
+        match cluster.modality {
+            Modality::Mask => self.mask[cluster.observation],
+            Modality::Surface => self.surface[cluster.observation],
         }
     }
 }
@@ -89,11 +95,11 @@ pub(crate) struct Normal {
 
 impl Normal {
     /// Sums in the order of the clusters, so that the result does not depend on threads.
-    pub(crate) fn sum(clusters: &[Cluster], weights: Weights, unknowns: usize) -> Normal {
+    pub(crate) fn sum(clusters: &[Cluster], weights: &Weights, unknowns: usize) -> Normal {
         let mut total =
             Normal { cost: 0.0, gradient: DVector::zeros(unknowns), hessian: DMatrix::zeros(unknowns, unknowns) };
         for cluster in clusters {
-            let w = weights.of(cluster.modality);
+            let w = weights.of(cluster);
             total.cost += w * cluster.cost;
             total.gradient += &cluster.gradient * w;
             total.hessian += &cluster.hessian * w;
@@ -105,6 +111,11 @@ impl Normal {
     pub(crate) fn promised(&self, delta: &[f64]) -> f64 {
         let d = DVector::from_column_slice(delta);
         -(self.gradient.dot(&d) + 0.5 * (&self.hessian * &d).dot(&d))
+    }
+
+    /// How much the quadratic model can fall at all: g^T H^-1 g / 2.
+    pub(crate) fn largest_gain(&self) -> f64 {
+        self.step(0.0).map_or(f64::INFINITY, |step| -0.5 * self.gradient.dot(&step))
     }
 
     /// The damped step -(H + lambda diag H)^-1 g; `None` where the matrix is not positive definite.

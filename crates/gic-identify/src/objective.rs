@@ -18,6 +18,9 @@ pub(crate) struct Motion {
     pub scales: Vec<Vec<f32>>,
     /// Factor on all of them.
     pub splat_factor: f32,
+    /// How far each particle was moved outward at rest by a change of the shape [m], shape [n]; empty for not at all. The extracted
+    /// surfaces are taken to be as wrong in all frames as in the first, so that they tell of the motion but not of the shape.
+    pub swelling: Vec<f32>,
 }
 
 impl Motion {
@@ -49,7 +52,7 @@ pub(crate) struct Objective<'a> {
     pub data: &'a Data,
     pub opacities: &'a [f32],
     pub surface_context: &'a crate::surface::Context,
-    pub weights: Weights,
+    pub weights: &'a Weights,
 }
 
 impl Objective<'_> {
@@ -114,8 +117,7 @@ impl Objective<'_> {
     fn surface_clusters(&self, o: usize, base: &Motion, perturbed: &[Motion], steps: &[f64]) -> Vec<Cluster> {
         let moment: &Moment = &self.data.moments[o];
         let Some(observed) = &moment.surface else { return Vec::new() };
-        let moved: Vec<&[[f32; 3]]> = perturbed.iter().map(|motion| motion.positions[o].as_slice()).collect();
-        vec![self.surface_context.cluster((o, moment.time_s), observed, &base.positions[o], &moved, steps)]
+        vec![self.surface_context.cluster((o, moment.time_s), observed, base, perturbed, steps)]
     }
 }
 

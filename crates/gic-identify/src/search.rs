@@ -61,8 +61,7 @@ impl Job<'_> {
         for (_, start) in ranked.iter().take(COARSE_FITS) {
             let unknowns = self.free_materials();
             let (start, level) = ((*start).clone(), level.clone());
-            if let Ok(fit) =
-                self.minimise(Stage::Search, &simulation, objective, unknowns, level, None, start, COARSE_STEPS)
+            if let Ok(fit) = self.minimise(Stage::Search, &simulation, objective, unknowns, level, start, COARSE_STEPS)
             {
                 found.push((fit.cost, fit.state));
             }

@@ -7,8 +7,9 @@ use glam::DVec3;
 
 use crate::data::Data;
 use crate::dilution::Dilution;
-use crate::flight::{fall, lost_volume, placed, substep};
+use crate::flight::{fall, placed, substep};
 use crate::objective::{Forward, Level, Motion};
+use crate::shape::ShapeModes;
 use crate::state::State;
 use crate::{Input, MaterialKind};
 
@@ -27,6 +28,7 @@ pub(crate) struct Resolution {
 pub(crate) struct Simulation<'a> {
     pub input: &'a Input,
     pub data: &'a Data,
+    pub shape: &'a ShapeModes,
     pub kind: MaterialKind,
     pub options: Options,
     pub resolution: Resolution,
@@ -47,15 +49,14 @@ impl Simulation<'_> {
     /// The world of a state, starting at simulated frame `from`; before it the body flies freely without rotation.
     fn world(&self, state: &State, from: usize) -> World {
         let input = self.input;
-        let (all, _) = placed(input, state);
+        let (all, _) = placed(input, self.shape, state);
         let time = from as f64 / input.frame_rate_hz;
         let shift = state.velocity * time + fall(input.gravity_m_s2, time, substep(input));
         let chosen: Vec<DVec3> = match &self.resolution.thinning {
             None => all.iter().map(|p| *p + shift).collect(),
             Some(ids) => ids.iter().map(|i| all[*i] + shift).collect(),
         };
-        let growth = (3.0 * state.size).exp() * (1.0 - lost_volume(input, state.underside.x)) * all.len() as f64
-            / chosen.len() as f64;
+        let growth = self.shape.growth(&state.shape) * all.len() as f64 / chosen.len() as f64;
         World {
             bodies: vec![Body {
                 material: self.material(state),
@@ -138,6 +139,7 @@ impl Forward for Simulation<'_> {
         if positions.iter().flatten().flatten().any(|x| !x.is_finite()) {
             return Err("the rollout is not finite".to_owned());
         }
-        Ok(Motion { positions, scales, splat_factor: state.splat.exp() as f32 })
+        let swelling = self.shape.swelling(&state.shape);
+        Ok(Motion { positions, scales, splat_factor: state.splat.exp() as f32, swelling })
     }
 }

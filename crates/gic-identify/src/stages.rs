@@ -14,11 +14,12 @@ use crate::checks;
 use crate::data::Data;
 use crate::dilution::Dilution;
 use crate::flight::Flight;
-use crate::interval::{self, effective_weights};
-use crate::levenberg::{Fit, Iterate, Limits, minimise};
-use crate::normal::Weights;
+use crate::levenberg::{Fit, Iterate, Limits, Tangents, minimise};
+use crate::noise::effective_weights;
+use crate::normal::{Cluster, Weights};
 use crate::objective::{Forward, Level, Objective, Prior, Problem};
 use crate::result::{Identification, Stage, Step};
+use crate::shape::ShapeModes;
 use crate::simulation::{Resolution, Simulation};
 use crate::state::{State, Unknown};
 use crate::surface::Context;
@@ -34,6 +35,15 @@ const SHARP_FIT: usize = 4;
 /// blurred, and a sharp outline would let it creep.
 pub(crate) const BLUR: usize = 8;
 
+/// Most steps of the joint stage under its first weights, which only have to be good enough to weigh the frames anew.
+const FIRST_FIT: usize = 5;
+
+/// The joint stage ends where a step gains less than this of the cost, which is half of chi-squared.
+const LEAST_GAIN: f64 = 0.1;
+
+/// Standard deviation of the logarithm of the Gaussians' size about the one that fits free flight with the shape as reconstructed.
+const SPLAT_SIGMA: f64 = 0.05;
+
 /// Pooling of the last steps of the material stage.
 const SHARP: usize = 2;
 
@@ -48,6 +58,7 @@ pub(crate) struct Job<'a> {
     pub data: Data,
     pub context: Context,
     pub dilution: Dilution,
+    pub shape: ShapeModes,
     pub weights: Weights,
     pub fine: AtomicUsize,
     pub coarse: AtomicUsize,
@@ -66,7 +77,7 @@ impl Job<'_> {
     }
 
     pub(crate) fn objective<'b>(&'b self, opacities: &'b [f32]) -> Objective<'b> {
-        Objective { data: &self.data, opacities, surface_context: &self.context, weights: self.weights }
+        Objective { data: &self.data, opacities, surface_context: &self.context, weights: &self.weights }
     }
 
     pub(crate) fn base_objective(&self) -> Objective<'_> {
@@ -92,6 +103,7 @@ impl Job<'_> {
         Simulation {
             input: self.input,
             data: &self.data,
+            shape: &self.shape,
             kind: self.kind,
             options: Options { parallel: false, ..Options::default() },
             resolution: Resolution {
@@ -167,19 +179,14 @@ impl Job<'_> {
         objective: Objective,
         unknowns: Vec<Unknown>,
         level: Level,
-        prior: Option<&Prior>,
         start: State,
         iterations: usize,
     ) -> Result<Fit, String> {
-        let problem = Problem { forward, objective, unknowns, parameters: self.parameters(), level, prior };
-        // The early stages only have to hand over a good start.
-        let gain_tolerance = match stage {
-            Stage::Search => 0.02,
-            Stage::Material => 0.01,
-            _ => 1e-3,
-        };
-        let limits = Limits { iterations, step_tolerance: 0.05, gain_tolerance, secants: true };
-        minimise(&problem, start, limits, &mut |iterate| self.report(stage, iterate))
+        let problem = Problem { forward, objective, unknowns, parameters: self.parameters(), level, prior: None };
+        // These stages only have to hand over a good start.
+        let gain_tolerance = if stage == Stage::Search { 0.02 } else { 0.01 };
+        let limits = Limits { iterations, step_tolerance: 0.05, gain_tolerance, least_gain: 0.0, secants: true };
+        minimise(&problem, start, None, limits, &mut |iterate| self.report(stage, iterate))
     }
 }
 
@@ -230,7 +237,7 @@ pub fn identify(
     let context = Context::new(&input, data.moments[0].surface.as_ref());
     let dilution = Dilution::new(&input.positions, &input.scales, input.particle_volume_m3.cbrt());
     // A tenth of a pixel's alpha and a tenth of a cell, until the data's own noise is known.
-    let weights = Weights { mask: 100.0, surface: (0.1 * input.grid_spacing_m).powi(-2) };
+    let weights = Weights::uniform(100.0, (0.1 * input.grid_spacing_m).powi(-2), data.moments.len());
     let job = Job {
         input: &input,
         kind,
@@ -238,6 +245,7 @@ pub fn identify(
         data,
         context,
         dilution,
+        shape: ShapeModes::new(&input),
         weights,
         fine: AtomicUsize::new(resume.rollouts.0),
         coarse: AtomicUsize::new(resume.rollouts.1),
@@ -252,8 +260,8 @@ pub fn identify(
 }
 
 /// Weights never exceed those of a thousandth of a pixel's alpha and of a cell.
-fn weight_ceilings(input: &Input) -> Weights {
-    Weights { mask: 1e6, surface: (1e-3 * input.grid_spacing_m).powi(-2) }
+fn weight_ceilings(job: &Job) -> Weights {
+    Weights::uniform(1e6, (1e-3 * job.input.grid_spacing_m).powi(-2), job.data.moments.len())
 }
 
 fn run(mut job: Job) -> Result<Identification, IdentifyError> {
@@ -262,9 +270,8 @@ fn run(mut job: Job) -> Result<Identification, IdentifyError> {
     if resumed.seconds.is_empty() {
         job.reach(Some(Stage::Velocity), |_| ())?;
     }
-    let flown = job.flown(&launched);
     // From here on each modality counts by the noise that it showed before anything was touched.
-    job.weights = effective_weights(&launched.clusters, launched.unknowns.len(), weight_ceilings(job.input));
+    job.weights = job.flight_weights(&launched);
     if launched.free == job.data.moments.len() && !job.touches(&launched) {
         job.warn("the object never touches anything: only its velocity is determined, not its material".to_owned());
         return Ok(job.finish_untouched(&launched));
@@ -288,12 +295,12 @@ fn run(mut job: Job) -> Result<Identification, IdentifyError> {
     let joint = match resumed.joint {
         Some(state) => state,
         None => {
-            let state = job.fit_jointly(&launched, flown.as_ref(), material)?;
+            let state = job.fit_jointly(&launched, material)?;
             job.reach(Some(Stage::Joint), |checkpoint| checkpoint.joint = Some(state.clone()))?;
             state
         }
     };
-    job.finish(&launched, flown.as_ref(), &joint)
+    job.finish(&launched, &joint)
 }
 
 impl Job<'_> {
@@ -305,34 +312,30 @@ impl Job<'_> {
         let mut start = State::new(self.parameters().iter().map(middle).collect());
         start.velocity = self.settings.velocity_m_s.unwrap_or_default();
         let known = self.settings.velocity_m_s.is_some();
-        launch(self.input, &self.data, self.base_objective(), start, self.settings.rotation, known)
+        launch(self.input, &self.data, &self.shape, self.base_objective(), start, self.settings.rotation, known)
             .map_err(self.failure(1))
     }
 
-    /// What free flight says of velocity, rotation and splat size, with its own uncertainty; `None` where nothing flew freely.
-    ///
-    /// The frames after contact say less about the velocity than they seem to: a shape that is slightly wrong pulls at it through the
-    /// impact, while in free flight it moves along with the body.
-    fn flown(&self, launched: &Launch) -> Option<Prior> {
-        if launched.free < 2 {
-            return None;
-        }
-        let (fitted, none) = (&launched.unknowns, DMatrix::zeros(0, 0));
-        let covariance = interval::covariance(&launched.clusters, self.weights, fitted.len(), &none, &none)?;
-        let kept: Vec<usize> = (0..fitted.len()).filter(|k| !matches!(fitted[*k], Unknown::Offset(_))).collect();
-        let unknowns: Vec<Unknown> = kept.iter().map(|k| fitted[*k]).collect();
-        let marginal = DMatrix::from_fn(kept.len(), kept.len(), |i, j| {
-            // Never surer than a tenth of a difference step.
-            let floor = if i == j { (0.1 * unknowns[i].difference_step(&[])).powi(2) } else { 0.0 };
-            covariance[(kept[i], kept[j])] + floor
-        });
-        let mean = DVector::from_iterator(kept.len(), unknowns.iter().map(|u| launched.state.get(*u)));
-        Some(Prior { information: marginal.try_inverse()?, mean, unknowns })
+    /// The noise of free flight as that of all frames.
+    fn flight_weights(&self, launched: &Launch) -> Weights {
+        let ceilings = weight_ceilings(self);
+        let (unknowns, count) = (launched.unknowns.len(), self.data.moments.len());
+        let own = effective_weights(&launched.clusters, unknowns, launched.free, &ceilings);
+        let mean = |values: &[f64]| {
+            let used = &values[..launched.free.clamp(1, count)];
+            used.iter().sum::<f64>() / used.len() as f64
+        };
+        Weights::uniform(mean(&own.mask), mean(&own.surface), count)
+    }
+
+    /// The weights that the data's own noise gives at a fit.
+    pub(crate) fn weights_at(&self, clusters: &[Cluster], unknowns: usize, launched: &Launch) -> Weights {
+        effective_weights(clusters, unknowns, launched.free, &weight_ceilings(self))
     }
 
     /// Whether the free flight goes on to touch something between or after the observed frames.
     fn touches(&self, launched: &Launch) -> bool {
-        let flight = Flight { input: self.input, data: &self.data };
+        let flight = Flight { input: self.input, data: &self.data, shape: &self.shape };
         let last = self.data.moments.last().map_or(0, |moment| moment.frame);
         clearance(self.input, &flight.positions(&launched.state, last), last) < 1.5 * self.input.grid_spacing_m
     }
@@ -347,7 +350,7 @@ impl Job<'_> {
         let simulation = self.simulation(launched.free);
         let fit = |start: State, pooling: usize, iterations: usize| {
             let (unknowns, level) = (self.free_materials(), self.touched_frames(launched, pooling));
-            self.minimise(Stage::Material, &simulation, self.base_objective(), unknowns, level, None, start, iterations)
+            self.minimise(Stage::Material, &simulation, self.base_objective(), unknowns, level, start, iterations)
         };
         // A few steps from each start tell which basin is worth the rest.
         let done = self.checkpoint.borrow().fits.len();
@@ -369,37 +372,66 @@ impl Job<'_> {
         fit(state, SHARP, SHARP_FIT).map(|fit| fit.state).map_err(failed)
     }
 
-    pub(crate) fn joint_unknowns(&self, flown: Option<&Prior>) -> Vec<Unknown> {
+    /// Material, velocity, rotation where there is one, the Gaussians' size, and the shape. The position stays that of free flight: free, it
+    /// is traded for the velocity.
+    pub(crate) fn joint_unknowns(&self, launched: &Launch) -> Vec<Unknown> {
         let mut unknowns = self.free_materials();
-        if let Some(flown) = flown {
-            unknowns.extend(&flown.unknowns);
-            return unknowns;
-        }
-        if self.settings.velocity_m_s.is_none() {
-            unknowns.extend((0..3).map(Unknown::Velocity));
-        }
-        if self.settings.target.masks() {
-            unknowns.push(Unknown::Splat);
+        let flown = launched.unknowns.iter().filter(|u| !matches!(u, Unknown::Offset(_)));
+        unknowns.extend(flown);
+        if !self.data.moments[0].views.is_empty() {
+            unknowns.extend((0..self.shape.count()).map(Unknown::Shape));
         }
         unknowns
     }
 
-    /// The frames of the joint stage: what free flight knows is known already.
-    pub(crate) fn joint_frames(&self, launched: &Launch, flown: Option<&Prior>) -> Level {
-        if flown.is_some() { self.touched_frames(launched, 1) } else { self.all_frames() }
+    /// What is known of the joint stage's unknowns besides the pictures.
+    pub(crate) fn joint_prior(&self, launched: &Launch) -> Prior {
+        let unknowns: Vec<Unknown> = (self.joint_unknowns(launched).into_iter())
+            .filter(|u| matches!(u, Unknown::Splat | Unknown::Shape(_)))
+            .collect();
+        let deviation = |u: &Unknown| if *u == Unknown::Splat { SPLAT_SIGMA } else { 1.0 };
+        let information = DVector::from_iterator(unknowns.len(), unknowns.iter().map(|u| deviation(u).powi(-2)));
+        Prior {
+            information: DMatrix::from_diagonal(&information),
+            mean: DVector::from_iterator(unknowns.len(), unknowns.iter().map(|u| launched.state.get(*u))),
+            unknowns,
+        }
     }
 
-    /// Material, velocity and splat size together, so that errors of stage 1 do not bias the material.
-    fn fit_jointly(&self, launched: &Launch, flown: Option<&Prior>, start: State) -> Result<State, IdentifyError> {
-        let iterations = match self.settings.optimizer {
-            Optimizer::LevenbergMarquardt => self.settings.iterations,
-            // The paper stops after its material stage.
-            Optimizer::Adam { .. } => return Ok(start),
-        };
-        let simulation = self.simulation(launched.free);
-        let (unknowns, level) = (self.joint_unknowns(flown), self.joint_frames(launched, flown));
-        self.minimise(Stage::Joint, &simulation, self.base_objective(), unknowns, level, flown, start, iterations)
-            .map(|fit| fit.state)
-            .map_err(self.failure(1))
+    /// Everything together, so that errors of stage 1 and of the shape do not bias the material, and the intervals know of them.
+    ///
+    /// The noise of the frames after contact is known only once they are explained, so fit and weights take turns.
+    fn fit_jointly(&self, launched: &Launch, start: State) -> Result<State, IdentifyError> {
+        // The paper stops after its material stage.
+        if self.settings.optimizer != Optimizer::LevenbergMarquardt {
+            return Ok(start);
+        }
+        let (simulation, prior) = (self.simulation(launched.free), self.joint_prior(launched));
+        let (unknowns, level) = (self.joint_unknowns(launched), self.all_frames());
+        let mut state = start;
+        for iterations in [FIRST_FIT.min(self.settings.iterations), self.settings.iterations] {
+            let problem = Problem {
+                forward: &simulation,
+                objective: self.base_objective(),
+                unknowns: unknowns.clone(),
+                parameters: self.parameters(),
+                level: level.clone(),
+                prior: Some(&prior),
+            };
+            let motion = simulation.motion(&state, &level).map_err(self.failure(1))?;
+            let tangents = Tangents::measure(&problem, &state, &motion).map_err(self.failure(1))?;
+            self.tell(Event::Working).map_err(|_| IdentifyError::Interrupted)?;
+            let clusters = problem.clusters(&motion, &tangents);
+            let weights = self.weights_at(&clusters, unknowns.len(), launched);
+            let problem = Problem { objective: Objective { weights: &weights, ..self.base_objective() }, ..problem };
+            // The cost is in units of chi-squared: what matters is the absolute gain.
+            let limits =
+                Limits { iterations, step_tolerance: 0.05, gain_tolerance: 0.0, least_gain: LEAST_GAIN, secants: true };
+            let known = Some((motion, tangents));
+            state = minimise(&problem, state, known, limits, &mut |iterate| self.report(Stage::Joint, iterate))
+                .map_err(self.failure(1))?
+                .state;
+        }
+        Ok(state)
     }
 }

@@ -18,10 +18,8 @@ pub(crate) enum Unknown {
     Offset(usize),
     /// Logarithm of the factor on the Gaussians' standard deviations (a nuisance).
     Splat,
-    /// Logarithm of the factor on the continuum's size (a nuisance).
-    Size,
-    /// How far the underside lies above where it was reconstructed: mean, and slope along two horizontal axes (nuisances).
-    Underside(usize),
+    /// How far the body differs from its reconstruction along a component of [`crate::shape::ShapeModes`] (a nuisance).
+    Shape(usize),
 }
 
 /// A point in the space of all unknowns.
@@ -40,11 +38,8 @@ pub(crate) struct State {
     pub offset: DVec3,
     /// Logarithm of the factor on the Gaussians' standard deviations.
     pub splat: f64,
-    /// Logarithm of the factor on the continuum's size.
-    pub size: f64,
-    /// How far the underside lies above where it was reconstructed [m]: mean, and more of it at one radius along two horizontal axes.
-    #[serde(with = "crate::vector")]
-    pub underside: DVec3,
+    /// Standard deviations along each component of the shape; those that are missing are zero.
+    pub shape: Vec<f64>,
 }
 
 impl State {
@@ -56,8 +51,7 @@ impl State {
             angular: DVec3::ZERO,
             offset: DVec3::ZERO,
             splat: 0.0,
-            size: 0.0,
-            underside: DVec3::ZERO,
+            shape: Vec::new(),
         }
     }
 
@@ -68,8 +62,7 @@ impl State {
             Unknown::Angular(a) => self.angular[a],
             Unknown::Offset(a) => self.offset[a],
             Unknown::Splat => self.splat,
-            Unknown::Size => self.size,
-            Unknown::Underside(k) => self.underside[k],
+            Unknown::Shape(k) => self.shape.get(k).copied().unwrap_or(0.0),
         }
     }
 
@@ -80,8 +73,12 @@ impl State {
             Unknown::Angular(a) => self.angular[a] = value,
             Unknown::Offset(a) => self.offset[a] = value,
             Unknown::Splat => self.splat = value,
-            Unknown::Size => self.size = value,
-            Unknown::Underside(k) => self.underside[k] = value,
+            Unknown::Shape(k) => {
+                if self.shape.len() <= k {
+                    self.shape.resize(k + 1, 0.0);
+                }
+                self.shape[k] = value;
+            }
         }
     }
 
@@ -105,8 +102,7 @@ impl Unknown {
             Unknown::Angular(_) => (-200.0, 200.0),
             Unknown::Offset(_) => (-1.0, 1.0),
             Unknown::Splat => (-1.0, 1.0),
-            Unknown::Size => (-0.2, 0.2),
-            Unknown::Underside(_) => (-0.1, 0.1),
+            Unknown::Shape(_) => (-4.0, 4.0),
         }
     }
 
@@ -118,8 +114,7 @@ impl Unknown {
             Unknown::Angular(_) => 1e-2,
             Unknown::Offset(_) => 2e-4,
             Unknown::Splat => 1e-2,
-            Unknown::Size => 1e-3,
-            Unknown::Underside(_) => 4e-4,
+            Unknown::Shape(_) => 0.15,
         }
     }
 
@@ -131,8 +126,7 @@ impl Unknown {
             Unknown::Angular(_) => 3.0,
             Unknown::Offset(_) => 0.05,
             Unknown::Splat => 0.2,
-            Unknown::Size => 0.02,
-            Unknown::Underside(_) => 5e-3,
+            Unknown::Shape(_) => 1.0,
         }
     }
 }

@@ -8,6 +8,7 @@ use glam::{DMat3, DVec3};
 use crate::Input;
 use crate::neighbours::Neighbours;
 use crate::normal::{Cluster, Modality};
+use crate::objective::Motion;
 
 /// At most this many points take part per frame and direction.
 const MOST_POINTS: usize = 1500;
@@ -125,11 +126,20 @@ impl Context {
         &self,
         (o, time): (usize, f64),
         observed: &ObservedSurface,
-        base: &[[f32; 3]],
-        perturbed: &[&[[f32; 3]]],
+        motion: &Motion,
+        perturbed: &[Motion],
         steps: &[f64],
     ) -> Cluster {
         let mut cluster = Cluster::new(Modality::Surface, o, None, steps.len());
+        let swollen = |motion: &Motion, i: usize| motion.swelling.get(i).map_or(0.0, |s| f64::from(*s));
+        let compared = |i: usize, normal: DVec3, distance: f64, row: &mut [f64]| {
+            let (p, own) = (point(motion.positions[o][i]), swollen(motion, i));
+            for ((slot, moved), step) in row.iter_mut().zip(perturbed).zip(steps) {
+                *slot = (normal.dot(point(moved.positions[o][i]) - p) - (swollen(moved, i) - own)) / step;
+            }
+            distance - self.rest_of(i) - own
+        };
+        let base = &motion.positions[o];
         let outward = outward(base, self.radius);
         let surface: Vec<usize> = (0..base.len()).filter(|i| outward[*i].is_some()).collect();
         let mut row = vec![0.0; steps.len()];
@@ -141,33 +151,14 @@ impl Context {
             }
             let direction = outward[i].unwrap_or(DVec3::Y);
             let (distance, normal) = signed_distance(observed, p, direction);
-            for ((slot, moved), step) in row.iter_mut().zip(perturbed).zip(steps) {
-                *slot = normal.dot(point(moved[i]) - p) / step;
-            }
-            self.add(&mut cluster, distance - self.rest_of(i), &row);
+            let residual = compared(i, normal, distance, &mut row);
+            self.add(&mut cluster, residual, &row);
         }
-        self.observed_to_simulated(&mut cluster, time, observed, base, perturbed, steps, &surface, &outward);
-        cluster.finish()
-    }
-
-    #[allow(clippy::too_many_arguments)]
-    fn observed_to_simulated(
-        &self,
-        cluster: &mut Cluster,
-        time: f64,
-        observed: &ObservedSurface,
-        base: &[[f32; 3]],
-        perturbed: &[&[[f32; 3]]],
-        steps: &[f64],
-        surface: &[usize],
-        outward: &[Option<DVec3>],
-    ) {
         if surface.is_empty() {
-            return;
+            return cluster;
         }
         let simulated: Vec<DVec3> = surface.iter().map(|i| point(base[*i])).collect();
         let tree = Neighbours::new(&simulated, self.margin);
-        let mut row = vec![0.0; steps.len()];
         let stride = observed.points.len().div_ceil(MOST_POINTS).max(1);
         for (y, n) in observed.points.iter().zip(&observed.normals).step_by(stride) {
             if self.in_contact(*y, time) {
@@ -180,11 +171,10 @@ impl Context {
             let i = surface[k];
             let p = simulated[k];
             let (distance, normal) = directed(p - *y, *n, outward[i].unwrap_or(*n), self.margin);
-            for ((slot, moved), step) in row.iter_mut().zip(perturbed).zip(steps) {
-                *slot = normal.dot(point(moved[i]) - p) / step;
-            }
-            self.add(cluster, distance - self.rest_of(i), &row);
+            let residual = compared(i, normal, distance, &mut row);
+            self.add(&mut cluster, residual, &row);
         }
+        cluster.finish()
     }
 
     /// Huber's loss: quadratic up to the knee, linear beyond.
@@ -224,7 +214,7 @@ fn directed(offset: DVec3, normal: DVec3, outward: DVec3, far: f64) -> (f64, DVe
 }
 
 /// Outward direction of each particle on the surface: away from the centre of its neighbours, where these lie to one side.
-fn outward(positions: &[[f32; 3]], radius: f64) -> Vec<Option<DVec3>> {
+pub(crate) fn outward(positions: &[[f32; 3]], radius: f64) -> Vec<Option<DVec3>> {
     let points: Vec<DVec3> = positions.iter().map(|p| point(*p)).collect();
     let tree = Neighbours::new(&points, radius);
     points

@@ -8,6 +8,7 @@ use crate::flight::Flight;
 use crate::levenberg::{Fit, Limits, Tangents, minimise};
 use crate::normal::{Cluster, Normal};
 use crate::objective::{Level, Objective, Problem};
+use crate::shape::ShapeModes;
 use crate::state::{State, Unknown};
 
 /// What stage 1 found.
@@ -26,21 +27,24 @@ pub(crate) struct Launch {
 /// Splat size, position and velocity fitted to the frames before contact.
 ///
 /// `known` keeps the start's velocity.
+#[allow(clippy::too_many_arguments)]
 pub(crate) fn launch(
     input: &Input,
     data: &Data,
+    shape: &ShapeModes,
     objective: Objective,
     start: State,
     allow_rotation: bool,
     known: bool,
 ) -> Result<Launch, String> {
-    let flight = Flight { input, data };
+    let flight = Flight { input, data, shape };
     let mut state = start;
     let run = |state: &mut State, unknowns: &[Unknown], end: usize, pooling: usize| -> Result<Fit, String> {
         let level = Level { first: 0, end, pooling };
         let problem = problem(&flight, objective, unknowns, level);
-        let limits = Limits { iterations: 10, step_tolerance: 0.1, gain_tolerance: 1e-4, secants: false };
-        let fit = minimise(&problem, state.clone(), limits, &mut |_| Ok(()))?;
+        let limits =
+            Limits { iterations: 10, step_tolerance: 0.1, gain_tolerance: 1e-4, least_gain: 0.0, secants: false };
+        let fit = minimise(&problem, state.clone(), None, limits, &mut |_| Ok(()))?;
         *state = fit.state.clone();
         Ok(fit)
     };
@@ -103,7 +107,7 @@ fn spin_significance(clusters: &[Cluster], fit: &Fit, unknowns: &[Unknown], obje
     let Some(inverse) = normal.hessian.try_inverse() else { return 0.0 };
     let mut middle = nalgebra::DMatrix::zeros(unknowns.len(), unknowns.len());
     for cluster in clusters {
-        let g = &cluster.gradient * objective.weights.of(cluster.modality);
+        let g = &cluster.gradient * objective.weights.of(cluster);
         middle += &g * g.transpose();
     }
     let covariance = &inverse * middle * &inverse;

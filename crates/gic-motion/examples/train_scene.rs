@@ -1,8 +1,9 @@
 //! Reconstructs a scene and prints how well a held-out camera is reproduced.
 //!
 //! `cargo run --release -p gic-motion --example train_scene -- SCENE [--held-out 3] [--out FOLDER] [--settings FILE.json]
-//! [--set KEY=JSON]... [--paper] [--seed 0] [--pictures FOLDER]`, where KEY is a path such as `loss.scale`. The pictures show
-//! each view: rendered, true, their difference, and the depth.
+//! [--set KEY=JSON]... [--paper] [--seed 0] [--pictures FOLDER] [--checkpoint FOLDER] [--stop-at STEP]`, where KEY is a path such as `loss.scale`. The pictures show
+//! each view: rendered, true, their difference, and the depth. A run that was stopped at a step is measured as it is then, and goes
+//! on from its checkpoint.
 
 use std::error::Error;
 use std::ops::ControlFlow;
@@ -20,7 +21,7 @@ static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut scene = None;
-    let (mut out, mut checkpoint, mut pictures, mut seed) = (None, None, None, 0);
+    let (mut out, mut checkpoint, mut pictures, mut seed, mut stop_at) = (None, None, None, 0, usize::MAX);
     let mut changes = Vec::new();
     let mut base: Option<Value> = None;
     let mut args = std::env::args().skip(1);
@@ -33,6 +34,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             "--out" => out = Some(PathBuf::from(value()?)),
             "--checkpoint" => checkpoint = Some(PathBuf::from(value()?)),
             "--seed" => seed = value()?.parse()?,
+            "--stop-at" => stop_at = value()?.parse()?,
             "--pictures" => pictures = Some(PathBuf::from(value()?)),
             "--set" => changes.push(value()?),
             _ => scene = Some(PathBuf::from(arg)),
@@ -64,7 +66,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                     p.loss, p.psnr
                 );
             }
-            ControlFlow::Continue(())
+            if p.step >= stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         },
         checkpoint.as_deref(),
     )?;

@@ -1,0 +1,351 @@
+//! How the body may differ from its reconstruction: a few displacement fields with a Gaussian prior.
+//!
+//! A surface that no camera sees (an underside) is known to half a particle spacing only, and it is what meets the ground first; the rest is known
+//! to a few millimetres, and may be too far in or out as a whole. The error of the surface along its normal is modelled as a Gaussian
+//! process whose standard deviation depends on whether the place is seen, correlated over a few particle spacings and among places that face
+//! the same way. Of its many directions those count that change what the motion depends on: volume, centre and second moments of the mass, and
+//! where the lowest parts are. For functionals l_i of the surface and the covariance K, the fields K l_i span all of the prior's variation of
+//! the functionals. An orthonormal basis of them becomes unknowns of the joint stage beside the material, with unit variances: what the
+//! pictures say about the shape is then used, and what they leave open widens the intervals.
+
+use glam::DVec3;
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+
+use crate::Input;
+use crate::neighbours::Neighbours;
+use crate::surface::outward;
+
+/// Standard deviation of the surface's position along its normal, in particle spacings: where a camera sees it, where none does, and
+/// that of a common error of the whole surface.
+const SEEN: f64 = 0.2;
+const UNSEEN: f64 = 0.5;
+const COMMON: f64 = 0.1;
+
+/// Distance over which the error is correlated, in particle spacings.
+const CORRELATION: f64 = 3.0;
+
+/// Heights over which the lowest parts fade out, in particle spacings: the tip, and all that touches first.
+const TIP: f64 = 1.0;
+const FOOT: f64 = 3.0;
+
+/// Reach of an anchor's displacement into the body, in particle spacings.
+const REACH: f64 = 2.5;
+
+/// Anchors are about this far apart, in particle spacings.
+const ANCHOR_SPACING: f64 = 2.5;
+
+/// Combinations of functionals with less than this share of the largest variance are left out.
+const LEAST_VARIANCE: f64 = 1e-3;
+
+/// A place counts as seen from a camera that it faces: cosine between its normal and the direction to the camera.
+const FACING: f64 = 0.25;
+
+/// Displacement fields, each of one standard deviation.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct ShapeModes {
+    /// Displacement of each particle [m], shape [modes][n].
+    displacements: Vec<Vec<DVec3>>,
+    /// Its part along the outward direction, 0 inside the body [m], shape [modes][n].
+    outward: Vec<Vec<f32>>,
+    /// Relative change of the body's volume.
+    volumes: Vec<f64>,
+}
+
+/// A place on the surface.
+struct Anchor {
+    position: DVec3,
+    normal: DVec3,
+    deviation: f64,
+}
+
+impl ShapeModes {
+    pub(crate) fn new(input: &Input) -> ShapeModes {
+        let spacing = input.particle_volume_m3.cbrt();
+        let anchors = anchors(input, spacing);
+        if anchors.len() < 8 {
+            return ShapeModes::default();
+        }
+        let up = -input.gravity_m_s2.normalize_or(-DVec3::Y);
+        let components = components(&anchors, spacing, up);
+        let field = |at: DVec3| displacement(&anchors, &components, at, REACH * spacing);
+        let displaced: Vec<(Vec<DVec3>, Vec<f64>)> = input
+            .positions
+            .par_iter()
+            .map(|p| {
+                let step = 0.25 * spacing;
+                let mut divergence = vec![0.0; components.len()];
+                for axis in DVec3::AXES {
+                    let (ahead, behind) = (field(*p + step * axis), field(*p - step * axis));
+                    for ((sum, a), b) in divergence.iter_mut().zip(ahead).zip(behind) {
+                        *sum += (a - b).dot(axis) / (2.0 * step);
+                    }
+                }
+                (field(*p), divergence)
+            })
+            .collect();
+        let share = 1.0 / displaced.len() as f64;
+        let normals = normals(input);
+        let along = |k: usize| {
+            displaced.iter().zip(&normals).map(move |((d, _), n)| n.map_or(0.0, |n| d[k].dot(n) as f32)).collect()
+        };
+        ShapeModes {
+            displacements: (0..components.len()).map(|k| displaced.iter().map(|(d, _)| d[k]).collect()).collect(),
+            outward: (0..components.len()).map(along).collect(),
+            volumes: (0..components.len()).map(|k| displaced.iter().map(|(_, d)| d[k]).sum::<f64>() * share).collect(),
+        }
+    }
+
+    /// Number of components.
+    pub(crate) fn count(&self) -> usize {
+        self.volumes.len()
+    }
+
+    /// Adds the displacements for `amounts` (standard deviations; those that are missing are zero).
+    pub(crate) fn displace(&self, positions: &mut [DVec3], amounts: &[f64]) {
+        for (field, amount) in self.displacements.iter().zip(amounts) {
+            if *amount != 0.0 {
+                positions.iter_mut().zip(field).for_each(|(p, d)| *p += *d * *amount);
+            }
+        }
+    }
+
+    /// How far each particle moves outward [m], shape [n]; empty where nothing moves.
+    pub(crate) fn swelling(&self, amounts: &[f64]) -> Vec<f32> {
+        let mut sums = Vec::new();
+        for (field, amount) in self.outward.iter().zip(amounts) {
+            sums.resize(field.len(), 0.0);
+            sums.iter_mut().zip(field).for_each(|(sum, d)| *sum += d * *amount as f32);
+        }
+        sums
+    }
+
+    /// Factor on the body's volume.
+    pub(crate) fn growth(&self, amounts: &[f64]) -> f64 {
+        self.volumes.iter().zip(amounts).map(|(v, a)| v * a).sum::<f64>().exp()
+    }
+}
+
+/// Outward directions of the particles on the surface, `None` inside.
+fn normals(input: &Input) -> Vec<Option<DVec3>> {
+    let positions: Vec<[f32; 3]> = input.positions.iter().map(|p| p.as_vec3().to_array()).collect();
+    outward(&positions, 1.1 * input.grid_spacing_m)
+}
+
+/// Places on the surface, one per cell.
+fn anchors(input: &Input, spacing: f64) -> Vec<Anchor> {
+    let normals = normals(input);
+    let tree = Neighbours::new(&input.positions, spacing);
+    let side = ANCHOR_SPACING * spacing;
+    let mut cells = std::collections::BTreeMap::<[i64; 3], (f64, usize)>::new();
+    for (i, p) in input.positions.iter().enumerate().filter(|(i, _)| normals[*i].is_some()) {
+        let scaled = *p / side;
+        let off = (scaled - scaled.floor() - 0.5).length_squared();
+        let best = cells.entry(scaled.floor().to_array().map(|c| c as i64)).or_insert((f64::INFINITY, 0));
+        if off < best.0 {
+            *best = (off, i);
+        }
+    }
+    let chosen: Vec<usize> = cells.into_values().map(|(_, i)| i).collect();
+    chosen
+        .into_par_iter()
+        .map(|i| {
+            let (position, normal) = (input.positions[i], normals[i].unwrap_or(DVec3::Y));
+            let from = position + spacing * normal;
+            let seen = input.cameras.iter().any(|camera| {
+                let direction = (camera.centre - position).normalize_or_zero();
+                normal.dot(direction) > FACING && is_free(&tree, from, direction, spacing)
+            });
+            Anchor { position, normal, deviation: spacing * if seen { SEEN } else { UNSEEN } }
+        })
+        .collect()
+}
+
+/// Whether a ray leaves the body's neighbourhood without passing through the body.
+fn is_free(body: &Neighbours, from: DVec3, direction: DVec3, spacing: f64) -> bool {
+    let mut travelled = 0.5 * spacing;
+    loop {
+        let [(squared, _)] = body.nearest::<1>(from + travelled * direction);
+        let distance = squared.sqrt();
+        if distance < 0.75 * spacing {
+            return false;
+        }
+        if travelled > 200.0 * spacing {
+            return true;
+        }
+        // Nothing is nearer than that.
+        travelled += (distance - 0.7 * spacing).max(0.5 * spacing);
+    }
+}
+
+/// Prior covariance of the anchors' normal displacements [m^2].
+fn covariance(anchors: &[Anchor], spacing: f64) -> DMatrix<f64> {
+    DMatrix::from_fn(anchors.len(), anchors.len(), |i, j| {
+        let (a, b) = (&anchors[i], &anchors[j]);
+        let near = (-0.5 * a.position.distance_squared(b.position) / (CORRELATION * spacing).powi(2)).exp();
+        let alike = 0.5 * (1.0 + a.normal.dot(b.normal));
+        a.deviation * b.deviation * near * alike + (COMMON * spacing).powi(2)
+    })
+}
+
+/// Values of the components at the anchors [m], those that vary most first.
+fn components(anchors: &[Anchor], spacing: f64, up: DVec3) -> Vec<Vec<f64>> {
+    let covariance = covariance(anchors, spacing);
+    let mut functionals = functionals(anchors, spacing, up);
+    let fields = &covariance * &functionals;
+    // Each functional in units of its own standard deviation.
+    for k in 0..functionals.ncols() {
+        let scale = functionals.column(k).dot(&fields.column(k)).sqrt().max(f64::MIN_POSITIVE).recip();
+        functionals.column_mut(k).scale_mut(scale);
+    }
+    let fields = covariance * &functionals;
+    let eigen = (functionals.transpose() * &fields).symmetric_eigen();
+    let mut order: Vec<usize> = (0..functionals.ncols()).collect();
+    order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+    let least = LEAST_VARIANCE * eigen.eigenvalues.max();
+    let kept = order.into_iter().filter(|k| eigen.eigenvalues[*k] > least);
+    kept.map(|k| (&fields * eigen.eigenvectors.column(k) / eigen.eigenvalues[k].sqrt()).iter().copied().collect())
+        .collect()
+}
+
+/// What the motion depends on, as weights of the anchors' normal displacements: shape [anchors, functionals].
+fn functionals(anchors: &[Anchor], spacing: f64, up: DVec3) -> DMatrix<f64> {
+    let n = anchors.len();
+    let centre = anchors.iter().map(|a| a.position).sum::<DVec3>() / n as f64;
+    let lowest = anchors.iter().map(|a| a.position.dot(up)).fold(f64::INFINITY, f64::min);
+    let (east, north) = up.any_orthonormal_pair();
+    let rows: Vec<Vec<f64>> = anchors
+        .iter()
+        .map(|anchor| {
+            let d = anchor.position - centre;
+            let height = anchor.position.dot(up) - lowest;
+            let (tip, foot) = ((-height / (TIP * spacing)).exp(), (-height / (FOOT * spacing)).exp());
+            let moments = [d.x * d.x, d.y * d.y, d.z * d.z, d.x * d.y, d.y * d.z, d.x * d.z];
+            let contact = [tip, foot, foot * d.dot(east), foot * d.dot(north)];
+            [1.0, d.x, d.y, d.z].into_iter().chain(moments).chain(contact).collect()
+        })
+        .collect();
+    DMatrix::from_fn(n, rows[0].len(), |i, k| rows[i][k])
+}
+
+/// Displacement of a point by each component: that of the anchors around it, along their normals.
+fn displacement(anchors: &[Anchor], components: &[Vec<f64>], at: DVec3, reach: f64) -> Vec<DVec3> {
+    let exponent = |a: &Anchor| 0.5 * a.position.distance_squared(at) / (reach * reach);
+    let least = anchors.iter().map(exponent).fold(f64::INFINITY, f64::min);
+    let mut sums = vec![DVec3::ZERO; components.len()];
+    let mut total = 0.0;
+    for (j, anchor) in anchors.iter().enumerate() {
+        let beyond = exponent(anchor) - least;
+        if beyond > 12.0 {
+            continue;
+        }
+        let weight = (-beyond).exp();
+        total += weight;
+        for (sum, component) in sums.iter_mut().zip(components) {
+            *sum += anchor.normal * (weight * component[j]);
+        }
+    }
+    sums.into_iter().map(|sum| sum / total).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use gic_scene::Camera;
+    use glam::DMat3;
+
+    const SPACING: f64 = 0.01;
+
+    /// A ball of particles, seen by one camera from above.
+    fn ball() -> Input {
+        let range = -12..=12;
+        let mut positions = Vec::new();
+        for x in range.clone() {
+            for y in range.clone() {
+                for z in range.clone() {
+                    let p = DVec3::new(f64::from(x), f64::from(y), f64::from(z)) * SPACING;
+                    if p.length() < 0.1 {
+                        positions.push(p);
+                    }
+                }
+            }
+        }
+        let n = positions.len();
+        let camera = Camera {
+            width: 10,
+            height: 10,
+            focal: glam::DVec2::splat(10.0),
+            principal: glam::DVec2::splat(5.0),
+            rotation: DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2),
+            centre: DVec3::new(0.0, 2.0, 0.0),
+        };
+        Input {
+            positions,
+            particle_volume_m3: SPACING.powi(3),
+            opacities: vec![0.9; n],
+            scales: vec![0.005; n],
+            on_surface: vec![false; n],
+            cameras: vec![camera],
+            observations: Vec::new(),
+            frame_rate_hz: 24.0,
+            gravity_m_s2: DVec3::new(0.0, -9.8, 0.0),
+            colliders: Vec::new(),
+            density_kg_m3: 1000.0,
+            grid_spacing_m: 2.0 * SPACING,
+            substeps_per_frame: 200,
+        }
+    }
+
+    #[test]
+    fn what_no_camera_sees_is_less_certain() {
+        let anchors = anchors(&ball(), SPACING);
+        for anchor in &anchors {
+            let wanted = if anchor.normal.y > 0.35 {
+                SEEN * SPACING
+            } else if anchor.normal.y < 0.15 {
+                UNSEEN * SPACING
+            } else {
+                continue;
+            };
+            assert_eq!(anchor.deviation, wanted, "{} {}", anchor.position, anchor.normal);
+        }
+        assert!(anchors.iter().filter(|a| a.normal.y > 0.35).count() > 10);
+    }
+
+    /// The components carry all of the prior's variance of what the motion depends on, and are independent.
+    #[test]
+    fn components_carry_the_variance_of_every_functional() {
+        let anchors = anchors(&ball(), SPACING);
+        let (covariance, functionals) = (covariance(&anchors, SPACING), functionals(&anchors, SPACING, DVec3::Y));
+        let components = components(&anchors, SPACING, DVec3::Y);
+        for k in 0..functionals.ncols() {
+            let l = functionals.column(k);
+            let prior = (&covariance * l).dot(&l);
+            let carried: f64 =
+                components.iter().map(|c| c.iter().zip(l.iter()).map(|(c, l)| c * l).sum::<f64>().powi(2)).sum();
+            assert!((carried / prior - 1.0).abs() < 0.02, "functional {k}: {carried} of {prior}");
+        }
+    }
+
+    #[test]
+    fn growth_is_the_flux_through_the_surface() {
+        let input = ball();
+        let modes = ShapeModes::new(&input);
+        let unit = |k: usize| (0..modes.count()).map(|i| f64::from(u8::from(i == k))).collect::<Vec<_>>();
+        // Radius of the ball with the particles' volume.
+        let volume = input.positions.len() as f64 * SPACING.powi(3);
+        let radius = (volume * 0.75 / std::f64::consts::PI).cbrt();
+        for k in 0..modes.count() {
+            let swelling = modes.swelling(&unit(k));
+            let surface: Vec<f64> = swelling.iter().filter(|s| **s != 0.0).map(|s| f64::from(*s)).collect();
+            let flux = 3.0 / radius * surface.iter().sum::<f64>() / surface.len() as f64;
+            let largest = surface.iter().fold(0.0, |m: f64, s| m.max(s.abs()));
+            let growth = modes.growth(&unit(k)).ln();
+            assert!((growth - flux).abs() < 0.2 * 3.0 / radius * largest, "mode {k}: {growth} against {flux}");
+        }
+        let mut moved = input.positions.clone();
+        modes.displace(&mut moved, &[]);
+        assert_eq!(moved, input.positions);
+        assert_eq!(modes.growth(&[]), 1.0);
+    }
+}
