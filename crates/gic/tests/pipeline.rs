@@ -41,6 +41,15 @@ fn a_run_without_material_says_so_before_it_trains() {
 }
 
 #[test]
+fn more_frames_to_fit_than_the_video_has_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    let output = gic(&["run", &demo(), "-o", run.to_str().unwrap(), "--material", "elastic", "--fit-frames", "15"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("from 2 to 14"), "{output:?}");
+}
+
+#[test]
 fn every_setting_is_written_and_read_back() {
     let folder = tempfile::tempdir().unwrap();
     let run = folder.path().join("run");

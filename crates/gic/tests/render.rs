@@ -82,3 +82,21 @@ fn mistakes_say_the_way_out() {
     assert!(refusal(&[text(&frames), "--size", "0x4"], 2).contains("640x480"));
     assert!(!out.exists(), "nothing is written before all is known to be right");
 }
+
+#[test]
+fn colours_that_were_never_trained_are_refused() {
+    let folder = simulated();
+    let (frames, out) = (folder.path().join("frames"), folder.path().join("out"));
+    let output = gic(&["render", text(&frames), "-o", text(&out), "--color", "appearance"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("gic run SCENE -o RUN"), "{output:?}");
+}
+
+#[test]
+fn an_orbit_has_no_video_beside_it() {
+    let folder = simulated();
+    let (frames, out) = (folder.path().join("frames"), folder.path().join("out"));
+    let output = gic(&["render", text(&frames), "-o", text(&out), "--beside-video"]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("--camera 0"), "{output:?}");
+}
