@@ -62,7 +62,8 @@ struct Anchor {
 impl ShapeModes {
     pub(crate) fn new(input: &Input) -> ShapeModes {
         let spacing = input.particle_volume_m3.cbrt();
-        let anchors = anchors(input, spacing);
+        let normals = normals(input);
+        let anchors = anchors(input, &normals, spacing);
         if anchors.len() < 8 {
             return ShapeModes::default();
         }
@@ -85,7 +86,6 @@ impl ShapeModes {
             })
             .collect();
         let share = 1.0 / displaced.len() as f64;
-        let normals = normals(input);
         let along = |k: usize| {
             displaced.iter().zip(&normals).map(move |((d, _), n)| n.map_or(0.0, |n| d[k].dot(n) as f32)).collect()
         };
@@ -132,9 +132,8 @@ fn normals(input: &Input) -> Vec<Option<DVec3>> {
     outward(&positions, 1.1 * input.grid_spacing_m)
 }
 
-/// Places on the surface, one per cell.
-fn anchors(input: &Input, spacing: f64) -> Vec<Anchor> {
-    let normals = normals(input);
+/// Places on the surface, one per cell; `normals` are those of the particles.
+fn anchors(input: &Input, normals: &[Option<DVec3>], spacing: f64) -> Vec<Anchor> {
     let tree = Neighbours::new(&input.positions, spacing);
     let side = ANCHOR_SPACING * spacing;
     let mut cells = std::collections::BTreeMap::<[i64; 3], (f64, usize)>::new();
@@ -298,7 +297,8 @@ mod tests {
 
     #[test]
     fn what_no_camera_sees_is_less_certain() {
-        let anchors = anchors(&ball(), SPACING);
+        let input = ball();
+        let anchors = anchors(&input, &normals(&input), SPACING);
         for anchor in &anchors {
             let wanted = if anchor.normal.y > 0.35 {
                 SEEN * SPACING
@@ -315,7 +315,8 @@ mod tests {
     /// The components carry all of the prior's variance of what the motion depends on, and are independent.
     #[test]
     fn components_carry_the_variance_of_every_functional() {
-        let anchors = anchors(&ball(), SPACING);
+        let input = ball();
+        let anchors = anchors(&input, &normals(&input), SPACING);
         let (covariance, functionals) = (covariance(&anchors, SPACING), functionals(&anchors, SPACING, DVec3::Y));
         let components = components(&anchors, SPACING, DVec3::Y);
         for k in 0..functionals.ncols() {

@@ -41,7 +41,13 @@ impl LitGaussians {
             let light = self.light.at(normal);
             core::array::from_fn(|c| coefficient(color_of(sh[c]) * light[c]))
         };
-        Gaussians { positions, sh: self.gaussians.sh.iter().zip(normals).map(lit).collect(), ..self.gaussians.clone() }
+        Gaussians {
+            positions,
+            opacities: self.gaussians.opacities.clone(),
+            shape: self.gaussians.shape.clone(),
+            sh_degree: self.gaussians.sh_degree,
+            sh: self.gaussians.sh.iter().zip(normals).map(lit).collect(),
+        }
     }
 }
 

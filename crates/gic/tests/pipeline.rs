@@ -1,12 +1,11 @@
 //! The commands around a run, from outside, as far as they need no minutes of training.
 
+mod common;
+
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
 
-fn gic(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_gic")).args(args).output().expect("the binary starts")
-}
+use common::gic;
 
 fn demo() -> String {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/demo").to_str().unwrap().to_owned()

@@ -1,17 +1,16 @@
 //! `gic render` from outside.
 
+mod common;
+
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
 
 use image::AnimationDecoder;
 use image::codecs::gif::GifDecoder;
 use serde_json::json;
 use tempfile::TempDir;
 
-fn gic(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_gic")).args(args).output().expect("the binary starts")
-}
+use common::gic;
 
 /// A folder with `frames`: three frames of a falling box.
 fn simulated() -> TempDir {

@@ -1,5 +1,7 @@
 //! `gic simulate` from outside: what a user types, what appears, what a mistake says.
 
+mod common;
+
 use std::fs;
 use std::hash::{Hash, Hasher};
 use std::path::{Path, PathBuf};
@@ -8,9 +10,7 @@ use std::process::{Command, Output};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-fn gic(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_gic")).args(args).output().expect("the binary starts")
-}
+use common::gic;
 
 /// A twin of a small elastic box above a sticky floor, 4 frames.
 fn box_twin() -> Value {

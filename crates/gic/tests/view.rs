@@ -1,15 +1,15 @@
 //! `gic view` from outside, and in a browser where there is one.
 
+mod common;
+
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Command;
 
 use serde_json::json;
 use tempfile::TempDir;
 
-fn gic(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_gic")).args(args).output().expect("the binary starts")
-}
+use common::gic;
 
 /// The page of three frames of a falling box.
 fn page() -> (TempDir, PathBuf) {

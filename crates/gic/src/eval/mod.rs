@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::events::Events;
 use crate::interrupt::Interrupt;
 use crate::matter::read_particles;
-use crate::pipeline::{FillSummary, FrameFilling, IdentifyRecord, filling_file};
+use crate::pipeline::{FillSummary, FrameFilling, IdentifyRecord, filling_file, prediction_file};
 pub use pictures::PictureError;
 use pictures::Pictures;
 pub use truth::Truth;
@@ -207,7 +207,7 @@ fn frame_error(
         let metrics = compare_clouds(&cloud, particles, SEED).map_err(Error::stage("comparing particles"))?;
         Ok([metrics.chamfer, metrics.emd])
     };
-    let prediction = run.join(format!("prediction/particles_{frame:04}.ply"));
+    let prediction = run.join(prediction_file(frame));
     let floor =
         noise_floor(particles, truth.particle_spacing_m as f32, SEED).map_err(Error::stage("comparing particles"))?;
     Ok(FrameError {

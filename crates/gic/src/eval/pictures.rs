@@ -13,7 +13,7 @@ use crate::config::{Config, Layer};
 use crate::error::{Error, Result};
 use crate::look::Look;
 use crate::matter::read_particles;
-use crate::pipeline::open_scene;
+use crate::pipeline::{open_scene, prediction_file, simulated_frame};
 
 /// Pictures of the twin against those of the video, both over black: means over cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -51,9 +51,10 @@ impl<'a> Pictures<'a> {
 
     /// Compares a frame of the video; `None` where it was not simulated or nobody sees the object.
     pub(super) fn frame(&self, frame: usize) -> Result<Option<PictureError>> {
-        let Some(time) = self.scene.times.get(frame) else { return Ok(None) };
-        let simulated = (time * self.scene.frame_rate.unwrap_or(24.0)).round() as usize;
-        let particles = self.run.join(format!("prediction/particles_{simulated:04}.ply"));
+        if frame >= self.scene.times.len() {
+            return Ok(None);
+        }
+        let particles = self.run.join(prediction_file(simulated_frame(&self.scene, frame)));
         if !particles.exists() {
             return Ok(None);
         }

@@ -6,6 +6,7 @@ use gic_continuum::informed_gaussians;
 use gic_motion::{DressProgress, Posture, dress, outward_normals};
 use glam::DVec3;
 
+use super::predict::{prediction_file, simulated_frame};
 use super::{Run, Stage};
 use crate::error::{Error, Result};
 use crate::look::Look;
@@ -41,8 +42,7 @@ impl Run<'_> {
     /// # Errors
     /// A missing or damaged file.
     pub fn predicted(&self, frame: usize) -> Result<Vec<DVec3>> {
-        let simulated = (self.video.times[frame] * self.video.frame_rate.unwrap_or(24.0)).round() as usize;
-        Ok(read_particles(&self.path(format!("prediction/particles_{simulated:04}.ply")))?.positions)
+        Ok(read_particles(&self.path(prediction_file(simulated_frame(&self.video, frame))))?.positions)
     }
 
     fn tell_dressing(&self, progress: &DressProgress, steps: usize) -> ControlFlow<()> {

@@ -10,6 +10,7 @@ use gic_identify::{
 };
 use serde::{Deserialize, Serialize};
 
+use super::predict::simulated_frame;
 use super::stamp::Stamp;
 use super::{Continuum, Run, Stage};
 use crate::atomic;
@@ -308,8 +309,7 @@ impl Run<'_> {
 
     /// Frames at the scene's rate up to its last time, the first included.
     pub(super) fn frames_to_simulate(&self) -> usize {
-        let last = self.video.times.last().copied().unwrap_or(0.0);
-        (last * self.video.frame_rate.unwrap_or(24.0)).round().max(0.0) as usize + 1
+        self.video.times.len().checked_sub(1).map_or(0, |last| simulated_frame(&self.video, last)) + 1
     }
 
     /// The result of identification.

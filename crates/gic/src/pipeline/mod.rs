@@ -30,6 +30,7 @@ pub use export::Export;
 pub(crate) use fill::filling_file;
 pub use fill::{Continuum, FillSummary, FrameFilling};
 pub use identify::{EstimateRecord, IdentifyRecord, StepRecord};
+pub(crate) use predict::{prediction_file, simulated_frame};
 pub use select::{LawRecord, Selection};
 use stamp::Stamp;
 
@@ -134,11 +135,6 @@ impl<'a> Run<'a> {
     /// The scene, with all frames of the video.
     pub fn video(&self) -> &Scene {
         &self.video
-    }
-
-    /// How many frames, from the first, everything is fitted to.
-    pub fn fitted_frames(&self) -> usize {
-        self.scene.times.len()
     }
 
     /// Where the events go.

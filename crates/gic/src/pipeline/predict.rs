@@ -1,5 +1,9 @@
 //! The stage `predict`: the twin's motion over the frames of the video.
 
+use std::path::PathBuf;
+
+use gic_scene::Scene;
+
 use super::Run;
 use crate::error::Result;
 use crate::simulate::{Request, simulate};
@@ -17,4 +21,14 @@ impl Run<'_> {
         };
         simulate(&request, self.events, self.interrupt).map(|_| ())
     }
+}
+
+/// Number of the simulated frame at the time of a frame of the video: simulations have evenly spaced frames, videos may lack some.
+pub(crate) fn simulated_frame(video: &Scene, frame: usize) -> usize {
+    (video.times[frame] * video.frame_rate.unwrap_or(24.0)).round().max(0.0) as usize
+}
+
+/// Name of the file of a simulated frame's particles, inside the run folder.
+pub(crate) fn prediction_file(simulated: usize) -> PathBuf {
+    format!("prediction/particles_{simulated:04}.ply").into()
 }

@@ -10,7 +10,6 @@ use std::path::Path;
 use crate::atomic;
 use crate::error::{Error, Result};
 use crate::events::{Event, Events};
-use crate::matter::read_particles;
 use crate::pipeline::{IdentifyRecord, Run, Selection};
 use chart::{Series, chart, short};
 
@@ -126,13 +125,9 @@ fn ranking(selection: &Selection) -> String {
 fn views(run: &Run, found: &IdentifyRecord, events: &Events) -> Result<String> {
     let scene = run.video();
     let drawing = run.drawing(&run.continuum()?)?;
-    let frame_rate = scene.frame_rate.unwrap_or(24.0);
     let mut by_camera: Vec<Vec<_>> = scene.cameras.iter().map(|_| Vec::new()).collect();
-    for (frame, time) in scene.times.iter().enumerate() {
-        let simulated = (time * frame_rate).round() as usize;
-        let file = run.folder().join(format!("prediction/particles_{simulated:04}.ply"));
-        let positions = read_particles(&file)?.positions;
-        let overlays = overlay::overlays(run, &drawing, found.splat_factor, &positions, frame)?;
+    for frame in 0..scene.times.len() {
+        let overlays = overlay::overlays(run, &drawing, found.splat_factor, &run.predicted(frame)?, frame)?;
         for (camera, overlay) in overlays.into_iter().enumerate() {
             by_camera[camera].push(overlay);
         }
