@@ -28,7 +28,10 @@ use crate::look;
 use crate::usage::Meter;
 pub use export::Export;
 pub(crate) use fill::filling_file;
+#[cfg(feature = "rerun")]
+pub(crate) use fill::surface_file;
 pub use fill::{Continuum, FillSummary, FrameFilling};
+pub(crate) use identify::TWIN_MATTER;
 pub use identify::{EstimateRecord, IdentifyRecord, StepRecord};
 pub(crate) use predict::{prediction_file, simulated_frame};
 pub use select::{LawRecord, Selection};
@@ -73,7 +76,7 @@ impl Stage {
             Self::Reconstruct => &["gaussians/canonical.ply"],
             Self::Fill => &["continuum.ply", "fill.json", "surface", "filling"],
             Self::Select => &["selection.json"],
-            Self::Identify => &["twin.json", "identify.json"],
+            Self::Identify => &["twin.json", TWIN_MATTER, "identify.json"],
             Self::Predict => &["prediction/trajectory.json"],
             Self::Appearance => &look::FILES,
         }
@@ -137,6 +140,11 @@ impl<'a> Run<'a> {
         &self.video
     }
 
+    /// How many of the video's frames everything is fitted to: the first ones.
+    pub fn fitted_frames(&self) -> usize {
+        self.scene.times.len()
+    }
+
     /// Where the events go.
     pub fn events(&self) -> &Events {
         self.events
@@ -155,29 +163,34 @@ impl<'a> Run<'a> {
             // Not after the minutes that the stages before it take.
             self.material()?;
         }
+        let mut before = None;
         for stage in Stage::ALL.into_iter().filter(|stage| *stage <= last) {
             if stage == Stage::Select && !self.selects() {
                 continue;
             }
-            self.bring(stage)?;
+            if self.bring(stage, before)? {
+                before = Some(stage);
+            }
         }
         Ok(())
     }
 
-    fn bring(&self, stage: Stage) -> Result<()> {
+    /// Runs a stage if need be, and says whether. `before` is the last stage before it that ran anew: what it left may differ.
+    fn bring(&self, stage: Stage, before: Option<Stage>) -> Result<bool> {
         let stamp = self.stamp(stage)?;
         let file = self.path(format!("stamps/{}.json", stage.name()));
         let complete = stage.outputs().iter().all(|output| self.path(output).exists());
         let outdated = Stamp::read(&file).map(|found| found.outdated_for(&stamp));
-        let reason = match outdated {
-            Some(None) if complete => {
+        let reason = match (outdated, before) {
+            (Some(None), None) if complete => {
                 let reason = "up to date".into();
                 self.events.send(&Event::StageSkipped { stage: stage.name().into(), reason });
-                return Ok(());
+                return Ok(false);
             }
-            Some(Some(difference)) => format!("runs again: {difference}"),
-            Some(None) => "runs again: files are missing".into(),
-            None => "starts".into(),
+            (Some(Some(difference)), _) => format!("runs again: {difference}"),
+            (Some(None), Some(before)) => format!("runs again: {} ran anew", before.name()),
+            (Some(None), None) => "runs again: files are missing".into(),
+            (None, _) => "starts".into(),
         };
         self.check_interrupt(stage)?;
         self.events.send(&Event::StageStarted { stage: stage.name().into(), reason });
@@ -196,7 +209,7 @@ impl<'a> Run<'a> {
         }
         stamp.after(meter.seconds()).write(&file)?;
         self.events.send(&meter.done(stage.name()));
-        Ok(())
+        Ok(true)
     }
 
     /// Whether the law is to be found.
