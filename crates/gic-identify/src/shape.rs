@@ -313,15 +313,15 @@ mod tests {
         let input = ball();
         let anchors = anchors(&input, &normals(&input), SPACING);
         for anchor in &anchors {
-            let wanted = if anchor.normal.y > 0.35 {
-                SEEN * SPACING
+            if anchor.normal.y > 0.35 {
+                assert_eq!(anchor.deviation, SEEN * SPACING, "{} {}", anchor.position, anchor.normal);
             } else if anchor.normal.y < 0.15 {
-                UNSEEN * SPACING
-            } else {
-                continue;
-            };
-            assert_eq!(anchor.deviation, wanted, "{} {}", anchor.position, anchor.normal);
+                assert!(anchor.deviation > UNSEEN * SPACING, "{} {}", anchor.position, anchor.normal);
+            }
         }
+        let at = |y: f64| anchors.iter().find(|a| a.normal.y < y).unwrap().deviation;
+        assert_eq!(at(-0.9), (UNSEEN + MOST_UNSEEN) * SPACING, "the far side");
+        assert!(at(-0.9) > anchors.iter().find(|a| a.normal.y < 0.15 && a.normal.y > 0.0).unwrap().deviation);
         assert!(anchors.iter().filter(|a| a.normal.y > 0.35).count() > 10);
     }
 
