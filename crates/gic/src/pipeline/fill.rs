@@ -10,7 +10,7 @@ use gic_scene::{Hull, HullSettings, HullView, Mask};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::register::Source;
+use super::source::Source;
 use super::{Run, Stage};
 use crate::atomic;
 use crate::config::UnseenChoice;

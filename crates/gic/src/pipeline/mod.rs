@@ -12,6 +12,7 @@ mod log;
 mod predict;
 mod register;
 mod select;
+mod source;
 mod stamp;
 
 use std::path::{Path, PathBuf};

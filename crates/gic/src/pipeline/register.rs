@@ -1,11 +1,9 @@
 //! The stage `register`: where the scan of the object lies in the first frame of the video.
 
-use std::borrow::Cow;
 use std::ops::ControlFlow;
 
-use gic_continuum::MaskedView;
-use gic_motion::{Candidate, DynamicGaussians, Registration, placed, register};
-use gic_scene::{Mask, Scene, Similarity};
+use gic_motion::{Candidate, Registration, register};
+use gic_scene::Similarity;
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
@@ -90,45 +88,7 @@ impl RegistrationRecord {
     }
 }
 
-/// What the matter is made of: the video with its Gaussians, or the scan, moved to where it lies in the video's first frame.
-pub(super) struct Source<'a> {
-    pub(super) scene: Cow<'a, Scene>,
-    pub(super) gaussians: DynamicGaussians,
-}
-
-impl Source<'_> {
-    /// The masks of a frame, in the order of its views.
-    pub(super) fn masks(&self, frame: usize) -> Result<Vec<Mask>> {
-        self.scene.load_masks(self.scene.views_at(frame)).map_err(Error::stage("reading masks"))
-    }
-
-    /// Cameras and masks of a frame.
-    pub(super) fn masked_views<'b>(&'b self, frame: usize, masks: &'b [Mask]) -> Vec<MaskedView<'b>> {
-        let views = self.scene.views_at(frame).iter().zip(masks);
-        views
-            .map(|(view, mask)| MaskedView {
-                camera: self.scene.camera_of(view),
-                mask: (mask.area() > 0.0).then_some(mask.coverage.as_slice()),
-            })
-            .collect()
-    }
-}
-
 impl Run<'_> {
-    /// Photographs of the object at rest, where the scene has them: its shape comes from them, and the video only tells of motion.
-    pub(super) fn scan(&self) -> Option<&Scene> {
-        self.video.rest.as_deref()
-    }
-
-    pub(super) fn source(&self) -> Result<Source<'_>> {
-        let gaussians = self.gaussians()?;
-        let Some(scan) = self.scan() else { return Ok(Source { scene: Cow::Borrowed(&self.scene), gaussians }) };
-        let similarity = self.registration()?.best.similarity();
-        let canonical = placed(&gaussians.canonical, &similarity);
-        let gaussians = DynamicGaussians { canonical, motion: None };
-        Ok(Source { scene: Cow::Owned(scan.moved(&similarity)), gaussians })
-    }
-
     /// The result of registration.
     ///
     /// # Errors
