@@ -49,6 +49,29 @@ fn more_frames_to_fit_than_the_video_has_are_refused() {
 }
 
 #[test]
+fn a_camera_that_is_not_there_is_refused_with_those_that_are() {
+    let output = gic(&["inspect", &demo(), "--cameras", "0,11"]);
+    assert_eq!(output.status.code(), Some(1));
+    let message = text(&output.stderr);
+    assert!(message.contains("= 11: is no camera"), "{message}");
+    assert!(message.contains("10 ("), "{message}");
+    let few = gic(&["inspect", &demo(), "--cameras", "0,4,8", "--json"]);
+    let few: serde_json::Value = serde_json::from_slice(&few.stdout).unwrap();
+    assert_eq!((few["camera_count"].as_u64(), few["frame_count"].as_u64()), (Some(3), Some(14)));
+}
+
+#[test]
+fn a_scene_without_a_scan_has_nothing_to_register() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    let run = run.to_str().unwrap();
+    gic(&["run", &demo(), "-o", run]);
+    let output = gic(&["register", run]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("nothing to register"), "{output:?}");
+}
+
+#[test]
 fn every_setting_is_written_and_read_back() {
     let folder = tempfile::tempdir().unwrap();
     let run = folder.path().join("run");

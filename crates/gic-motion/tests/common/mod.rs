@@ -8,7 +8,7 @@ use serde_json::json;
 
 /// Writes what `cameras` see of each frame (time [s], Gaussians) in PAC-NeRF's layout and opens it; the folder lasts as long as
 /// the first value.
-pub fn scene(cameras: &[Camera], frames: &[(f64, Gaussians)]) -> (tempfile::TempDir, Scene) {
+pub(crate) fn scene(cameras: &[Camera], frames: &[(f64, Gaussians)]) -> (tempfile::TempDir, Scene) {
     let folder = tempfile::tempdir().unwrap();
     write_scene(folder.path(), cameras, frames);
     let scene = Scene::open(folder.path()).unwrap();

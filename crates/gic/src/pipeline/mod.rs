@@ -166,6 +166,9 @@ impl<'a> Run<'a> {
             // Not after the minutes that the stages before it take.
             self.material()?;
         }
+        if last == Stage::Register {
+            self.require_scan()?;
+        }
         for stage in Stage::ALL.into_iter().filter(|stage| *stage <= last) {
             let wanted = match stage {
                 Stage::Register => self.scan().is_some(),

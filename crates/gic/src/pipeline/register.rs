@@ -82,6 +82,11 @@ impl PlacementRecord {
 }
 
 impl RegistrationRecord {
+    fn overlaps_text(&self) -> String {
+        let named = self.cameras.iter().zip(&self.best.mask_iou).map(|(name, iou)| format!("{name} {iou:.3}"));
+        named.collect::<Vec<_>>().join(", ")
+    }
+
     fn alternatives_text(&self) -> String {
         let named: Vec<String> = self.alternatives.iter().take(NAMED).map(PlacementRecord::describe).collect();
         if named.is_empty() { "none".into() } else { named.join("; ") }
@@ -94,13 +99,18 @@ impl Run<'_> {
     /// # Errors
     /// A scene without a scan, a missing or damaged file.
     pub fn registration(&self) -> Result<RegistrationRecord> {
-        if self.scan().is_none() {
-            return Err(Error::Usage {
+        self.require_scan()?;
+        atomic::read_json(&self.path("registration.json"))
+    }
+
+    pub(super) fn require_scan(&self) -> Result<()> {
+        match self.scan() {
+            Some(_) => Ok(()),
+            None => Err(Error::Usage {
                 problem: "the scene has no photographs of the object at rest, so there is nothing to register".into(),
                 hint: Some("registration belongs to real captures, with `static` beside `dynamic`".into()),
-            });
+            }),
         }
-        atomic::read_json(&self.path("registration.json"))
     }
 
     pub(super) fn register(&self) -> Result<()> {
@@ -116,7 +126,15 @@ impl Run<'_> {
             return Err(self.interrupted("reconstruct"));
         }
         let record = self.registration_record(&found);
-        self.check_registration(&record)?;
+        if let Some(warning) = verdict(&record, self.config.register.least_iou)? {
+            self.events.warn(stage, warning);
+        }
+        let text = format!(
+            "scale {:.5} m per unit of the scan; overlap with masks: {}",
+            record.best.scale,
+            record.overlaps_text()
+        );
+        self.events.note(stage, text);
         atomic::write_json(&self.path("registration.json"), &record)
     }
 
@@ -128,39 +146,88 @@ impl Run<'_> {
             alternatives: others.iter().map(PlacementRecord::new).collect(),
         }
     }
+}
 
-    /// Refuses a placement that the masks contradict, and names one that is as good.
-    fn check_registration(&self, record: &RegistrationRecord) -> Result<()> {
-        let (least, bound) = (record.best.least_iou(), self.config.register.least_iou);
-        let overlaps: Vec<String> =
-            record.cameras.iter().zip(&record.best.mask_iou).map(|(name, iou)| format!("{name} {iou:.3}")).collect();
-        let overlaps = overlaps.join(", ");
-        if least.is_nan() || least < bound {
-            return Err(Error::Usage {
-                problem: format!(
-                    "no placement of the scanned object explains the masks of the first frame: the best overlaps with them by {overlaps} \
-                     (intersection over union), below {bound}; next best: {}",
-                    record.alternatives_text()
-                ),
-                hint: Some(
-                    "look at both with `gic inspect`: the photographs and the video may show different objects, a camera's pose may be wrong, \
-                     or the object may be deformed in the first frame; --set register.least_iou=X accepts less"
-                        .into(),
-                ),
-            });
+/// Refuses a placement that the masks contradict; warns of another that is as good.
+fn verdict(record: &RegistrationRecord, bound: f64) -> Result<Option<String>> {
+    let least = record.best.least_iou();
+    if least.is_nan() || least < bound {
+        return Err(Error::Usage {
+            problem: format!(
+                "no placement of the scanned object explains the masks of the first frame: the best overlaps with them by {} \
+                 (intersection over union), below {bound}; next best: {}",
+                record.overlaps_text(),
+                record.alternatives_text()
+            ),
+            hint: Some(
+                "look at both with `gic inspect`: the photographs and the video may show different objects, a camera's pose may be wrong, \
+                 or the object may be deformed in the first frame; --set register.least_iou=X accepts less"
+                    .into(),
+            ),
+        });
+    }
+    let as_good = |other: &&PlacementRecord| other.loss < AS_GOOD * record.best.loss && other.least_iou() >= bound;
+    Ok(record.alternatives.iter().find(as_good).map(|other| {
+        format!(
+            "another placement explains the first frame about as well ({}); if the twin moves oddly, the object looks alike from there",
+            other.describe()
+        )
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn placement(iou: f64, loss: f64, apart_deg: f64) -> PlacementRecord {
+        PlacementRecord {
+            matrix: [[0.0; 4]; 4],
+            scale: 0.3,
+            rotation: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            translation_m: [0.0; 3],
+            mask_iou: vec![0.99, iou, 0.98],
+            loss,
+            apart_deg,
         }
-        self.events.note(
-            Stage::Register.name(),
-            format!("scale {:.5} m per unit of the scan; overlap with masks: {overlaps}", record.best.scale),
-        );
-        let as_good = |other: &&PlacementRecord| other.loss < AS_GOOD * record.best.loss && other.least_iou() >= bound;
-        if let Some(other) = record.alternatives.iter().find(as_good) {
-            let text = format!(
-                "another placement explains the first frame about as well ({}); if the twin moves oddly, the object looks alike from there",
-                other.describe()
-            );
-            self.events.warn(Stage::Register.name(), text);
+    }
+
+    fn record(best: PlacementRecord, alternatives: Vec<PlacementRecord>) -> RegistrationRecord {
+        RegistrationRecord { best, cameras: ["A", "B", "C"].map(String::from).to_vec(), alternatives }
+    }
+
+    #[test]
+    fn a_placement_that_one_mask_contradicts_is_refused_with_the_alternatives() {
+        let other = placement(0.6, 0.5, 131.0);
+        let error = verdict(&record(placement(0.7, 0.4, 0.0), vec![other]), 0.9).unwrap_err();
+        let text = error.to_string();
+        for part in ["B 0.700", "below 0.9", "turned 131 degrees", "0.600"] {
+            assert!(text.contains(part), "`{part}` is not in: {text}");
         }
-        Ok(())
+        assert!(error.hint().unwrap().contains("different objects"));
+        assert!(verdict(&record(placement(f64::NAN, 0.4, 0.0), Vec::new()), 0.9).is_err());
+    }
+
+    #[test]
+    fn an_equal_alternative_is_warned_of() {
+        let verdict =
+            |loss| verdict(&record(placement(0.97, 0.1, 0.0), vec![placement(0.96, loss, 90.0)]), 0.9).unwrap();
+        assert!(verdict(0.11).unwrap().contains("turned 90 degrees"));
+        assert_eq!(verdict(0.3), None);
+    }
+
+    #[test]
+    fn a_record_keeps_the_transformation() {
+        let similarity = Similarity {
+            scale: 0.3,
+            rotation: DMat3::from_rotation_z(0.4) * DMat3::from_rotation_x(-1.0),
+            translation: DVec3::new(0.1, 0.2, 0.3),
+        };
+        let candidate = Candidate { similarity, iou: vec![0.9], loss: 0.1, apart_rad: 0.0 };
+        let text = serde_json::to_string(&record(PlacementRecord::new(&candidate), Vec::new())).unwrap();
+        let back: RegistrationRecord = serde_json::from_str(&text).unwrap();
+        assert_eq!(back.best.similarity(), similarity);
+        // Rows of the matrix are rows of scale times rotation.
+        assert!((back.best.matrix[0][1] - 0.3 * back.best.rotation[0][1]).abs() < 1e-15);
+        assert!((back.best.rotation[0][1] - similarity.rotation.y_axis.x).abs() < 1e-15);
     }
 }
