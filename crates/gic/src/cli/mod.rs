@@ -67,6 +67,7 @@ fn dispatch(command: Command, context: &Context) -> anyhow::Result<()> {
     match command {
         Command::Demo(args) => results::demo(&args, context),
         Command::Inspect(args) => results::inspect(&args, context),
+        Command::Report(args) => run::report(&args, context),
         Command::Eval(args) => results::eval(&args, context),
         Command::Bench(args) => results::bench(&args, context),
         Command::Export(args) => run::export(&args, context),

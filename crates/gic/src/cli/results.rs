@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use gic::eval::{Truth, evaluate};
-use gic::{atomic, bench, demo, pipeline, report};
+use gic::{atomic, bench, demo, pipeline};
 use pipeline::Run;
 
 use super::Context;
@@ -75,11 +75,5 @@ pub(crate) fn demo(args: &DemoArgs, context: &Context) -> anyhow::Result<()> {
     context.print("\nAgainst the truth, which nothing above has seen:");
     evaluate_run(run.folder(), &scene.join("gt"), context)?;
     context.print(format!("report: {}", run.folder().join("report.html").display()));
-    Ok(())
-}
-
-/// Writes the report of a run.
-pub(crate) fn write_report(run: &Run, context: &Context) -> anyhow::Result<()> {
-    report::write(run, &context.events)?;
     Ok(())
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use gic::pipeline::{Run, Stage};
 
 use super::Context;
-use super::args::{ExportArgs, FillArgs, IdentifyArgs, ReconstructArgs, RegisterArgs, RunArgs};
+use super::args::{ExportArgs, FillArgs, IdentifyArgs, ReconstructArgs, RegisterArgs, ReportArgs, RunArgs};
 use super::flags::{Flags, SettingsFlags};
 
 pub(crate) fn run(args: &RunArgs, context: &Context) -> anyhow::Result<()> {
@@ -25,8 +25,15 @@ pub(crate) fn run(args: &RunArgs, context: &Context) -> anyhow::Result<()> {
 pub(crate) fn finish(run: &Run, context: &Context) -> anyhow::Result<()> {
     let last = if run.config.appearance.enabled { Stage::Appearance } else { Stage::Predict };
     run.bring_up_to_date(last)?;
-    super::results::write_report(run, context)?;
+    gic::report::write(run, &context.events)?;
     print_estimate(run, context)
+}
+
+pub(crate) fn report(args: &ReportArgs, context: &Context) -> anyhow::Result<()> {
+    let run = open(&args.run, &Flags::default(), &SettingsFlags::default(), context)?;
+    gic::report::write(&run, &context.events)?;
+    context.print(format!("report in {}", args.run.join("report.html").display()));
+    Ok(())
 }
 
 pub(crate) fn reconstruct(args: &ReconstructArgs, context: &Context) -> anyhow::Result<()> {

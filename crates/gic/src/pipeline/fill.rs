@@ -1,6 +1,6 @@
 //! The stage `fill`: Gaussians to matter, for every frame of the video.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use gic_continuum::{
     Agreement, Appearance, Drawing, FillSettings, Filling, GroundPlane, MaskedView, Particles, Placement, Unseen,
@@ -83,7 +83,7 @@ pub struct Continuum {
 }
 
 /// Name of the file of a frame's surface, inside the run folder.
-pub(super) fn surface_file(frame: usize) -> PathBuf {
+pub(crate) fn surface_file(frame: usize) -> PathBuf {
     format!("surface/{frame:04}.ply").into()
 }
 
@@ -137,7 +137,7 @@ impl Run<'_> {
         let Some((particles, appearance, drawn, mask_iou)) = first else {
             return Err(Error::Usage { problem: "the scene has no frames".into(), hint: None });
         };
-        self.write_continuum(&particles)?;
+        write_body(&self.path("continuum.ply"), &particles)?;
         let mean = mask_iou.iter().sum::<f64>() / mask_iou.len().max(1) as f64;
         self.events.note(
             Stage::Fill.name(),
@@ -224,14 +224,6 @@ impl Run<'_> {
         Ok(surface.len())
     }
 
-    fn write_continuum(&self, particles: &Particles) -> Result<()> {
-        let rows = (0..particles.positions.len()).map(|i| {
-            let [x, y, z] = particles.positions[i].as_vec3().to_array();
-            [x, y, z, particles.densities[i], f32::from(particles.surface[i])]
-        });
-        write_particles(&self.path("continuum.ply"), ["x", "y", "z", "density", "surface"], rows)
-    }
-
     /// The result of filling.
     ///
     /// # Errors
@@ -284,6 +276,15 @@ where
         hint: Some(format!("this is frame {frame}; look at the scene with `gic inspect`")),
         source: source.into(),
     }
+}
+
+/// Writes the particles of a body at time 0 with their attributes.
+pub(super) fn write_body(path: &Path, particles: &Particles) -> Result<()> {
+    let rows = (0..particles.positions.len()).map(|i| {
+        let [x, y, z] = particles.positions[i].as_vec3().to_array();
+        [x, y, z, particles.densities[i], f32::from(particles.surface[i])]
+    });
+    write_particles(path, ["x", "y", "z", "density", "surface"], rows)
 }
 
 /// Overlaps of the views that have a mask.

@@ -4,12 +4,14 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
+use gic_continuum::Particles;
 use gic_identify::{
     Checkpoint, Event, Identification, IdentifyError, Input, Observation, Optimizer, Settings, Stage as IdentifyStage,
     Step, Target, View, identify,
 };
 use serde::{Deserialize, Serialize};
 
+use super::fill::write_body;
 use super::predict::simulated_frame;
 use super::stamp::Stamp;
 use super::{Continuum, Run, Stage};
@@ -21,6 +23,9 @@ use crate::twin::{self, ContactKind, Obstacle, ObstacleShape, Twin};
 /// Length of a substep on a grid of [`REFERENCE_GRID_M`]: 200 for a frame at 24 frames a second, as in the published simulator.
 const REFERENCE_SUBSTEP_S: f64 = 1.0 / 24.0 / 200.0;
 const REFERENCE_GRID_M: f64 = 0.02;
+
+/// Name of the file, beside `twin.json`, of the twin's particles at time 0: the continuum as the fit moved and reshaped it.
+pub(crate) const TWIN_MATTER: &str = "twin.ply";
 
 /// `identify.json`: the estimate and how it was found.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -110,6 +115,7 @@ impl Run<'_> {
         }
         let record = record(model.name(), &found);
         atomic::write_json(&self.path("identify.json"), &record)?;
+        self.write_matter(&continuum, &found)?;
         self.twin(&input, obstacles, &found, &record).write(&self.path("twin.json"))?;
         if checkpoint.exists() {
             std::fs::remove_file(&checkpoint).map_err(Error::write(&checkpoint))?;
@@ -272,11 +278,23 @@ impl Run<'_> {
             start: config.start.clone(),
             velocity_m_s: config.velocity_m_s.map(Into::into),
             rotation: config.rotation,
+            joint: true,
             iterations: config.iterations,
             frames: config.frames,
             resolution_check: (config.resolution_check > 0.0).then_some(config.resolution_check),
             seed: self.config.seed,
         }
+    }
+
+    /// The particles of the continuum where and how large the fit found them, with their attributes.
+    fn write_matter(&self, continuum: &Continuum, found: &Identification) -> Result<()> {
+        let fitted = Particles {
+            positions: found.positions.clone(),
+            volume: found.particle_volume_m3,
+            spacing: found.particle_volume_m3.cbrt(),
+            ..continuum.particles.clone()
+        };
+        write_body(&self.path(TWIN_MATTER), &fitted)
     }
 
     fn twin(&self, input: &Input, obstacles: Vec<Obstacle>, found: &Identification, record: &IdentifyRecord) -> Twin {
@@ -302,7 +320,7 @@ impl Run<'_> {
             gravity_m_s2: input.gravity_m_s2.into(),
             colliders: obstacles,
             grid_spacing_m: Some(input.grid_spacing_m),
-            particle_spacing_m: Some(input.particle_volume_m3.cbrt()),
+            particle_spacing_m: Some(found.particle_volume_m3.cbrt()),
             frame_rate_hz: input.frame_rate_hz,
             frames: self.frames_to_simulate(),
             substeps_per_frame: Some(input.substeps_per_frame),
@@ -310,7 +328,7 @@ impl Run<'_> {
             seed: self.config.seed,
             gic_version: Some(crate::VERSION.into()),
             seconds,
-            ..Twin::new(found.material, twin::Continuum::File(PathBuf::from("continuum.ply")))
+            ..Twin::new(found.material, twin::Continuum::File(PathBuf::from(TWIN_MATTER)))
         }
     }
 

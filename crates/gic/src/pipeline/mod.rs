@@ -30,7 +30,10 @@ use crate::look;
 use crate::usage::Meter;
 pub use export::Export;
 pub(crate) use fill::filling_file;
+#[cfg(feature = "rerun")]
+pub(crate) use fill::surface_file;
 pub use fill::{Continuum, FillSummary, FrameFilling};
+pub(crate) use identify::TWIN_MATTER;
 pub use identify::{EstimateRecord, IdentifyRecord, StepRecord};
 pub(crate) use predict::{prediction_file, simulated_frame};
 pub use register::{PlacementRecord, RegistrationRecord};
@@ -80,7 +83,7 @@ impl Stage {
             Self::Register => &["registration.json"],
             Self::Fill => &["continuum.ply", "fill.json", "surface", "filling"],
             Self::Select => &["selection.json"],
-            Self::Identify => &["twin.json", "identify.json"],
+            Self::Identify => &["twin.json", TWIN_MATTER, "identify.json"],
             Self::Predict => &["prediction/trajectory.json"],
             Self::Appearance => &look::FILES,
         }
@@ -148,6 +151,11 @@ impl<'a> Run<'a> {
         &self.video
     }
 
+    /// How many of the video's frames everything is fitted to: the first ones.
+    pub fn fitted_frames(&self) -> usize {
+        self.scene.times.len()
+    }
+
     /// Where the events go.
     pub fn events(&self) -> &Events {
         self.events
@@ -169,33 +177,36 @@ impl<'a> Run<'a> {
         if last == Stage::Register {
             self.require_scan()?;
         }
+        let mut before = None;
         for stage in Stage::ALL.into_iter().filter(|stage| *stage <= last) {
             let wanted = match stage {
                 Stage::Register => self.scan().is_some(),
                 Stage::Select => self.selects(),
                 _ => true,
             };
-            if wanted {
-                self.bring(stage)?;
+            if wanted && self.bring(stage, before)? {
+                before = Some(stage);
             }
         }
         Ok(())
     }
 
-    fn bring(&self, stage: Stage) -> Result<()> {
+    /// Runs a stage if need be, and says whether. `before` is the last stage before it that ran anew: what it left may differ.
+    fn bring(&self, stage: Stage, before: Option<Stage>) -> Result<bool> {
         let stamp = self.stamp(stage)?;
         let file = self.path(format!("stamps/{}.json", stage.name()));
         let complete = stage.outputs().iter().all(|output| self.path(output).exists());
         let outdated = Stamp::read(&file).map(|found| found.outdated_for(&stamp));
-        let reason = match outdated {
-            Some(None) if complete => {
+        let reason = match (outdated, before) {
+            (Some(None), None) if complete => {
                 let reason = "up to date".into();
                 self.events.send(&Event::StageSkipped { stage: stage.name().into(), reason });
-                return Ok(());
+                return Ok(false);
             }
-            Some(Some(difference)) => format!("runs again: {difference}"),
-            Some(None) => "runs again: files are missing".into(),
-            None => "starts".into(),
+            (Some(Some(difference)), _) => format!("runs again: {difference}"),
+            (Some(None), Some(before)) => format!("runs again: {} ran anew", before.name()),
+            (Some(None), None) => "runs again: files are missing".into(),
+            (None, _) => "starts".into(),
         };
         self.check_interrupt(stage)?;
         self.events.send(&Event::StageStarted { stage: stage.name().into(), reason });
@@ -215,7 +226,7 @@ impl<'a> Run<'a> {
         }
         stamp.after(meter.seconds()).write(&file)?;
         self.events.send(&meter.done(stage.name()));
-        Ok(())
+        Ok(true)
     }
 
     /// Whether the law is to be found.
