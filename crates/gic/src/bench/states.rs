@@ -174,6 +174,7 @@ mod tests {
             box_psnr_db: 0.0,
             box_ssim: 0.0,
             mask_iou: 0.0,
+            held_out_psnr_db: None,
             held_out_box_psnr_db: None,
         };
         let frame = |(i, &(observed, v)): (usize, &(bool, f64))| FrameError {
@@ -226,6 +227,10 @@ mod tests {
     #[test]
     fn the_papers_means_are_those_of_its_objects() {
         for (observed, figure, method, values) in PAPER {
+            // The paper prints .870 as the mean of these, which is .873.
+            if (*figure, *method) == (Figure::Ssim, "PAC-NeRF") {
+                continue;
+            }
             let mean = values[..7].iter().sum::<f64>() / 7.0;
             let rounding = 0.6 * 0.1f64.powi(figure.decimals() as i32);
             assert!((mean - values[7]).abs() < rounding, "{observed} {figure:?} {method}: {mean}");

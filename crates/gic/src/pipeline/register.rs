@@ -70,8 +70,9 @@ impl PlacementRecord {
         }
     }
 
-    fn least_iou(&self) -> f64 {
-        self.mask_iou.iter().copied().fold(f64::INFINITY, f64::min)
+    /// Whether it overlaps with every mask by at least `bound`; what is not a number does not.
+    fn overlaps(&self, bound: f64) -> bool {
+        self.mask_iou.iter().all(|iou| *iou >= bound)
     }
 
     /// For messages.
@@ -150,8 +151,7 @@ impl Run<'_> {
 
 /// Refuses a placement that the masks contradict; warns of another that is as good.
 fn verdict(record: &RegistrationRecord, bound: f64) -> Result<Option<String>> {
-    let least = record.best.least_iou();
-    if least.is_nan() || least < bound {
+    if !record.best.overlaps(bound) {
         return Err(Error::Usage {
             problem: format!(
                 "no placement of the scanned object explains the masks of the first frame: the best overlaps with them by {} \
@@ -166,7 +166,7 @@ fn verdict(record: &RegistrationRecord, bound: f64) -> Result<Option<String>> {
             ),
         });
     }
-    let as_good = |other: &&PlacementRecord| other.loss < AS_GOOD * record.best.loss && other.least_iou() >= bound;
+    let as_good = |other: &&PlacementRecord| other.loss < AS_GOOD * record.best.loss && other.overlaps(bound);
     Ok(record.alternatives.iter().find(as_good).map(|other| {
         format!(
             "another placement explains the first frame about as well ({}); if the twin moves oddly, the object looks alike from there",
