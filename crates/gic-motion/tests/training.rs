@@ -11,6 +11,7 @@ use gic_motion::{
 use gic_scene::{Camera, Scene};
 use gic_splat::{Gaussians, Shape};
 use glam::{DMat3, DVec2, DVec3};
+use serde_json::json;
 
 const SIZE: usize = 48;
 const CAMERAS: usize = 6;

@@ -11,6 +11,8 @@ const OBJECTS: [&str; 7] = ["torus", "cross", "cream", "apple", "paste", "chess"
 type PaperRow = (bool, Figure, &'static str, [f64; 8]);
 
 /// The paper's tables "Future State Simulation" and "Dynamic Reconstruction" on the Spring-Gaus synthetic set.
+// One of the distances happens to be 3.14.
+#[allow(clippy::approx_constant)]
 const PAPER: &[PaperRow] = &[
     (true, Figure::Chamfer, "Spring-Gaus", [0.17, 0.48, 0.36, 0.38, 0.19, 1.80, 2.60, 0.85]),
     (true, Figure::Chamfer, "PAC-NeRF", [4.92, 1.10, 0.77, 1.11, 3.14, 0.96, 2.77, 2.11]),
