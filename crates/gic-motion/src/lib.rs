@@ -35,6 +35,6 @@ pub use light::{Light, TERMS};
 pub use model::{Domain, DynamicGaussians, Motion};
 pub use network::{Architecture, Deformation, MotionNetwork, NetworkGradient, Scalar};
 pub use normals::outward_normals;
-pub use register::{Candidate, RegisterSettings, Registration, placed, register};
+pub use register::{Candidate, RegisterSettings, Registration, check_registrable, placed, register};
 pub use settings::{Capture, DensitySettings, GaussianShape, InitialPoints, LearningRates, LossWeights, TrainSettings};
 pub use trainer::{Phase, Progress, train};

@@ -72,6 +72,24 @@ fn a_scene_without_a_scan_has_nothing_to_register() {
 }
 
 #[test]
+fn a_real_capture_that_cannot_be_registered_is_refused_before_it_trains() {
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("../gic-scene/tests/data/real_capture");
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    let refused = |flags: &[&str], part: &str| {
+        let place = ["run", scene.to_str().unwrap(), "-o", run.to_str().unwrap(), "--material", "elastic"];
+        let output = gic(&[&place, flags].concat());
+        assert_eq!(output.status.code(), Some(1));
+        assert!(text(&output.stderr).contains(part), "`{part}` is not in: {}", text(&output.stderr));
+        assert!(!run.join("gaussians").exists());
+        fs::remove_dir_all(&run).unwrap();
+    };
+    refused(&["--cameras", "1"], "one view cannot tell its size from its distance");
+    refused(&["--target", "surfaces"], "masks are used");
+    refused(&["--held-out", "0"], "leave --held-out out");
+}
+
+#[test]
 fn every_setting_is_written_and_read_back() {
     let folder = tempfile::tempdir().unwrap();
     let run = folder.path().join("run");

@@ -147,6 +147,14 @@ pub fn register(
     })
 }
 
+/// Whether the first frame of `video` can tell where anything lies: cheap to ask before a scan is made.
+///
+/// # Errors
+/// [`MotionError::Unregistrable`] where it cannot; unreadable pictures.
+pub fn check_registrable(video: &Scene) -> Result<(), MotionError> {
+    object(&targets::first_frame(video)?, video).map(|_| ())
+}
+
 /// A scan moved into the world. Colours lose their dependence on direction (degrees above 0), which is not turned.
 #[must_use]
 pub fn placed(scan: &Gaussians, to: &Similarity) -> Gaussians {

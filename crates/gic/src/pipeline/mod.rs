@@ -177,6 +177,9 @@ impl<'a> Run<'a> {
         if last == Stage::Register {
             self.require_scan()?;
         }
+        if last >= Stage::Register && self.scan().is_some() {
+            self.check_scan()?;
+        }
         let mut before = None;
         for stage in Stage::ALL.into_iter().filter(|stage| *stage <= last) {
             let wanted = match stage {

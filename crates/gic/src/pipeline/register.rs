@@ -2,13 +2,14 @@
 
 use std::ops::ControlFlow;
 
-use gic_motion::{Candidate, Registration, register};
+use gic_motion::{Candidate, Registration, check_registrable, register};
 use gic_scene::Similarity;
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::{Run, Stage};
 use crate::atomic;
+use crate::config::TargetChoice;
 use crate::error::{Error, Result};
 
 /// An alternative is as good as the best where its loss is at most this many times the best one's.
@@ -102,6 +103,25 @@ impl Run<'_> {
     pub fn registration(&self) -> Result<RegistrationRecord> {
         self.require_scan()?;
         atomic::read_json(&self.path("registration.json"))
+    }
+
+    /// Refuses what cannot end well with a scan, before the minutes that it takes.
+    pub(super) fn check_scan(&self) -> Result<()> {
+        let refused =
+            |problem: &str, hint: &str| Err(Error::Usage { problem: problem.into(), hint: Some(hint.into()) });
+        if self.config.identify.target == TargetChoice::Surfaces {
+            return refused(
+                "photographs of the object at rest show no surface in later frames to compare with",
+                "leave --target out: masks are used",
+            );
+        }
+        if !self.config.reconstruct.held_out.is_empty() {
+            return refused(
+                "held-out cameras are not known for real captures: photographs and video have cameras of their own",
+                "leave --held-out out",
+            );
+        }
+        check_registrable(&self.scene).map_err(Error::stage("registration"))
     }
 
     pub(super) fn require_scan(&self) -> Result<()> {
