@@ -54,6 +54,7 @@ pub(crate) enum Command {
     Inspect(InspectArgs),
     Run(RunArgs),
     Reconstruct(ReconstructArgs),
+    Register(RegisterArgs),
     Fill(FillArgs),
     Identify(IdentifyArgs),
     Report(ReportArgs),
@@ -184,6 +185,18 @@ pub(crate) struct ReconstructArgs {
     pub(crate) scene: SceneFlags,
     #[command(flatten)]
     pub(crate) reconstruct: ReconstructFlags,
+    #[command(flatten)]
+    pub(crate) settings: SettingsFlags,
+}
+
+/// The stages of `run` up to registration: where photographs of the object at rest lie in the video's first frame
+///
+/// For real captures, which have `static` beside `dynamic`. Nobody gives a pose: all rotations are tried. Writes
+/// registration.json.
+#[derive(Debug, Args)]
+pub(crate) struct RegisterArgs {
+    /// The run folder
+    pub(crate) run: PathBuf,
     #[command(flatten)]
     pub(crate) settings: SettingsFlags,
 }

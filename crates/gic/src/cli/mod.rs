@@ -73,6 +73,7 @@ fn dispatch(command: Command, context: &Context) -> anyhow::Result<()> {
         Command::Export(args) => run::export(&args, context),
         Command::Run(args) => run::run(&args, context),
         Command::Reconstruct(args) => run::reconstruct(&args, context),
+        Command::Register(args) => run::register(&args, context),
         Command::Fill(args) => run::fill(&args, context),
         Command::Identify(args) => run::identify(&args, context),
         Command::Simulate(args) => simulate::run(&args, context),

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::mean;
-use crate::config::{Config, Layer};
+use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::look::Look;
 use crate::matter::read_particles;
@@ -45,8 +45,7 @@ pub(super) struct Pictures<'a> {
 
 impl<'a> Pictures<'a> {
     /// `None` where the twin has no colours.
-    pub(super) fn open(run: &'a Path) -> Result<Option<Self>> {
-        let config = Config::resolve(vec![Layer::read(&run.join("config.toml"))?])?;
+    pub(super) fn open(run: &'a Path, config: Config) -> Result<Option<Self>> {
         let rest = read_particles(&run.join(TWIN_MATTER))?.positions;
         let Some(look) = Look::load(run, &rest)? else { return Ok(None) };
         Ok(Some(Self { run, scene: open_scene(&config)?, look, held_out: config.reconstruct.held_out }))

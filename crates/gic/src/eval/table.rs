@@ -32,6 +32,14 @@ impl Evaluation {
             v.inside
         );
         text += &self.frame_table();
+        if let Some(r) = &self.registration {
+            text += &format!(
+                "registration off by {:.3} degrees, {:.2} mm at the object's centre, scale {:+.3} %\n",
+                r.rotation_deg,
+                1e3 * r.centre_m,
+                100.0 * r.scale
+            );
+        }
         if let Some(error) = self.volume_error {
             text += &format!("volume {:+.2} %, ", 100.0 * error);
         }
@@ -45,7 +53,7 @@ fn number(value: Option<f64>, decimals: usize) -> String {
 }
 
 /// Mean of what the frames have; `None` where one of them lacks it: the mean of some frames only would not be comparable.
-fn mean_of(frames: &[&FrameError], pick: &dyn Fn(&FrameError) -> Option<f64>) -> Option<f64> {
+pub(crate) fn mean_of(frames: &[&FrameError], pick: &dyn Fn(&FrameError) -> Option<f64>) -> Option<f64> {
     let values = frames.iter().map(|f| pick(f)).collect::<Option<Vec<f64>>>()?;
     (!values.is_empty()).then(|| mean(values.into_iter()))
 }

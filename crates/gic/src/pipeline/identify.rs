@@ -228,13 +228,18 @@ impl Run<'_> {
             Stage::Identify.name(),
             format!("grid {:.2} mm, {substeps_per_frame} substeps a frame", 1e3 * grid_spacing_m),
         );
+        let mut cameras = self.scene.cameras.clone();
+        if let Some(scan) = self.scan() {
+            cameras.extend(scan.moved(&self.registration()?.best.similarity()).cameras);
+        }
         let mut observations = Vec::new();
         for (frame, &time_s) in self.scene.times.iter().enumerate() {
             let masks = self.masks(frame)?;
             let views = self.scene.views_at(frame).iter().zip(masks);
             observations.push(Observation {
                 time_s,
-                surface: continuum.surfaces[frame].clone(),
+                // A scan has no surface in later frames.
+                surface: continuum.surfaces.get(frame).cloned().unwrap_or_default(),
                 views: views.map(|(view, mask)| View { camera: view.camera, mask: mask.coverage }).collect(),
             });
         }
@@ -244,7 +249,7 @@ impl Run<'_> {
             opacities: particles.densities.iter().map(|d| continuum.appearance.opacity * d).collect(),
             scales: vec![scale; particles.positions.len()],
             on_surface: particles.surface.clone(),
-            cameras: self.scene.cameras.clone(),
+            cameras,
             observations,
             frame_rate_hz,
             gravity_m_s2: gravity.unwrap_or(glam::DVec3::new(0.0, -9.8, 0.0)),
@@ -259,6 +264,8 @@ impl Run<'_> {
         let config = &self.config.identify;
         Settings {
             target: match config.target {
+                // A scan shows the surface at rest only.
+                _ if self.scan().is_some() => Target::Masks,
                 TargetChoice::Both => Target::Both,
                 TargetChoice::Surfaces => Target::Surfaces,
                 TargetChoice::Masks => Target::Masks,
