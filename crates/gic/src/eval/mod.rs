@@ -4,6 +4,7 @@ mod pictures;
 mod registration;
 mod table;
 mod truth;
+mod volume;
 
 use std::path::Path;
 
@@ -93,7 +94,7 @@ pub struct FrameError {
     pub filling: Option<[f64; 2]>,
     /// The simulated twin against the truth, where it was simulated.
     pub prediction: Option<[f64; 2]>,
-    /// Volume of the filled body over that of the truth, less one.
+    /// Volume of the filled body over that of the truth in this frame, less one.
     pub volume_error: Option<f64>,
     /// Mean overlap of the re-rendered filled body with the masks.
     pub mask_iou: Option<f64>,
@@ -120,6 +121,8 @@ pub fn evaluate(run: &Path, truth: &Truth, events: &Events, interrupt: &Interrup
     let fitted = config.scene.fit_frames.unwrap_or(usize::MAX);
     let pictures = Pictures::open(run, config)?;
     let mut frames = Vec::new();
+    // True volume over what the particles of the same frame take up.
+    let mut share = None;
     // The frames that were fitted to come first in the video.
     for frame in 0.. {
         if interrupt.requested() {
@@ -132,7 +135,10 @@ pub fn evaluate(run: &Path, truth: &Truth, events: &Events, interrupt: &Interrup
         }
         if let Some(particles) = particles {
             let drawn = pictures.as_ref().map(|pictures| pictures.frame(frame)).transpose()?.flatten();
-            let error = frame_error(run, (frame, filled), &particles, truth)?;
+            let occupied = volume::occupied(&particles, truth.particle_spacing_m)?;
+            let share = *share.get_or_insert(truth.volume_m3.map(|at_rest| at_rest / occupied));
+            let volume = share.map(|share| share * occupied);
+            let error = frame_error(run, (frame, filled), (&particles, volume), truth)?;
             frames.push(FrameError { observed: frame < fitted, pictures: drawn, ..error });
             events.step(STAGE, "", frame as u64 + 1, None, &[]);
         }
@@ -211,7 +217,7 @@ fn velocity_error(found: &IdentifyRecord, truth: &Truth) -> VelocityError {
 fn frame_error(
     run: &Path,
     (frame, filled): (usize, Option<&FrameFilling>),
-    particles: &[[f32; 3]],
+    (particles, volume_m3): (&[[f32; 3]], Option<f64>),
     truth: &Truth,
 ) -> Result<FrameError> {
     let against = |path: &Path| -> Result<[f64; 2]> {
@@ -228,7 +234,7 @@ fn frame_error(
         filling: filled.map(|_| against(&run.join(filling_file(frame)))).transpose()?,
         prediction: prediction.exists().then(|| against(&prediction)).transpose()?,
         floor: [floor.chamfer, floor.emd],
-        volume_error: truth.volume_m3.zip(filled).map(|(volume, filled)| filled.volume_m3 / volume - 1.0),
+        volume_error: volume_m3.zip(filled).map(|(volume, filled)| filled.volume_m3 / volume - 1.0),
         mask_iou: filled.and_then(|filled| filled.mask_iou),
         pictures: None,
     })
