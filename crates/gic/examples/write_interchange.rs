@@ -70,7 +70,7 @@ fn filling() -> Result<Filling, Box<dyn Error>> {
     for i in 0..field.len() {
         let beyond = (field.centre(field.voxel(i)) - centre).abs() - half;
         let distance = beyond.max(DVec3::ZERO).length() + beyond.max_element().min(0.0);
-        field.values[i] = (0.5 - distance / 0.01).clamp(0.0, 1.0) as f32;
+        field.values[i] = (0.5 - distance / 0.005).clamp(0.0, 1.0) as f32;
     }
     Ok(Filling { field, th_min: 0.5, th_max: 0.8, gaussians_used: 0, gaussians_given: 0, views_used: 0 })
 }

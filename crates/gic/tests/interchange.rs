@@ -113,6 +113,7 @@ fn particle_sets_are_numpy_arrays_and_parameters() {
     let (_, velocities) = array("velocities");
     assert!((velocities.iter().skip(2).step_by(3).sum::<f32>() / 64.0 + 1.0).abs() < 1e-5);
     let json: serde_json::Value = serde_json::from_slice(&fs::read(&parameters).unwrap()).unwrap();
+    assert!(parameters.ends_with("twin.particles.json"), "twin.json is the twin itself");
     assert_eq!(json["arrays"], "twin.npz");
     assert_eq!(json["material"]["model"], "elastic");
     let lame = json["elasticity"]["lame_mu_pa"].as_f64().unwrap();

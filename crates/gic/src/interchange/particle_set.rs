@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 use crate::twin::Twin;
 
 /// Writes `path` (.npz) with `positions` [m] and `velocities` [m/s], both float32 of shape [n, 3], `volumes` [m^3] and `masses` [kg], both
-/// float32 of shape [n]; and beside it a .json with the law, its parameters and Lame's, density, gravity, obstacles and spacings, all in
+/// float32 of shape [n]; and beside it a .particles.json with the law, its parameters and Lame's, density, gravity, obstacles and spacings, all in
 /// SI units. Returns the path of the latter.
 ///
 /// # Errors
@@ -34,7 +34,8 @@ pub fn write_particle_set(path: &Path, twin: &Twin, world: &World) -> Result<Pat
         ("masses", vec![(volume * body.density_kg_m3) as f32; n], &[n as u64]),
     ];
     atomic::write(path, &archive(&arrays).map_err(Error::write(path))?)?;
-    let parameters = path.with_extension("json");
+    // Not `.json` alone: beside `twin.npz` lies `twin.json`, the twin itself.
+    let parameters = path.with_extension("particles.json");
     atomic::write_json(&parameters, &describe(path, twin, world))?;
     Ok(parameters)
 }
