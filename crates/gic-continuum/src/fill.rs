@@ -27,10 +27,13 @@ const MIN_GAUSSIANS: usize = 8;
 /// A Gaussian is outside a mask where the coverage at its centre is below this.
 const OUTSIDE: f32 = 0.05;
 
-/// A Gaussian with fewer others within [`REACH`] voxels of the last level is a fleck.
+/// A Gaussian with fewer others within [`REACH`] voxels of level [`FLECK_LEVELS`] is a fleck: how far Gaussians lie from each other does not
+/// depend on how many levels are filled.
 const NEIGHBOURS: usize = 2;
 /// See [`NEIGHBOURS`].
 const REACH: usize = 2;
+/// See [`NEIGHBOURS`].
+const FLECK_LEVELS: usize = 4;
 
 /// The density field of one frame, and what it was made from.
 #[derive(Clone, Debug)]
@@ -79,7 +82,8 @@ impl Filling {
 pub fn fill(gaussians: &Gaussians, views: &[MaskedView], settings: &FillSettings) -> Result<Filling, ContinuumError> {
     settings.validate()?;
     let usable = usable_gaussians(gaussians, views, settings)?;
-    let usable = drop_isolated(&usable, &initialize_field(&usable, settings)?);
+    let flecks = FillSettings { levels: FLECK_LEVELS, ..*settings };
+    let usable = drop_isolated(&usable, &initialize_field(&usable, &flecks)?);
     if usable.positions.len() < MIN_GAUSSIANS {
         return Err(ContinuumError::TooFewGaussians {
             total: gaussians.positions.len(),
@@ -134,7 +138,7 @@ fn usable_gaussians(
     Ok(select(gaussians, &kept))
 }
 
-/// Without the Gaussians that have fewer than [`NEIGHBOURS`] others in the voxels around them. A fleck that hovers inside the
+/// Without the Gaussians that have fewer than [`NEIGHBOURS`] others in the voxels of `grid` around them. A fleck that hovers inside the
 /// hull agrees with every image, since each view that could call it empty draws the fleck itself; but matter has neighbours.
 fn drop_isolated(gaussians: &Gaussians, grid: &DensityField) -> Gaussians {
     let voxels: Vec<Option<usize>> = gaussians

@@ -70,11 +70,11 @@ fn main() {
         );
     }
     println!(
-        "| velocity | {:.4} +- {:.4} | error {:+.4} | offset {:.5} splat {:.3} free {} | {:?} | {:?} |",
+        "| velocity | {:.4} +- {:.4} | error {:+.4} | volume x {:.4} splat {:.3} free {} | {:?} | {:?} |",
         found.velocity_m_s,
         found.velocity_interval_95,
         found.velocity_m_s - truth.velocity_m_s,
-        found.offset_m,
+        found.particle_volume_m3 / input.particle_volume_m3,
         found.splat_factor,
         found.free_frames,
         found.loss,

@@ -1,5 +1,7 @@
 //! The observations, prepared once: masks at the resolution at which they are compared, surfaces with normals.
 
+use std::collections::BTreeSet;
+
 use crate::silhouette::{MaskView, pixel_size};
 use crate::surface::ObservedSurface;
 use crate::{Input, Target};
@@ -52,7 +54,9 @@ impl Data {
 /// rendered outline is no sharper than that.
 fn working_pooling(input: &Input) -> usize {
     let centre = input.centre();
-    let mut sizes: Vec<f64> = input.cameras.iter().filter_map(|camera| pixel_size(camera, centre)).collect();
+    let used: BTreeSet<usize> = input.observations.iter().flat_map(|o| &o.views).map(|view| view.camera).collect();
+    let mut sizes: Vec<f64> =
+        used.into_iter().filter_map(|camera| pixel_size(&input.cameras[camera], centre)).collect();
     let mut scales = input.scales.clone();
     if sizes.is_empty() || scales.is_empty() {
         return 1;

@@ -7,7 +7,7 @@ use nalgebra::DMatrix;
 
 use crate::checkpoint::Event;
 use crate::checks;
-use crate::flight::Flight;
+use crate::flight::{Flight, placed};
 use crate::interval::{self, half_width};
 use crate::levenberg::Tangents;
 use crate::loss::mean_loss;
@@ -28,13 +28,19 @@ impl Job<'_> {
     pub(crate) fn finish_untouched(&self, launched: &Launch) -> Identification {
         let motion = Flight { input: self.input, data: &self.data, shape: &self.shape }
             .motion(&launched.state, &self.all_frames());
-        let estimates = self
-            .parameters()
-            .iter()
-            .zip(&launched.state.material)
-            .map(|(p, c)| self.estimate(p, *c, None, None))
-            .collect();
-        self.result(launched, &launched.state, estimates, DVec3::NAN, motion.ok().as_ref())
+        self.without_intervals(launched, &launched.state, motion.ok().as_ref())
+    }
+
+    /// The end of the material stage as the result.
+    pub(crate) fn finish_roughly(&self, launched: &Launch, state: &State) -> Result<Identification, IdentifyError> {
+        let motion = self.simulation(launched.free).motion(state, &self.all_frames()).map_err(self.failure(1))?;
+        Ok(self.without_intervals(launched, state, Some(&motion)))
+    }
+
+    fn without_intervals(&self, launched: &Launch, state: &State, motion: Option<&Motion>) -> Identification {
+        let estimate = |(p, c): (&Parameter, &f64)| self.estimate(p, *c, None, None);
+        let estimates = self.parameters().iter().zip(&state.material).map(estimate).collect();
+        self.result(launched, state, estimates, DVec3::NAN, motion)
     }
 
     /// Intervals, checks, and everything into one result.
@@ -169,7 +175,8 @@ impl Job<'_> {
             seconds: self.seconds(),
             warnings: self.warnings.borrow().clone(),
             splat_factor: state.splat.exp(),
-            offset_m: state.offset,
+            positions: placed(self.input, &self.shape, state).0,
+            particle_volume_m3: self.input.particle_volume_m3 * self.shape.growth(&state.shape),
         }
     }
 }

@@ -40,7 +40,7 @@ pub struct Input {
     /// Whether a particle lies on the surface at time 0, shape [n]. Comparing surfaces decides this anew in every frame, because matter
     /// that folds or spreads changes it; the flag only travels with the continuum.
     pub on_surface: Vec<bool>,
-    /// Cameras of the views.
+    /// Cameras of the views, and others that saw the body at rest: what any of them saw of its shape is known better.
     pub cameras: Vec<Camera>,
     /// Frames, ascending in time; the first is at time 0.
     pub observations: Vec<Observation>,

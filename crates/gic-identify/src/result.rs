@@ -98,6 +98,9 @@ pub struct Identification {
     pub warnings: Vec<String>,
     /// Factor on the Gaussians' standard deviations that fits the first masks.
     pub splat_factor: f64,
-    /// Translation of the particles that fits the first masks better than where they were given [m].
-    pub offset_m: DVec3,
+    /// The body at time 0 as fitted, shifted and reshaped by what the pictures say against the input's: positions of the input's particles [m],
+    /// shape [n].
+    pub positions: Vec<DVec3>,
+    /// Rest volume of one of them [m^3].
+    pub particle_volume_m3: f64,
 }

@@ -50,6 +50,9 @@ pub struct Settings {
     pub velocity_m_s: Option<DVec3>,
     /// Whether a rotation may be estimated; it still has to show in the data.
     pub rotation: bool,
+    /// Whether the joint stage and the intervals follow the material stage. Without them the answer is rough, has no intervals, and costs about
+    /// a third; the same checkpoint goes on to the whole answer.
+    pub joint: bool,
     /// Most Jacobians of the last stage.
     pub iterations: usize,
     /// Frames used, from the first; `None` for all.
@@ -69,6 +72,7 @@ impl Default for Settings {
             start: None,
             velocity_m_s: None,
             rotation: true,
+            joint: true,
             iterations: 12,
             frames: None,
             resolution_check: Some(1.25),

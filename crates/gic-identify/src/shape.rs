@@ -22,6 +22,10 @@ const SEEN: f64 = 0.2;
 const UNSEEN: f64 = 0.5;
 const COMMON: f64 = 0.1;
 
+/// What no camera sees is less certain the further it is from what one sees: by this much per distance, up to so many particle spacings.
+const FADING: f64 = 0.25;
+const MOST_UNSEEN: f64 = 2.0;
+
 /// Distance over which the error is correlated, in particle spacings.
 const CORRELATION: f64 = 3.0;
 
@@ -146,7 +150,7 @@ fn anchors(input: &Input, normals: &[Option<DVec3>], spacing: f64) -> Vec<Anchor
         }
     }
     let chosen: Vec<usize> = cells.into_values().map(|(_, i)| i).collect();
-    chosen
+    let places: Vec<(DVec3, DVec3, bool)> = chosen
         .into_par_iter()
         .map(|i| {
             let (position, normal) = (input.positions[i], normals[i].unwrap_or(DVec3::Y));
@@ -155,8 +159,17 @@ fn anchors(input: &Input, normals: &[Option<DVec3>], spacing: f64) -> Vec<Anchor
                 let direction = (camera.centre - position).normalize_or_zero();
                 normal.dot(direction) > FACING && is_free(&tree, from, direction, spacing)
             });
-            Anchor { position, normal, deviation: spacing * if seen { SEEN } else { UNSEEN } }
+            (position, normal, seen)
         })
+        .collect();
+    let seen: Vec<DVec3> = places.iter().filter(|(.., seen)| *seen).map(|(p, ..)| *p).collect();
+    let to_seen = |p: DVec3| seen.iter().map(|q| q.distance(p)).fold(f64::INFINITY, f64::min);
+    let deviation = |p: DVec3, is_seen: bool| {
+        if is_seen { SEEN * spacing } else { UNSEEN * spacing + (FADING * to_seen(p)).min(MOST_UNSEEN * spacing) }
+    };
+    places
+        .into_iter()
+        .map(|(position, normal, seen)| Anchor { position, normal, deviation: deviation(position, seen) })
         .collect()
 }
 
@@ -300,15 +313,15 @@ mod tests {
         let input = ball();
         let anchors = anchors(&input, &normals(&input), SPACING);
         for anchor in &anchors {
-            let wanted = if anchor.normal.y > 0.35 {
-                SEEN * SPACING
+            if anchor.normal.y > 0.35 {
+                assert_eq!(anchor.deviation, SEEN * SPACING, "{} {}", anchor.position, anchor.normal);
             } else if anchor.normal.y < 0.15 {
-                UNSEEN * SPACING
-            } else {
-                continue;
-            };
-            assert_eq!(anchor.deviation, wanted, "{} {}", anchor.position, anchor.normal);
+                assert!(anchor.deviation > UNSEEN * SPACING, "{} {}", anchor.position, anchor.normal);
+            }
         }
+        let at = |y: f64| anchors.iter().find(|a| a.normal.y < y).unwrap().deviation;
+        assert_eq!(at(-0.9), (UNSEEN + MOST_UNSEEN) * SPACING, "the far side");
+        assert!(at(-0.9) > anchors.iter().find(|a| a.normal.y < 0.15 && a.normal.y > 0.0).unwrap().deviation);
         assert!(anchors.iter().filter(|a| a.normal.y > 0.35).count() > 10);
     }
 

@@ -292,6 +292,9 @@ fn run(mut job: Job) -> Result<Identification, IdentifyError> {
             state
         }
     };
+    if !job.settings.joint {
+        return job.finish_roughly(&launched, &material);
+    }
     let joint = match resumed.joint {
         Some(state) => state,
         None => {

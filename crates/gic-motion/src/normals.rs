@@ -1,9 +1,14 @@
 //! Which way the outside is, for points that fill a body: what light on them depends on.
 
+use std::ops::Range;
+
+use gic_simd::{Kernel, Lanes, Level, MAX_LANES, dispatch};
 use rayon::prelude::*;
 
 /// Radius of the neighbourhood, in spacings of the points.
 const RADIUS: f64 = 2.5;
+/// Cells, of some fifteen points each, that one task works on.
+const CELLS_PER_TASK: usize = 32;
 
 /// For points about `spacing` [m] apart that fill a body: the direction to the outside, shape [n, 3]. About of length 1 on the
 /// surface, shorter below it, and near zero where there is matter all around.
@@ -11,66 +16,139 @@ const RADIUS: f64 = 2.5;
 /// It is the mean offset from the neighbours within 2.5 spacings, weighted by (1 - r^2 / R^2)^2 and divided by what a flat
 /// surface gives, cut at length 1. Points that are not finite get zero.
 pub fn outward_normals(points: &[[f32; 3]], spacing: f64) -> Vec<[f32; 3]> {
-    // In units of half the radius, which is the cells' side: cells are few to look into and little larger than the ball.
-    let scale = 2.0 / (RADIUS * spacing);
-    let scaled: Vec<[f32; 3]> = points.iter().map(|p| p.map(|x| (f64::from(x) * scale) as f32)).collect();
-    let cells = Cells::new(&scaled);
+    normals_with(Level::active(), points, spacing)
+}
+
+fn normals_with(level: Level, points: &[[f32; 3]], spacing: f64) -> Vec<[f32; 3]> {
+    let cells = Cells::new(points, RADIUS * spacing);
     // Integral of the weighted height over a half ball of matter: pi (R / s)^3 / 24, in units of R.
-    let flat = (2.0 * core::f64::consts::PI * RADIUS.powi(3) / 24.0) as f32;
-    scaled.par_iter().map(|&p| shortened(cells.offset(p).map(|o| o / flat))).collect()
+    let flat = (core::f64::consts::PI * RADIUS.powi(3) / 24.0) as f32;
+    let of_task = |task: &[Range<usize>]| {
+        let mut around = Around::default();
+        let mut normals = Vec::new();
+        for own in task {
+            around.gather(&cells, own.start);
+            let points = &cells.points[own.clone()];
+            dispatch(level, Offsets { points, around: &around, flat, normals: &mut normals });
+        }
+        normals
+    };
+    let tasks: Vec<Vec<[f32; 3]>> = cells.occupied.par_chunks(CELLS_PER_TASK).map(of_task).collect();
+    let mut normals = vec![[0.0; 3]; points.len()];
+    for (&i, normal) in cells.order.iter().zip(tasks.into_iter().flatten()) {
+        normals[i as usize] = normal;
+    }
+    normals
 }
 
-fn shortened(v: [f32; 3]) -> [f32; 3] {
-    let length = v.iter().map(|x| x * x).sum::<f32>().sqrt();
-    if length.is_finite() { v.map(|x| x / length.max(1.0)) } else { [0.0; 3] }
-}
-
-/// Points sorted by the cell of a grid of side 1 that they are in.
+/// Points sorted by the cell of a grid that they are in, in units of the cells' side.
 struct Cells {
-    /// The cells, ascending.
+    /// The cell of each point, ascending.
     cells: Vec<[i32; 3]>,
-    /// The point of each entry.
+    /// The points in that order, and their places in the caller's.
     points: Vec<[f32; 3]>,
+    order: Vec<u32>,
+    /// The points of each cell that has any.
+    occupied: Vec<Range<usize>>,
 }
 
 impl Cells {
-    fn new(points: &[[f32; 3]]) -> Cells {
-        let mut order: Vec<([i32; 3], u32)> = points.iter().enumerate().map(|(i, &p)| (cell(p), i as u32)).collect();
+    fn new(points: &[[f32; 3]], side: f64) -> Cells {
+        let scaled = |p: [f32; 3]| p.map(|x| (f64::from(x) / side) as f32);
+        let mut order: Vec<([i32; 3], u32)> =
+            points.iter().enumerate().map(|(i, &p)| (cell(scaled(p)), i as u32)).collect();
         order.par_sort_unstable();
-        let points = order.iter().map(|&(_, i)| points[i as usize]).collect();
-        Cells { cells: order.into_iter().map(|(cell, _)| cell).collect(), points }
+        let mut occupied = Vec::new();
+        let mut start = 0;
+        for own in order.chunk_by(|a, b| a.0 == b.0) {
+            occupied.push(start..start + own.len());
+            start += own.len();
+        }
+        Cells {
+            cells: order.iter().map(|(cell, _)| *cell).collect(),
+            points: order.iter().map(|&(_, i)| scaled(points[i as usize])).collect(),
+            order: order.into_iter().map(|(_, i)| i).collect(),
+            occupied,
+        }
     }
 
-    /// Weighted sum of the offsets of `p` from its neighbours, those nearer than 2.
-    fn offset(&self, p: [f32; 3]) -> [f32; 3] {
-        let [cx, cy, cz] = cell(p);
-        let mut sum = [0.0f32; 3];
-        for x in cx.saturating_sub(2)..=cx.saturating_add(2) {
-            for y in cy.saturating_sub(2)..=cy.saturating_add(2) {
-                // Cells that differ in z only lie side by side.
-                let (low, high) = ([x, y, cz.saturating_sub(2)], [x, y, cz.saturating_add(2)]);
-                let start = self.cells.partition_point(|cell| *cell < low);
-                let end = start + self.cells[start..].partition_point(|cell| *cell <= high);
-                for q in &self.points[start..end] {
-                    let d = [p[0] - q[0], p[1] - q[1], p[2] - q[2]];
-                    // Phrased so that points that are no numbers weigh nothing.
-                    let left = 1.0 - 0.25 * (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
-                    if left > 0.0 {
-                        let weight = left * left;
-                        for axis in 0..3 {
-                            sum[axis] += weight * d[axis];
-                        }
-                    }
-                }
-            }
-        }
-        sum
+    /// The points of a cell and those around it, in runs.
+    fn around(&self, [cx, cy, cz]: [i32; 3]) -> impl Iterator<Item = Range<usize>> + '_ {
+        let reach = |c: i32| c.saturating_sub(1)..=c.saturating_add(1);
+        reach(cx).flat_map(move |x| reach(cy).map(move |y| (x, y))).map(move |(x, y)| {
+            // Cells that differ in z only lie side by side.
+            let (low, high) = ([x, y, cz.saturating_sub(1)], [x, y, cz.saturating_add(1)]);
+            let start = self.cells.partition_point(|cell| *cell < low);
+            start..start + self.cells[start..].partition_point(|cell| *cell <= high)
+        })
     }
 }
 
 /// Casting saturates, so that far away points share the outermost cells.
 fn cell(p: [f32; 3]) -> [i32; 3] {
     p.map(|x| x.floor() as i32)
+}
+
+/// All that may be near the points of a cell, axis by axis, up to a whole number of lanes.
+#[derive(Default)]
+struct Around {
+    axes: [Vec<f32>; 3],
+}
+
+impl Around {
+    /// For the cell that the point `own` of `cells` is in.
+    fn gather(&mut self, cells: &Cells, own: usize) {
+        self.axes.iter_mut().for_each(Vec::clear);
+        for run in cells.around(cells.cells[own]) {
+            for point in &cells.points[run] {
+                self.axes.iter_mut().zip(point).for_each(|(axis, x)| axis.push(*x));
+            }
+        }
+        let whole = self.axes[0].len().next_multiple_of(MAX_LANES);
+        // Too far away to weigh anything.
+        self.axes.iter_mut().for_each(|axis| axis.resize(whole, f32::MAX));
+    }
+}
+
+/// The normals of some points: the weighted sum of their offsets from those around.
+struct Offsets<'a> {
+    points: &'a [[f32; 3]],
+    around: &'a Around,
+    /// What a flat surface gives.
+    flat: f32,
+    normals: &'a mut Vec<[f32; 3]>,
+}
+
+impl Kernel for Offsets<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes<Scalar = f32>>(self) {
+        let [xs, ys, zs] = &self.around.axes;
+        for p in self.points {
+            let (px, py, pz) = (L::of(p[0]), L::of(p[1]), L::of(p[2]));
+            let (mut x, mut y, mut z) = (L::zero(), L::zero(), L::zero());
+            let mut at = 0;
+            while at < xs.len() {
+                let (dx, dy, dz) = (px - L::load(&xs[at..]), py - L::load(&ys[at..]), pz - L::load(&zs[at..]));
+                let left = L::one() - dx.mul_add(dx, dy.mul_add(dy, dz * dz));
+                // Phrased so that points that are no numbers, or too far away to be squared, weigh nothing.
+                let near = L::lt(L::zero(), left);
+                let weight = L::select(near, left * left, L::zero());
+                x = weight.mul_add(L::select(near, dx, L::zero()), x);
+                y = weight.mul_add(L::select(near, dy, L::zero()), y);
+                z = weight.mul_add(L::select(near, dz, L::zero()), z);
+                at += L::LANES;
+            }
+            let offset = [x.sum_lanes(), y.sum_lanes(), z.sum_lanes()];
+            self.normals.push(shortened(offset.map(|o| o as f32 / self.flat)));
+        }
+    }
+}
+
+fn shortened(v: [f32; 3]) -> [f32; 3] {
+    let length = v.iter().map(|x| x * x).sum::<f32>().sqrt();
+    if length.is_finite() { v.map(|x| x / length.max(1.0)) } else { [0.0; 3] }
 }
 
 #[cfg(test)]
@@ -103,5 +181,40 @@ mod tests {
         let normals = outward_normals(&[[f32::NAN; 3], [0.0; 3], [0.01, 0.0, 0.0]], 0.01);
         assert_eq!(normals[0], [0.0; 3]);
         assert!(normals[2][0] > 0.0);
+    }
+
+    /// The definition, point by point.
+    fn plain(points: &[[f32; 3]], spacing: f64) -> Vec<[f32; 3]> {
+        let radius = RADIUS * spacing;
+        let flat = core::f64::consts::PI * RADIUS.powi(3) / 24.0;
+        let normal = |p: &[f32; 3]| {
+            let mut sum = [0.0f64; 3];
+            for q in points {
+                let d = [0, 1, 2].map(|a| (f64::from(p[a]) - f64::from(q[a])) / radius);
+                let left = (1.0 - d.iter().map(|x| x * x).sum::<f64>()).max(0.0);
+                (0..3).for_each(|a| sum[a] += left * left * d[a] / flat);
+            }
+            let length = sum.iter().map(|x| x * x).sum::<f64>().sqrt();
+            sum.map(|x| (x / length.max(1.0)) as f32)
+        };
+        points.iter().map(normal).collect()
+    }
+
+    #[test]
+    fn all_levels_agree_with_the_definition() {
+        let mut points = cube();
+        // Off the lattice, and across cells of either sign.
+        for (i, p) in points.iter_mut().enumerate() {
+            let t = i as f32;
+            *p = [p[0] + 0.004 * (1.7 * t).sin(), p[1] - 0.05 + 0.004 * (2.3 * t).sin(), p[2] + 0.003 * t.cos()];
+        }
+        points.push([5.0, 0.0, 0.0]);
+        let wanted = plain(&points, 0.02);
+        for level in Level::supported() {
+            let normals = normals_with(level, &points, 0.02);
+            for (n, w) in normals.iter().zip(&wanted) {
+                assert!((0..3).all(|a| (n[a] - w[a]).abs() < 1e-5), "{level:?}: {n:?} {w:?}");
+            }
+        }
     }
 }

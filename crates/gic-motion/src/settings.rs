@@ -287,6 +287,12 @@ impl TrainSettings {
         }
     }
 
+    /// For photographs of an object at rest that a video shows elsewhere: round Gaussians, as those of a video's first frame, for the
+    /// sake of the filling, and colours that may be turned with the object.
+    pub fn scan() -> Self {
+        TrainSettings { steps: 800, half_size: 0.25, sh_degree: Some(0), ..TrainSettings::default() }
+    }
+
     /// For what moves before one camera: no moment has a shape of its own to start from, so there is no base motion. The network
     /// starts from Gaussians trained on all pictures, as if nothing moved, and is half as wide as the paper's: as good step by
     /// step, and most of the time is spent in it.

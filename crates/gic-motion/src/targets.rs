@@ -178,6 +178,11 @@ pub(crate) fn held_out(scene: &Scene, held_out: &[usize]) -> Result<Vec<Target>,
     load(scene, scene.views.iter().filter(wanted))
 }
 
+/// The pictures of the first frame.
+pub(crate) fn first_frame(scene: &Scene) -> Result<Vec<Target>, SceneError> {
+    load(scene, scene.views_at(0).iter())
+}
+
 fn load<'a>(scene: &Scene, views: impl Iterator<Item = &'a View>) -> Result<Vec<Target>, SceneError> {
     let views: Vec<&View> = views.collect();
     views

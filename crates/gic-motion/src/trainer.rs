@@ -29,6 +29,7 @@ use crate::{
     BaseMotion, Deformation, Domain, DynamicGaussians, MotionError, MotionNetwork, TrainSettings, ViewScore, checkpoint,
 };
 use picture::ViewGradient;
+pub(crate) use picture::drawn_bounds;
 use schedule::Stage;
 use start::MIN_GAUSSIANS;
 

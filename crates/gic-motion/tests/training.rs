@@ -1,5 +1,7 @@
 //! Training on a scene made here: a ball with a coloured pattern that falls and stretches, seen by six cameras.
 
+mod common;
+
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -7,7 +9,7 @@ use gic_motion::{
     Architecture, DensitySettings, DynamicGaussians, MotionError, TrainSettings, ViewScore, evaluate, train,
 };
 use gic_scene::{Camera, Scene};
-use gic_splat::{Gaussians, RenderSettings, Shape, render};
+use gic_splat::{Gaussians, Shape};
 use glam::{DMat3, DVec2, DVec3};
 use serde_json::json;
 
@@ -51,43 +53,9 @@ fn truth(time: f64) -> Gaussians {
     Gaussians { positions, opacities: vec![0.9; n], shape, sh_degree: 0, sh }
 }
 
-/// Writes the scene in PAC-NeRF's layout.
-fn write_scene(folder: &Path) {
-    std::fs::create_dir_all(folder.join("data")).unwrap();
-    let mut list = Vec::new();
-    let byte = |v: f32| (v * 255.0).round().clamp(0.0, 255.0) as u8;
-    for (c, camera) in cameras().iter().enumerate() {
-        for frame in 0..FRAMES {
-            let time = frame as f64 / 10.0;
-            let picture = render(&truth(time), camera, &RenderSettings::default());
-            let straight = picture.color.iter().zip(&picture.alpha);
-            let rgb: Vec<u8> = straight.flat_map(|(c, a)| c.map(|v| byte(v / a.max(1e-3)))).collect();
-            let mask: Vec<u8> = picture.alpha.iter().map(|&a| byte(a)).collect();
-            let (s, name) = (SIZE as u32, format!("./data/r_{c}_{frame}.png"));
-            image::RgbImage::from_raw(s, s, rgb).unwrap().save(folder.join(&name)).unwrap();
-            image::GrayImage::from_raw(s, s, mask)
-                .unwrap()
-                .save(folder.join(format!("data/a_{c}_{frame}.png")))
-                .unwrap();
-            // OpenGL: y up, looking along -z.
-            let (r, o) = (camera.rotation, camera.centre);
-            let row = |i: usize| [r.x_axis[i], -r.y_axis[i], -r.z_axis[i], o[i]];
-            list.push(json!({
-                "file_path": name,
-                "time": time,
-                "c2w": [row(0), row(1), row(2)],
-                "intrinsic": [[60.0, 0.0, 24.0], [0.0, 60.0, 24.0], [0.0, 0.0, 1.0]],
-            }));
-        }
-    }
-    std::fs::write(folder.join("all_data.json"), serde_json::to_vec(&list).unwrap()).unwrap();
-}
-
 fn scene() -> (tempfile::TempDir, Scene) {
-    let folder = tempfile::tempdir().unwrap();
-    write_scene(folder.path());
-    let scene = Scene::open(folder.path()).unwrap();
-    (folder, scene)
+    let frames: Vec<(f64, Gaussians)> = (0..FRAMES).map(|frame| frame as f64 / 10.0).map(|t| (t, truth(t))).collect();
+    common::scene(&cameras(), &frames)
 }
 
 fn settings(steps: usize) -> TrainSettings {

@@ -208,7 +208,7 @@ pub enum SceneError {
         /// Its value.
         value: String,
         /// What it must be.
-        reason: &'static str,
+        reason: String,
     },
     /// There is no picture of this camera at this frame.
     #[error("no picture of camera {camera} at frame {frame}")]

@@ -14,6 +14,7 @@ mod picture;
 mod read;
 mod scene;
 mod sheet;
+mod similarity;
 
 pub use camera::Camera;
 pub use error::{Problem, SceneError, Severity};
@@ -22,6 +23,7 @@ pub use inspect::{CameraReport, GroundSource, HullReport, Inspection, inspect};
 pub use matting::difference_matte;
 pub use picture::{Mask, Picture, PixelBox};
 pub use scene::{ColouredPoint, Format, MaskSource, Masks, OpenOptions, Plane, Scene, Split, View, World};
+pub use similarity::Similarity;
 
 #[doc = include_str!("../CONVENTIONS.md")]
 pub mod conventions {}

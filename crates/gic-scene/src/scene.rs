@@ -230,6 +230,42 @@ impl Scene {
         scene
     }
 
+    /// The same scene as if only some cameras had filmed, which become cameras 0, 1, ... in the order given.
+    ///
+    /// # Errors
+    /// [`SceneError::Setting`] where a number is no camera's or comes twice, or where none is given.
+    pub fn with_cameras(&self, chosen: &[usize]) -> Result<Scene, SceneError> {
+        let wrong = |value: String, reason| SceneError::Setting { name: "cameras", value, reason };
+        if chosen.is_empty() {
+            return Err(wrong(String::new(), "names no camera".into()));
+        }
+        for (i, camera) in chosen.iter().enumerate() {
+            if *camera >= self.cameras.len() {
+                let named = |(i, name): (usize, &String)| format!("{i} ({name})");
+                let all: Vec<String> = self.camera_names.iter().enumerate().map(named).collect();
+                return Err(wrong(
+                    camera.to_string(),
+                    format!("is no camera of the scene; there are {}", all.join(", ")),
+                ));
+            }
+            if chosen[..i].contains(camera) {
+                return Err(wrong(camera.to_string(), "is named twice".into()));
+            }
+        }
+        let place = |view: &View| chosen.iter().position(|camera| *camera == view.camera);
+        let mut views: Vec<View> =
+            self.views.iter().filter_map(|view| Some(View { camera: place(view)?, ..view.clone() })).collect();
+        views.sort_by_key(|view| (view.frame, view.camera));
+        Ok(Scene {
+            cameras: chosen.iter().map(|&c| self.cameras[c].clone()).collect(),
+            camera_names: chosen.iter().map(|&c| self.camera_names[c].clone()).collect(),
+            backgrounds: chosen.iter().map(|&c| self.backgrounds[c].clone()).collect(),
+            lenses: chosen.iter().map(|&c| self.lenses[c].clone()).collect(),
+            views,
+            ..self.clone()
+        })
+    }
+
     /// The camera that took a view.
     pub fn camera_of(&self, view: &View) -> &Camera {
         &self.cameras[view.camera]

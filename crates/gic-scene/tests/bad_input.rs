@@ -257,6 +257,24 @@ fn no_scene_at_all() {
 }
 
 #[test]
+fn cameras_that_are_not_there() {
+    let scene = Scene::open(common::data("pac_nerf")).expect("opens");
+    for chosen in [&[][..], &[0, 1, 99], &[1, 1]] {
+        let error = scene.with_cameras(chosen).expect_err("no such choice");
+        assert!(matches!(error, SceneError::Setting { name: "cameras", .. }), "{error}");
+        let last = scene.cameras.len() - 1;
+        assert!(!chosen.contains(&99) || error.to_string().contains(&format!("{last} (")), "{error}");
+    }
+    let few = scene.with_cameras(&[2, 0]).expect("both are there");
+    assert_eq!(few.cameras, [scene.cameras[2].clone(), scene.cameras[0].clone()]);
+    assert_eq!(few.views.len(), 2 * scene.times.len());
+    for frame in 0..scene.times.len() {
+        let picture = |scene: &Scene, camera| scene.view(camera, frame).expect("a view").picture.clone();
+        assert_eq!((picture(&few, 0), picture(&few, 1)), (picture(&scene, 2), picture(&scene, 0)));
+    }
+}
+
+#[test]
 fn colmap_models_that_cannot_be_used() {
     let scene = common::copy("colmap_text");
     let cameras = scene.path().join("sparse/0/cameras.txt");

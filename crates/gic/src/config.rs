@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use gic_motion::{DressSettings, TrainSettings};
+use gic_motion::{DressSettings, RegisterSettings, TrainSettings};
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
@@ -20,6 +20,8 @@ pub struct Config {
     pub scene: SceneConfig,
     /// From pictures to moving Gaussians.
     pub reconstruct: TrainSettings,
+    /// From a scan's frame to the video's, for scenes with photographs of the object at rest.
+    pub register: RegisterSettings,
     /// From Gaussians to matter.
     pub fill: FillConfig,
     /// From matter to material.
@@ -46,6 +48,9 @@ pub struct SceneConfig {
     /// Which of several sets in the folder; the first by name by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub set: Option<String>,
+    /// Only these cameras (numbers from 0) are looked at; they become cameras 0, 1, ... in this order. All by default.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub cameras: Option<Vec<usize>>,
     /// Everything is fitted to this many frames, from the first; the twin predicts the others. All frames by default.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fit_frames: Option<usize>,

@@ -109,7 +109,8 @@ impl Look {
         let normals = outward_normals(&positions, self.spacing);
         let outside = |normal: &[f32; 3]| normal.iter().map(|x| x * x).sum::<f32>() > DEEP * DEEP;
         let seen: Vec<usize> = (0..positions.len()).filter(|&i| outside(&normals[i])).collect();
-        self.lit.at(positions, &normals).select(&seen)
+        let lit = LitGaussians { gaussians: self.lit.gaussians.select(&seen), light: self.lit.light };
+        lit.at(seen.iter().map(|&i| positions[i]).collect(), &seen.iter().map(|&i| normals[i]).collect::<Vec<_>>())
     }
 
     fn positions(&self, moved: &[DVec3]) -> Vec<[f32; 3]> {

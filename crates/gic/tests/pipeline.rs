@@ -49,6 +49,47 @@ fn more_frames_to_fit_than_the_video_has_are_refused() {
 }
 
 #[test]
+fn a_camera_that_is_not_there_is_refused_with_those_that_are() {
+    let output = gic(&["inspect", &demo(), "--cameras", "0,11"]);
+    assert_eq!(output.status.code(), Some(1));
+    let message = text(&output.stderr);
+    assert!(message.contains("= 11: is no camera"), "{message}");
+    assert!(message.contains("10 ("), "{message}");
+    let few = gic(&["inspect", &demo(), "--cameras", "0,4,8", "--json"]);
+    let few: serde_json::Value = serde_json::from_slice(&few.stdout).unwrap();
+    assert_eq!((few["camera_count"].as_u64(), few["frame_count"].as_u64()), (Some(3), Some(14)));
+}
+
+#[test]
+fn a_scene_without_a_scan_has_nothing_to_register() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    let run = run.to_str().unwrap();
+    gic(&["run", &demo(), "-o", run]);
+    let output = gic(&["register", run]);
+    assert_eq!(output.status.code(), Some(1));
+    assert!(text(&output.stderr).contains("nothing to register"), "{output:?}");
+}
+
+#[test]
+fn a_real_capture_that_cannot_be_registered_is_refused_before_it_trains() {
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("../gic-scene/tests/data/real_capture");
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    let refused = |flags: &[&str], part: &str| {
+        let place = ["run", scene.to_str().unwrap(), "-o", run.to_str().unwrap(), "--material", "elastic"];
+        let output = gic(&[&place, flags].concat());
+        assert_eq!(output.status.code(), Some(1));
+        assert!(text(&output.stderr).contains(part), "`{part}` is not in: {}", text(&output.stderr));
+        assert!(!run.join("gaussians").exists());
+        fs::remove_dir_all(&run).unwrap();
+    };
+    refused(&["--cameras", "1"], "one view cannot tell its size from its distance");
+    refused(&["--target", "surfaces"], "masks are used");
+    refused(&["--held-out", "0"], "leave --held-out out");
+}
+
+#[test]
 fn every_setting_is_written_and_read_back() {
     let folder = tempfile::tempdir().unwrap();
     let run = folder.path().join("run");

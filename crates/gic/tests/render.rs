@@ -74,7 +74,7 @@ fn mistakes_say_the_way_out() {
         String::from_utf8(output.stderr).unwrap()
     };
     assert!(refusal(&[text(folder.path())], 1).contains("gic simulate"));
-    assert!(refusal(&[text(&frames), "--film", "film.avi"], 1).contains(".gif or .mp4"));
+    assert!(refusal(&[text(&frames), "--film", "film.avi"], 1).contains(".gif, .mp4 or .webp"));
     assert!(refusal(&[text(&frames), "--camera", "3"], 1).contains("--scene"));
     assert!(refusal(&[text(&frames), "--background", "picture"], 1).contains("--camera 0"));
     assert!(refusal(&[text(&frames), "--camera", "left"], 2).contains("orbit"));
@@ -98,4 +98,22 @@ fn an_orbit_has_no_video_beside_it() {
     let output = gic(&["render", text(&frames), "-o", text(&out), "--beside-video"]);
     assert_eq!(output.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&output.stderr).contains("--camera 0"), "{output:?}");
+}
+
+#[test]
+fn ffmpeg_makes_the_other_films_where_it_is_installed() {
+    let folder = simulated();
+    let (frames, out) = (folder.path().join("frames"), folder.path().join("out"));
+    let installed = std::process::Command::new("ffmpeg").arg("-version").output().is_ok();
+    for (name, marker) in [("film.webp", &b"ANIM"[..]), ("film.mp4", &b"ftyp"[..])] {
+        let film = folder.path().join(name);
+        let output = gic(&["render", text(&frames), "-o", text(&out), "--size", "96x64", "--film", text(&film)]);
+        if installed {
+            assert!(output.status.success(), "{output:?}");
+            let bytes = fs::read(&film).unwrap();
+            assert!(bytes.windows(4).take(64).any(|w| w == marker), "{name}");
+        } else {
+            assert!(String::from_utf8_lossy(&output.stderr).contains("ffmpeg"), "{output:?}");
+        }
+    }
 }

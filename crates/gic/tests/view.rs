@@ -53,6 +53,25 @@ fn a_folder_without_frames_is_refused() {
     assert!(String::from_utf8_lossy(&output.stderr).contains("gic simulate"), "{output:?}");
 }
 
+#[test]
+fn a_rerun_recording_is_written_where_gic_was_built_for_it() {
+    let (folder, _) = page();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let output = gic(&["view", &path("frames"), "--rerun", &path("twin.rrd")]);
+    if cfg!(feature = "rerun") {
+        assert!(output.status.success(), "{output:?}");
+        let bytes = fs::read(path("twin.rrd")).unwrap();
+        assert!(bytes.starts_with(b"RRF"), "{:?}", &bytes[..8]);
+        for entity in ["/world/twin/stress", "Points3D"] {
+            assert!(bytes.windows(entity.len()).any(|w| w == entity.as_bytes()), "no {entity}");
+        }
+    } else {
+        assert_eq!(output.status.code(), Some(1));
+        assert!(String::from_utf8_lossy(&output.stderr).contains("--features rerun"), "{output:?}");
+        assert!(!Path::new(&path("twin.rrd")).exists());
+    }
+}
+
 /// A screenshot of the page, if a headless Chromium is installed.
 fn screenshot(page: &Path, state: &str, picture: &Path) -> Option<image::RgbImage> {
     let url = format!("file://{}#{state}", page.display());

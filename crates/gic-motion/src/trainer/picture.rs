@@ -51,7 +51,7 @@ impl Trainer<'_> {
 }
 
 /// The pixels that Gaussians within three standard deviations can touch.
-fn drawn_bounds(gaussians: &Gaussians, camera: &Camera) -> Bounds {
+pub(crate) fn drawn_bounds(gaussians: &Gaussians, camera: &Camera) -> Bounds {
     let scales = parameters::flat_scales(&gaussians.shape);
     let axes = scales.len() / gaussians.len().max(1);
     let mut low = [f64::INFINITY; 2];

@@ -38,7 +38,7 @@ pub(crate) fn open(path: &Path, options: &OpenOptions) -> Result<Scene, SceneErr
         return Err(SceneError::NotFound { path: path.to_owned() });
     }
     if let Some(rate) = options.frame_rate.filter(|rate| !(rate.is_finite() && *rate > 0.0)) {
-        let reason = "must be a positive number of frames per second";
+        let reason = "must be a positive number of frames per second".into();
         return Err(SceneError::Setting { name: "frame_rate", value: rate.to_string(), reason });
     }
     let root = match path.parent() {

@@ -54,8 +54,10 @@ pub(crate) enum Command {
     Inspect(InspectArgs),
     Run(RunArgs),
     Reconstruct(ReconstructArgs),
+    Register(RegisterArgs),
     Fill(FillArgs),
     Identify(IdentifyArgs),
+    Report(ReportArgs),
     Eval(EvalArgs),
     Bench(BenchArgs),
     Export(ExportArgs),
@@ -97,6 +99,13 @@ pub(crate) struct InspectArgs {
     pub(crate) json: bool,
     #[command(flatten)]
     pub(crate) scene: SceneFlags,
+}
+
+/// Write report.html of a finished run anew
+#[derive(Debug, Args)]
+pub(crate) struct ReportArgs {
+    /// The run folder
+    pub(crate) run: PathBuf,
 }
 
 /// Compare a run with ground truth: parameters, velocity, shape in every frame
@@ -181,6 +190,18 @@ pub(crate) struct ReconstructArgs {
     pub(crate) settings: SettingsFlags,
 }
 
+/// The stages of `run` up to registration: where photographs of the object at rest lie in the video's first frame
+///
+/// For real captures, which have `static` beside `dynamic`. Nobody gives a pose: all rotations are tried. Writes
+/// registration.json.
+#[derive(Debug, Args)]
+pub(crate) struct RegisterArgs {
+    /// The run folder
+    pub(crate) run: PathBuf,
+    #[command(flatten)]
+    pub(crate) settings: SettingsFlags,
+}
+
 /// The stages of `run` up to filling: from Gaussians to matter
 #[derive(Debug, Args)]
 pub(crate) struct FillArgs {
@@ -258,7 +279,7 @@ pub(crate) struct SimulateArgs {
 /// Make pictures and films of a simulated motion
 ///
 /// Writes frame_NNNN.png for every frame of a folder that `gic simulate` wrote, or of a run's prediction; with --film also
-/// a .gif, or an .mp4 (H.264) where the program ffmpeg is installed.
+/// a .gif, or where the program ffmpeg is installed an .mp4 (H.264) or an animated .webp.
 #[derive(Debug, Args)]
 #[command(after_help = "Example: gic render /tmp/elastic -o /tmp/pictures --film /tmp/elastic.gif")]
 pub(crate) struct RenderArgs {
@@ -287,7 +308,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "640x480", value_parser = size)]
     pub(crate) size: [usize; 2],
     /// Make a film too
-    #[arg(long, value_name = "FILE.gif|.mp4")]
+    #[arg(long, value_name = "FILE.gif|.mp4|.webp")]
     pub(crate) film: Option<PathBuf>,
     /// How many times slower than life the film runs
     #[arg(long, value_name = "TIMES", default_value = "1", value_parser = slowness)]
@@ -306,6 +327,9 @@ pub(crate) struct ViewArgs {
     /// The page [default: view.html in the folder]
     #[arg(short, long, value_name = "FILE.html")]
     pub(crate) out: Option<PathBuf>,
+    /// Write a recording for the Rerun viewer instead, and open it where that is installed; needs a gic built with --features rerun
+    #[arg(long, value_name = "FILE.rrd", conflicts_with = "out")]
+    pub(crate) rerun: Option<PathBuf>,
 }
 
 /// Grip a twin with two rigid pads, as a robot would: force, stress, slip

@@ -29,6 +29,10 @@ pub(crate) struct SceneFlags {
     #[arg(id = "scene_set", long = "scene-set", value_name = "NAME")]
     #[serde(skip_serializing_if = "Option::is_none")]
     set: Option<String>,
+    /// Look at these cameras only, by number from 0; they become cameras 0, 1, ... [default: all]
+    #[arg(long, value_name = "CAMERA", value_delimiter = ',')]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    cameras: Option<Vec<usize>>,
     /// Fit everything to the first N frames only, and predict the others [default: all]
     #[arg(long, value_name = "N")]
     #[serde(skip_serializing_if = "Option::is_none")]

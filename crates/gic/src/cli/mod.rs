@@ -68,11 +68,13 @@ fn dispatch(command: Command, context: &Context) -> anyhow::Result<()> {
     match command {
         Command::Demo(args) => results::demo(&args, context),
         Command::Inspect(args) => results::inspect(&args, context),
+        Command::Report(args) => run::report(&args, context),
         Command::Eval(args) => results::eval(&args, context),
         Command::Bench(args) => results::bench(&args, context),
         Command::Export(args) => run::export(&args, context),
         Command::Run(args) => run::run(&args, context),
         Command::Reconstruct(args) => run::reconstruct(&args, context),
+        Command::Register(args) => run::register(&args, context),
         Command::Fill(args) => run::fill(&args, context),
         Command::Identify(args) => run::identify(&args, context),
         Command::Simulate(args) => simulate::run(&args, context),

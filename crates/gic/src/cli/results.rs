@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use gic::eval::{Truth, evaluate};
-use gic::{atomic, bench, demo, pipeline, report};
+use gic::{atomic, bench, demo, pipeline};
 use pipeline::Run;
 
 use super::Context;
@@ -49,16 +49,17 @@ pub(crate) fn bench(args: &BenchArgs, context: &Context) -> anyhow::Result<()> {
         program: std::env::current_exe()?,
         arguments: args.arguments.clone(),
     };
-    let rows = bench::bench(&request, &context.events, &context.interrupt)?;
+    let tables = bench::bench(&request, &context.events, &context.interrupt)?;
     context.print(format!(
         "{:<14} {:<14} {:>6} {:>17} {:>17}",
         "material", "parameter", "scenes", "gic, MAE x100", "paper"
     ));
-    for r in &rows {
+    for r in &tables.parameters {
         let paper = r.paper.map_or("-".into(), |[mean, deviation]| format!("{mean:.2} +- {deviation:.2}"));
         let ours = format!("{:.2} +- {:.2}", r.mean, r.deviation);
         context.print(format!("{:<14} {:<14} {:>6} {ours:>17} {paper:>17}", r.model, r.parameter, r.scenes));
     }
+    context.print(tables.states.trim_end());
     context.print(format!("tables in {}", args.out.join("results.md").display()));
     Ok(())
 }
@@ -74,11 +75,5 @@ pub(crate) fn demo(args: &DemoArgs, context: &Context) -> anyhow::Result<()> {
     context.print("\nAgainst the truth, which nothing above has seen:");
     evaluate_run(run.folder(), &scene.join("gt"), context)?;
     context.print(format!("report: {}", run.folder().join("report.html").display()));
-    Ok(())
-}
-
-/// Writes the report of a run.
-pub(crate) fn write_report(run: &Run, context: &Context) -> anyhow::Result<()> {
-    report::write(run, &context.events)?;
     Ok(())
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use gic::pipeline::{Run, Stage};
 
 use super::Context;
-use super::args::{ExportArgs, FillArgs, IdentifyArgs, ReconstructArgs, RunArgs};
+use super::args::{ExportArgs, FillArgs, IdentifyArgs, ReconstructArgs, RegisterArgs, ReportArgs, RunArgs};
 use super::flags::{Flags, SettingsFlags};
 
 pub(crate) fn run(args: &RunArgs, context: &Context) -> anyhow::Result<()> {
@@ -25,8 +25,15 @@ pub(crate) fn run(args: &RunArgs, context: &Context) -> anyhow::Result<()> {
 pub(crate) fn finish(run: &Run, context: &Context) -> anyhow::Result<()> {
     let last = if run.config.appearance.enabled { Stage::Appearance } else { Stage::Predict };
     run.bring_up_to_date(last)?;
-    super::results::write_report(run, context)?;
+    gic::report::write(run, &context.events)?;
     print_estimate(run, context)
+}
+
+pub(crate) fn report(args: &ReportArgs, context: &Context) -> anyhow::Result<()> {
+    let run = open(&args.run, &Flags::default(), &SettingsFlags::default(), context)?;
+    gic::report::write(&run, &context.events)?;
+    context.print(format!("report in {}", args.run.join("report.html").display()));
+    Ok(())
 }
 
 pub(crate) fn reconstruct(args: &ReconstructArgs, context: &Context) -> anyhow::Result<()> {
@@ -39,6 +46,28 @@ pub(crate) fn reconstruct(args: &ReconstructArgs, context: &Context) -> anyhow::
     let run = open(&args.place.out, &flags, &args.settings, context)?;
     run.bring_up_to_date(Stage::Reconstruct)?;
     context.print(format!("Gaussians in {}", run.folder().join("gaussians").display()));
+    Ok(())
+}
+
+pub(crate) fn register(args: &RegisterArgs, context: &Context) -> anyhow::Result<()> {
+    let run = open(&args.run, &Flags::default(), &args.settings, context)?;
+    run.bring_up_to_date(Stage::Register)?;
+    let found = run.registration()?;
+    context.print(format!("scale {:.6} m per unit of the scan", found.best.scale));
+    for row in found.best.matrix {
+        context.print(row.map(|v| format!("{v:>12.6}")).concat());
+    }
+    for (camera, iou) in found.cameras.iter().zip(&found.best.mask_iou) {
+        context.print(format!("overlap with the mask of camera {camera}: {iou:.4}"));
+    }
+    for other in &found.alternatives {
+        let least = other.mask_iou.iter().copied().fold(f64::INFINITY, f64::min);
+        context.print(format!(
+            "alternative: turned {:.0} degrees, loss {:.4} against {:.4}, least overlap {least:.4}",
+            other.apart_deg, other.loss, found.best.loss
+        ));
+    }
+    context.print(format!("registration in {}", run.folder().join("registration.json").display()));
     Ok(())
 }
 

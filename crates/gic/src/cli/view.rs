@@ -1,11 +1,17 @@
 //! `gic view`.
 
-use gic::view::{Request, default_page, view};
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use gic::view::{Request, default_page, record, view};
 
 use super::Context;
 use super::args::ViewArgs;
 
 pub(crate) fn run(args: &ViewArgs, context: &Context) -> anyhow::Result<()> {
+    if let Some(file) = &args.rerun {
+        return recording(args, file, context);
+    }
     let page = args.out.clone().unwrap_or_else(|| default_page(&args.frames));
     let request = Request { frames: args.frames.clone(), page: page.clone() };
     let outcome = view(&request, &context.events, &context.interrupt)?;
@@ -16,5 +22,20 @@ pub(crate) fn run(args: &ViewArgs, context: &Context) -> anyhow::Result<()> {
         outcome.frames,
         page.display()
     ));
+    Ok(())
+}
+
+/// Writes the recording, and opens it where the viewer is installed.
+fn recording(args: &ViewArgs, file: &Path, context: &Context) -> anyhow::Result<()> {
+    record(&args.frames, file, &context.events, &context.interrupt)?;
+    let opened =
+        Command::new("rerun").arg(file).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn();
+    context.print(match opened {
+        Ok(_) => format!("recording in {}, opened in Rerun", file.display()),
+        Err(_) => format!(
+            "recording in {}: install Rerun (pip install rerun-sdk) and open it with `rerun {0}`",
+            file.display()
+        ),
+    });
     Ok(())
 }

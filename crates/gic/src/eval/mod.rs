@@ -1,6 +1,7 @@
 //! `gic eval`: a run against ground truth, in the paper's units. Nothing that estimates reads any of this.
 
 mod pictures;
+mod registration;
 mod table;
 mod truth;
 
@@ -10,6 +11,7 @@ use gic_metrics::{compare_clouds, noise_floor};
 use serde::{Deserialize, Serialize};
 
 use crate::atomic;
+use crate::config::{Config, Layer};
 use crate::error::{Error, Result};
 use crate::events::Events;
 use crate::interrupt::Interrupt;
@@ -17,6 +19,9 @@ use crate::matter::read_particles;
 use crate::pipeline::{FillSummary, FrameFilling, IdentifyRecord, filling_file, prediction_file};
 pub use pictures::PictureError;
 use pictures::Pictures;
+pub use registration::RegistrationError;
+use registration::registration_error;
+pub(crate) use table::mean_of;
 pub use truth::Truth;
 
 const STAGE: &str = "eval";
@@ -38,6 +43,9 @@ pub struct Evaluation {
     pub volume_error: Option<f64>,
     /// Mean overlap of re-rendered masks at the first frame.
     pub mask_iou: f64,
+    /// Where a scan was registered and the truth tells where it lies.
+    #[serde(default)]
+    pub registration: Option<RegistrationError>,
 }
 
 /// Error of a parameter.
@@ -108,7 +116,9 @@ pub fn evaluate(run: &Path, truth: &Truth, events: &Events, interrupt: &Interrup
             hint: Some(format!("run again with --material {}", truth.material.model())),
         });
     }
-    let pictures = Pictures::open(run)?;
+    let config = Config::resolve(vec![Layer::read(&run.join("config.toml"))?])?;
+    let fitted = config.scene.fit_frames.unwrap_or(usize::MAX);
+    let pictures = Pictures::open(run, config)?;
     let mut frames = Vec::new();
     // The frames that were fitted to come first in the video.
     for frame in 0.. {
@@ -122,7 +132,8 @@ pub fn evaluate(run: &Path, truth: &Truth, events: &Events, interrupt: &Interrup
         }
         if let Some(particles) = particles {
             let drawn = pictures.as_ref().map(|pictures| pictures.frame(frame)).transpose()?.flatten();
-            frames.push(FrameError { pictures: drawn, ..frame_error(run, (frame, filled), &particles, truth)? });
+            let error = frame_error(run, (frame, filled), &particles, truth)?;
+            frames.push(FrameError { observed: frame < fitted, pictures: drawn, ..error });
             events.step(STAGE, "", frame as u64 + 1, None, &[]);
         }
     }
@@ -134,6 +145,7 @@ pub fn evaluate(run: &Path, truth: &Truth, events: &Events, interrupt: &Interrup
         frames,
         volume_error: truth.volume_m3.map(|true_volume| volume / true_volume - 1.0),
         mask_iou: mean(summary.mask_iou.iter().copied()),
+        registration: registration_error(run, truth)?,
     })
 }
 

@@ -9,11 +9,11 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::mean;
-use crate::config::{Config, Layer};
+use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::look::Look;
 use crate::matter::read_particles;
-use crate::pipeline::{open_scene, prediction_file, simulated_frame};
+use crate::pipeline::{TWIN_MATTER, open_scene, prediction_file, simulated_frame};
 
 /// Pictures of the twin against those of the video, both over black: means over cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -28,7 +28,10 @@ pub struct PictureError {
     pub box_ssim: f64,
     /// Overlap of alpha and mask.
     pub mask_iou: f64,
-    /// PSNR [dB] inside the box, for cameras whose pictures nothing was trained on; `None` where no camera was held out.
+    /// `psnr_db` of the cameras whose pictures nothing was trained on; `None` where no camera was held out.
+    #[serde(default)]
+    pub held_out_psnr_db: Option<f64>,
+    /// `box_psnr_db` of those cameras.
     pub held_out_box_psnr_db: Option<f64>,
 }
 
@@ -42,9 +45,8 @@ pub(super) struct Pictures<'a> {
 
 impl<'a> Pictures<'a> {
     /// `None` where the twin has no colours.
-    pub(super) fn open(run: &'a Path) -> Result<Option<Self>> {
-        let config = Config::resolve(vec![Layer::read(&run.join("config.toml"))?])?;
-        let rest = read_particles(&run.join("continuum.ply"))?.positions;
+    pub(super) fn open(run: &'a Path, config: Config) -> Result<Option<Self>> {
+        let rest = read_particles(&run.join(TWIN_MATTER))?.positions;
         let Some(look) = Look::load(run, &rest)? else { return Ok(None) };
         Ok(Some(Self { run, scene: open_scene(&config)?, look, held_out: config.reconstruct.held_out }))
     }
@@ -76,14 +78,18 @@ impl<'a> Pictures<'a> {
             return Ok(None);
         }
         let over = |pick: fn(&Score) -> f64| mean(seen.iter().map(|(_, score)| pick(score)));
-        let held_out = || seen.iter().filter(|(held_out, _)| *held_out).map(|(_, score)| score.box_psnr);
+        let held_out = |pick: fn(&Score) -> f64| {
+            let scores: Vec<f64> = seen.iter().filter(|(held_out, _)| *held_out).map(|(_, s)| pick(s)).collect();
+            (!scores.is_empty()).then(|| mean(scores.into_iter()))
+        };
         Ok(Some(PictureError {
             psnr_db: over(|s| s.psnr),
             ssim: over(|s| s.ssim),
             box_psnr_db: over(|s| s.box_psnr),
             box_ssim: over(|s| s.box_ssim),
             mask_iou: over(|s| s.iou),
-            held_out_box_psnr_db: (held_out().count() > 0).then(|| mean(held_out())),
+            held_out_psnr_db: held_out(|s| s.psnr),
+            held_out_box_psnr_db: held_out(|s| s.box_psnr),
         }))
     }
 }

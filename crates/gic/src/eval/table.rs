@@ -32,6 +32,14 @@ impl Evaluation {
             v.inside
         );
         text += &self.frame_table();
+        if let Some(r) = &self.registration {
+            text += &format!(
+                "registration off by {:.3} degrees, {:.2} mm at the object's centre, scale {:+.3} %\n",
+                r.rotation_deg,
+                1e3 * r.centre_m,
+                100.0 * r.scale
+            );
+        }
         if let Some(error) = self.volume_error {
             text += &format!("volume {:+.2} %, ", 100.0 * error);
         }
@@ -45,7 +53,7 @@ fn number(value: Option<f64>, decimals: usize) -> String {
 }
 
 /// Mean of what the frames have; `None` where one of them lacks it: the mean of some frames only would not be comparable.
-fn mean_of(frames: &[&FrameError], pick: &dyn Fn(&FrameError) -> Option<f64>) -> Option<f64> {
+pub(crate) fn mean_of(frames: &[&FrameError], pick: &dyn Fn(&FrameError) -> Option<f64>) -> Option<f64> {
     let values = frames.iter().map(|f| pick(f)).collect::<Option<Vec<f64>>>()?;
     (!values.is_empty()).then(|| mean(values.into_iter()))
 }
@@ -57,7 +65,7 @@ impl Evaluation {
             return String::new();
         }
         let mut text = format!(
-            "\n{:<9} {:>9} {:>9} {:>7} {:>10} {:>9} {:>7} {:>8} {:>8} {:>8} {:>7} {:>9} {:>9}\n",
+            "\n{:<9} {:>9} {:>9} {:>7} {:>10} {:>9} {:>7} {:>8} {:>8} {:>8} {:>7} {:>7} {:>8} {:>7}\n",
             "frame",
             "CD filled",
             "predicted",
@@ -70,7 +78,8 @@ impl Evaluation {
             "PSNR",
             "SSIM",
             "in box",
-            "held out"
+            "held out",
+            "in box"
         );
         for f in &self.frames {
             text += &line(&f.frame.to_string(), &[f]);
@@ -82,7 +91,7 @@ impl Evaluation {
             }
         }
         text + "CD in 1e3 mm^2, EMD in m; volume and mask IoU of the filling; PSNR [dB] and SSIM of the twin's whole pictures over black, \
-                PSNR in the box around the object of all cameras and of those held out\n"
+                PSNR also in the box around the object, and of the held-out cameras alone\n"
     }
 }
 
@@ -93,7 +102,7 @@ fn line(name: &str, frames: &[&FrameError]) -> String {
     // The mean hides no sign of a single frame, and counts absolute errors otherwise.
     let volume = |f: &FrameError| f.volume_error.map(|v| 100.0 * if frames.len() > 1 { v.abs() } else { v });
     format!(
-        "{name:<9} {:>9} {:>9} {:>7} {:>10} {:>9} {:>7} {:>8} {:>8} {:>8} {:>7} {:>9} {:>9}\n",
+        "{name:<9} {:>9} {:>9} {:>7} {:>10} {:>9} {:>7} {:>8} {:>8} {:>8} {:>7} {:>7} {:>8} {:>7}\n",
         number(of(&|f| f.filling.map(|v| v[0])), 4),
         number(of(&|f| f.prediction.map(|v| v[0])), 4),
         number(of(&|f| Some(f.floor[0])), 4),
@@ -105,6 +114,7 @@ fn line(name: &str, frames: &[&FrameError]) -> String {
         number(pictures(|p| p.psnr_db), 2),
         number(pictures(|p| p.ssim), 4),
         number(pictures(|p| p.box_psnr_db), 2),
+        number(of(&|f| f.pictures.and_then(|p| p.held_out_psnr_db)), 2),
         number(of(&|f| f.pictures.and_then(|p| p.held_out_box_psnr_db)), 2),
     )
 }

@@ -78,6 +78,11 @@ impl Truth {
         Ok(Self { folder: folder.to_owned(), material, velocity_m_s, volume_m3, particle_spacing_m })
     }
 
+    /// The folder.
+    pub(super) fn folder(&self) -> &Path {
+        &self.folder
+    }
+
     /// True particles of a frame [m]; `None` where the truth has none.
     ///
     /// # Errors

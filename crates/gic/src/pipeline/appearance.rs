@@ -2,12 +2,12 @@
 
 use std::ops::ControlFlow;
 
-use gic_continuum::informed_gaussians;
+use gic_continuum::{Appearance, informed_gaussians};
 use gic_motion::{DressProgress, Posture, dress, outward_normals};
 use glam::DVec3;
 
 use super::predict::{prediction_file, simulated_frame};
-use super::{Run, Stage};
+use super::{Run, Stage, TWIN_MATTER};
 use crate::error::{Error, Result};
 use crate::look::Look;
 use crate::matter::read_particles;
@@ -25,7 +25,9 @@ impl Run<'_> {
             let positions = to_f32(drawing.positions(&self.predicted(frame)?));
             postures.push(Posture { frame, normals: outward_normals(&positions, spacing), positions });
         }
-        let bare = informed_gaussians(&drawing.particles.positions, &drawing.particles, &drawn);
+        let rest = drawing.positions(&read_particles(&self.path(TWIN_MATTER))?.positions);
+        let drawn = Appearance { scale: self.identified()?.splat_factor * drawn.scale, ..drawn };
+        let bare = informed_gaussians(&rest, &drawing.particles, &drawn);
         let settings = &self.config.appearance.train;
         let mut tell = |progress: &DressProgress| self.tell_dressing(progress, settings.steps);
         let held_out = &self.config.reconstruct.held_out;

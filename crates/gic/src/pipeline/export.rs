@@ -69,9 +69,7 @@ impl Run<'_> {
             write_particles_ply(path, &continuum.particles).map_err(Error::stage("export"))?;
             return Ok(format!("{} particles", continuum.particles.positions.len()));
         }
-        let settings = self.fill_settings(continuum.summary.object_size_m);
-        let masks = self.masks(0)?;
-        let filling = self.filling(&self.gaussians()?, 0, &self.masked_views(0, &masks), &settings)?;
+        let filling = self.first_filling(&continuum)?;
         if matches!(format, Export::Msh | Export::Mjcf | Export::Usd) {
             let mesh = filling.tetrahedra(2.0 * continuum.particles.spacing).map_err(Error::stage("export"))?;
             match format {

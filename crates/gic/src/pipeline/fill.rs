@@ -1,16 +1,16 @@
 //! The stage `fill`: Gaussians to matter, for every frame of the video.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use gic_continuum::{
     Agreement, Appearance, Drawing, FillSettings, Filling, GroundPlane, MaskedView, Particles, Placement, Unseen,
     calibrate, compare_with_masks, fill, sample_particles,
 };
-use gic_motion::DynamicGaussians;
 use gic_scene::{Hull, HullSettings, HullView, Mask};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::source::Source;
 use super::{Run, Stage};
 use crate::atomic;
 use crate::config::UnseenChoice;
@@ -83,7 +83,7 @@ pub struct Continuum {
 }
 
 /// Name of the file of a frame's surface, inside the run folder.
-pub(super) fn surface_file(frame: usize) -> PathBuf {
+pub(crate) fn surface_file(frame: usize) -> PathBuf {
     format!("surface/{frame:04}.ply").into()
 }
 
@@ -94,8 +94,8 @@ pub(crate) fn filling_file(frame: usize) -> PathBuf {
 
 impl Run<'_> {
     pub(super) fn fill(&self) -> Result<()> {
-        let gaussians = self.gaussians()?;
-        let size = self.object_size()?;
+        let source = self.source()?;
+        let size = object_size(&source)?;
         let settings = self.fill_settings(size);
         let mut spacing = self.config.fill.particle_spacing_m;
         for folder in ["surface", "filling"] {
@@ -103,19 +103,19 @@ impl Run<'_> {
         }
         let mut frames = Vec::new();
         let mut first = None;
-        let count = self.scene.times.len();
-        for (frame, &time_s) in self.scene.times.iter().enumerate() {
+        let count = source.scene.times.len();
+        for (frame, &time_s) in source.scene.times.iter().enumerate() {
             self.check_interrupt(Stage::Fill)?;
-            let masks = self.masks(frame)?;
-            let views = self.masked_views(frame, &masks);
-            let filling = self.filling(&gaussians, frame, &views, &settings)?;
+            let masks = source.masks(frame)?;
+            let views = source.masked_views(frame, &masks);
+            let filling = filling(&source, frame, &views, &settings)?;
             let spacing = *spacing.get_or_insert_with(|| self.particle_spacing(size, &filling));
-            let particles = sample_particles(&filling, spacing, Placement::Layered).map_err(self.failed(frame))?;
+            let particles = sample_particles(&filling, spacing, Placement::Layered).map_err(failed(frame))?;
             let surface_points = self.write_frame(frame, &filling, &particles)?;
-            let drawing = Drawing::new(&filling, &particles, DRAWING_SPACING * spacing).map_err(self.failed(frame))?;
+            let drawing = Drawing::new(&filling, &particles, DRAWING_SPACING * spacing).map_err(failed(frame))?;
             let drawn = match &first {
                 Some((_, _, drawn, _)) => *drawn,
-                None => calibrate(&drawing.particles, &views, OPACITY).map_err(self.failed(frame))?,
+                None => calibrate(&drawing.particles, &views, OPACITY).map_err(failed(frame))?,
             };
             let ious = overlaps(&compare_with_masks(&drawing.particles, &drawn, &views));
             frames.push(FrameFilling {
@@ -130,14 +130,14 @@ impl Run<'_> {
             let values = [("volume_m3", filling.volume()), ("surface_points", surface_points as f64)];
             self.events.step(Stage::Fill.name(), "", frame as u64 + 1, Some(count as u64), &values);
             if frame == 0 {
-                let appearance = calibrate(&particles, &views, OPACITY).map_err(self.failed(frame))?;
+                let appearance = calibrate(&particles, &views, OPACITY).map_err(failed(frame))?;
                 first = Some((particles, appearance, drawn, ious));
             }
         }
         let Some((particles, appearance, drawn, mask_iou)) = first else {
             return Err(Error::Usage { problem: "the scene has no frames".into(), hint: None });
         };
-        self.write_continuum(&particles)?;
+        write_body(&self.path("continuum.ply"), &particles)?;
         let mean = mask_iou.iter().sum::<f64>() / mask_iou.len().max(1) as f64;
         self.events.note(
             Stage::Fill.name(),
@@ -175,41 +175,18 @@ impl Run<'_> {
     /// # Errors
     /// Those of filling.
     pub fn drawing(&self, continuum: &Continuum) -> Result<(Drawing, Appearance)> {
-        let masks = self.masks(0)?;
-        let settings = self.fill_settings(continuum.summary.object_size_m);
-        let filling = self.filling(&self.gaussians()?, 0, &self.masked_views(0, &masks), &settings)?;
+        let filling = self.first_filling(continuum)?;
         let drawing = Drawing::new(&filling, &continuum.particles, DRAWING_SPACING * continuum.particles.spacing)
-            .map_err(self.failed(0))?;
+            .map_err(failed(0))?;
         Ok((drawing, Appearance { scale: continuum.summary.drawing_scale, ..continuum.appearance }))
     }
 
-    /// Fills one frame.
-    pub(super) fn filling(
-        &self,
-        gaussians: &DynamicGaussians,
-        frame: usize,
-        views: &[MaskedView],
-        settings: &FillSettings,
-    ) -> Result<Filling> {
-        fill(&gaussians.at(self.scene.times[frame]), views, settings).map_err(self.failed(frame))
-    }
-
-    /// Largest side of the box around the visual hull at the first frame [m].
-    fn object_size(&self) -> Result<f64> {
-        let masks = self.masks(0)?;
-        let views: Vec<HullView> = self
-            .scene
-            .views_at(0)
-            .iter()
-            .zip(&masks)
-            .map(|(view, mask)| HullView { camera: self.scene.camera_of(view), mask })
-            .collect();
-        let hull = Hull::carve(&views, &HullSettings::default()).ok_or_else(|| Error::Usage {
-            problem: "the masks of the first frame have no common visual hull".into(),
-            hint: Some("look at the scene with `gic inspect`: masks are empty, or camera poses do not fit them".into()),
-        })?;
-        let (low, high) = hull.bounds();
-        Ok((high - low).max_element())
+    /// Fills the first frame anew.
+    pub(super) fn first_filling(&self, continuum: &Continuum) -> Result<Filling> {
+        let source = self.source()?;
+        let masks = source.masks(0)?;
+        let settings = self.fill_settings(continuum.summary.object_size_m);
+        filling(&source, 0, &source.masked_views(0, &masks), &settings)
     }
 
     pub(super) fn fill_settings(&self, size: f64) -> FillSettings {
@@ -230,31 +207,9 @@ impl Run<'_> {
         }
     }
 
-    fn failed<E>(&self, frame: usize) -> impl FnOnce(E) -> Error
-    where
-        E: Into<Box<dyn std::error::Error + Send + Sync>>,
-    {
-        move |source| Error::Stage {
-            stage: "filling",
-            hint: Some(format!("this is frame {frame}; look at the scene with `gic inspect`")),
-            source: source.into(),
-        }
-    }
-
     /// The masks of a frame, in the order of its views.
     pub(super) fn masks(&self, frame: usize) -> Result<Vec<Mask>> {
         self.scene.load_masks(self.scene.views_at(frame)).map_err(Error::stage("reading masks"))
-    }
-
-    /// Cameras and masks of a frame.
-    pub(super) fn masked_views<'b>(&'b self, frame: usize, masks: &'b [Mask]) -> Vec<MaskedView<'b>> {
-        let views = self.scene.views_at(frame).iter().zip(masks);
-        views
-            .map(|(view, mask)| MaskedView {
-                camera: self.scene.camera_of(view),
-                mask: (mask.area() > 0.0).then_some(mask.coverage.as_slice()),
-            })
-            .collect()
     }
 
     fn write_frame(&self, frame: usize, filling: &Filling, particles: &Particles) -> Result<usize> {
@@ -267,14 +222,6 @@ impl Run<'_> {
         let rows = particles.positions.iter().map(|p| p.as_vec3().to_array());
         write_particles(&self.path(filling_file(frame)), ["x", "y", "z"], rows)?;
         Ok(surface.len())
-    }
-
-    fn write_continuum(&self, particles: &Particles) -> Result<()> {
-        let rows = (0..particles.positions.len()).map(|i| {
-            let [x, y, z] = particles.positions[i].as_vec3().to_array();
-            [x, y, z, particles.densities[i], f32::from(particles.surface[i])]
-        });
-        write_particles(&self.path("continuum.ply"), ["x", "y", "z", "density", "surface"], rows)
     }
 
     /// The result of filling.
@@ -299,6 +246,45 @@ impl Run<'_> {
             .collect::<Result<_>>()?;
         Ok(Continuum { summary, particles, appearance, surfaces })
     }
+}
+
+/// Fills one frame.
+fn filling(source: &Source, frame: usize, views: &[MaskedView], settings: &FillSettings) -> Result<Filling> {
+    fill(&source.gaussians.at(source.scene.times[frame]), views, settings).map_err(failed(frame))
+}
+
+/// Largest side of the box around the visual hull at the first frame [m].
+fn object_size(source: &Source) -> Result<f64> {
+    let masks = source.masks(0)?;
+    let views = source.scene.views_at(0).iter().zip(&masks);
+    let views: Vec<HullView> =
+        views.map(|(view, mask)| HullView { camera: source.scene.camera_of(view), mask }).collect();
+    let hull = Hull::carve(&views, &HullSettings::default()).ok_or_else(|| Error::Usage {
+        problem: "the masks of the first frame have no common visual hull".into(),
+        hint: Some("look at the scene with `gic inspect`: masks are empty, or camera poses do not fit them".into()),
+    })?;
+    let (low, high) = hull.bounds();
+    Ok((high - low).max_element())
+}
+
+fn failed<E>(frame: usize) -> impl FnOnce(E) -> Error
+where
+    E: Into<Box<dyn std::error::Error + Send + Sync>>,
+{
+    move |source| Error::Stage {
+        stage: "filling",
+        hint: Some(format!("this is frame {frame}; look at the scene with `gic inspect`")),
+        source: source.into(),
+    }
+}
+
+/// Writes the particles of a body at time 0 with their attributes.
+pub(super) fn write_body(path: &Path, particles: &Particles) -> Result<()> {
+    let rows = (0..particles.positions.len()).map(|i| {
+        let [x, y, z] = particles.positions[i].as_vec3().to_array();
+        [x, y, z, particles.densities[i], f32::from(particles.surface[i])]
+    });
+    write_particles(path, ["x", "y", "z", "density", "surface"], rows)
 }
 
 /// Overlaps of the views that have a mask.

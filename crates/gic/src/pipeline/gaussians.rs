@@ -24,8 +24,14 @@ impl Run<'_> {
         stamp.write(&begun)?;
         let checkpoint = folder.join("checkpoint");
         let mut tell = |progress: &Progress| self.tell(progress);
-        let model = train(&self.scene, &self.config.reconstruct, self.config.seed, &mut tell, Some(&checkpoint))
-            .map_err(Error::stage("reconstruction"))?;
+        let model = train(
+            self.scan().unwrap_or(&self.scene),
+            &self.config.reconstruct,
+            self.config.seed,
+            &mut tell,
+            Some(&checkpoint),
+        )
+        .map_err(Error::stage("reconstruction"))?;
         if self.interrupt.requested() {
             return Err(self.interrupted("saving the training state"));
         }

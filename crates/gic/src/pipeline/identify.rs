@@ -4,12 +4,14 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
+use gic_continuum::Particles;
 use gic_identify::{
     Checkpoint, Event, Identification, IdentifyError, Input, Observation, Optimizer, Settings, Stage as IdentifyStage,
     Step, Target, View, identify,
 };
 use serde::{Deserialize, Serialize};
 
+use super::fill::write_body;
 use super::predict::simulated_frame;
 use super::stamp::Stamp;
 use super::{Continuum, Run, Stage};
@@ -21,6 +23,9 @@ use crate::twin::{self, ContactKind, Obstacle, ObstacleShape, Twin};
 /// Length of a substep on a grid of [`REFERENCE_GRID_M`]: 200 for a frame at 24 frames a second, as in the published simulator.
 const REFERENCE_SUBSTEP_S: f64 = 1.0 / 24.0 / 200.0;
 const REFERENCE_GRID_M: f64 = 0.02;
+
+/// Name of the file, beside `twin.json`, of the twin's particles at time 0: the continuum as the fit moved and reshaped it.
+pub(crate) const TWIN_MATTER: &str = "twin.ply";
 
 /// `identify.json`: the estimate and how it was found.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -110,6 +115,7 @@ impl Run<'_> {
         }
         let record = record(model.name(), &found);
         atomic::write_json(&self.path("identify.json"), &record)?;
+        self.write_matter(&continuum, &found)?;
         self.twin(&input, obstacles, &found, &record).write(&self.path("twin.json"))?;
         if checkpoint.exists() {
             std::fs::remove_file(&checkpoint).map_err(Error::write(&checkpoint))?;
@@ -222,13 +228,18 @@ impl Run<'_> {
             Stage::Identify.name(),
             format!("grid {:.2} mm, {substeps_per_frame} substeps a frame", 1e3 * grid_spacing_m),
         );
+        let mut cameras = self.scene.cameras.clone();
+        if let Some(scan) = self.scan() {
+            cameras.extend(scan.moved(&self.registration()?.best.similarity()).cameras);
+        }
         let mut observations = Vec::new();
         for (frame, &time_s) in self.scene.times.iter().enumerate() {
             let masks = self.masks(frame)?;
             let views = self.scene.views_at(frame).iter().zip(masks);
             observations.push(Observation {
                 time_s,
-                surface: continuum.surfaces[frame].clone(),
+                // A scan has no surface in later frames.
+                surface: continuum.surfaces.get(frame).cloned().unwrap_or_default(),
                 views: views.map(|(view, mask)| View { camera: view.camera, mask: mask.coverage }).collect(),
             });
         }
@@ -238,7 +249,7 @@ impl Run<'_> {
             opacities: particles.densities.iter().map(|d| continuum.appearance.opacity * d).collect(),
             scales: vec![scale; particles.positions.len()],
             on_surface: particles.surface.clone(),
-            cameras: self.scene.cameras.clone(),
+            cameras,
             observations,
             frame_rate_hz,
             gravity_m_s2: gravity.unwrap_or(glam::DVec3::new(0.0, -9.8, 0.0)),
@@ -253,6 +264,8 @@ impl Run<'_> {
         let config = &self.config.identify;
         Settings {
             target: match config.target {
+                // A scan shows the surface at rest only.
+                _ if self.scan().is_some() => Target::Masks,
                 TargetChoice::Both => Target::Both,
                 TargetChoice::Surfaces => Target::Surfaces,
                 TargetChoice::Masks => Target::Masks,
@@ -265,11 +278,23 @@ impl Run<'_> {
             start: config.start.clone(),
             velocity_m_s: config.velocity_m_s.map(Into::into),
             rotation: config.rotation,
+            joint: true,
             iterations: config.iterations,
             frames: config.frames,
             resolution_check: (config.resolution_check > 0.0).then_some(config.resolution_check),
             seed: self.config.seed,
         }
+    }
+
+    /// The particles of the continuum where and how large the fit found them, with their attributes.
+    fn write_matter(&self, continuum: &Continuum, found: &Identification) -> Result<()> {
+        let fitted = Particles {
+            positions: found.positions.clone(),
+            volume: found.particle_volume_m3,
+            spacing: found.particle_volume_m3.cbrt(),
+            ..continuum.particles.clone()
+        };
+        write_body(&self.path(TWIN_MATTER), &fitted)
     }
 
     fn twin(&self, input: &Input, obstacles: Vec<Obstacle>, found: &Identification, record: &IdentifyRecord) -> Twin {
@@ -295,7 +320,7 @@ impl Run<'_> {
             gravity_m_s2: input.gravity_m_s2.into(),
             colliders: obstacles,
             grid_spacing_m: Some(input.grid_spacing_m),
-            particle_spacing_m: Some(input.particle_volume_m3.cbrt()),
+            particle_spacing_m: Some(found.particle_volume_m3.cbrt()),
             frame_rate_hz: input.frame_rate_hz,
             frames: self.frames_to_simulate(),
             substeps_per_frame: Some(input.substeps_per_frame),
@@ -303,7 +328,7 @@ impl Run<'_> {
             seed: self.config.seed,
             gic_version: Some(crate::VERSION.into()),
             seconds,
-            ..Twin::new(found.material, twin::Continuum::File(PathBuf::from("continuum.ply")))
+            ..Twin::new(found.material, twin::Continuum::File(PathBuf::from(TWIN_MATTER)))
         }
     }
 

@@ -10,7 +10,9 @@ mod gaussians;
 mod identify;
 mod log;
 mod predict;
+mod register;
 mod select;
+mod source;
 mod stamp;
 
 use std::path::{Path, PathBuf};
@@ -28,9 +30,13 @@ use crate::look;
 use crate::usage::Meter;
 pub use export::Export;
 pub(crate) use fill::filling_file;
+#[cfg(feature = "rerun")]
+pub(crate) use fill::surface_file;
 pub use fill::{Continuum, FillSummary, FrameFilling};
+pub(crate) use identify::TWIN_MATTER;
 pub use identify::{EstimateRecord, IdentifyRecord, StepRecord};
 pub(crate) use predict::{prediction_file, simulated_frame};
+pub use register::{PlacementRecord, RegistrationRecord};
 pub use select::{LawRecord, Selection};
 use stamp::Stamp;
 
@@ -39,6 +45,8 @@ use stamp::Stamp;
 pub enum Stage {
     /// Pictures to moving Gaussians.
     Reconstruct,
+    /// Where the scan lies in the video; only for scenes with photographs of the object at rest.
+    Register,
     /// Gaussians to matter.
     Fill,
     /// Which law the matter follows; only where the material is `auto`.
@@ -52,13 +60,14 @@ pub enum Stage {
 }
 
 impl Stage {
-    const ALL: [Self; 6] =
-        [Self::Reconstruct, Self::Fill, Self::Select, Self::Identify, Self::Predict, Self::Appearance];
+    pub(crate) const ALL: [Self; 7] =
+        [Self::Reconstruct, Self::Register, Self::Fill, Self::Select, Self::Identify, Self::Predict, Self::Appearance];
 
     /// Its name in events, messages and files.
     pub fn name(self) -> &'static str {
         match self {
             Self::Reconstruct => "reconstruct",
+            Self::Register => "register",
             Self::Fill => "fill",
             Self::Select => "select",
             Self::Identify => "identify",
@@ -71,9 +80,10 @@ impl Stage {
     fn outputs(self) -> &'static [&'static str] {
         match self {
             Self::Reconstruct => &["gaussians/canonical.ply"],
+            Self::Register => &["registration.json"],
             Self::Fill => &["continuum.ply", "fill.json", "surface", "filling"],
             Self::Select => &["selection.json"],
-            Self::Identify => &["twin.json", "identify.json"],
+            Self::Identify => &["twin.json", TWIN_MATTER, "identify.json"],
             Self::Predict => &["prediction/trajectory.json"],
             Self::Appearance => &look::FILES,
         }
@@ -111,7 +121,11 @@ impl<'a> Run<'a> {
         let video = open_scene(&config)?;
         if !begun {
             // How to train depends on how the scene was filmed, which is only known now.
-            all.insert(0, Layer::reconstruct("the scene's defaults", &TrainSettings::for_scene(&video))?);
+            let settings = match video.rest {
+                Some(_) => TrainSettings::scan(),
+                None => TrainSettings::for_scene(&video),
+            };
+            all.insert(0, Layer::reconstruct("the scene's defaults", &settings)?);
             config = Config::resolve(all)?;
         }
         let scene = fitted_part(&video, &config)?;
@@ -137,6 +151,11 @@ impl<'a> Run<'a> {
         &self.video
     }
 
+    /// How many of the video's frames everything is fitted to: the first ones.
+    pub fn fitted_frames(&self) -> usize {
+        self.scene.times.len()
+    }
+
     /// Where the events go.
     pub fn events(&self) -> &Events {
         self.events
@@ -155,29 +174,42 @@ impl<'a> Run<'a> {
             // Not after the minutes that the stages before it take.
             self.material()?;
         }
+        if last == Stage::Register {
+            self.require_scan()?;
+        }
+        if last >= Stage::Register && self.scan().is_some() {
+            self.check_scan()?;
+        }
+        let mut before = None;
         for stage in Stage::ALL.into_iter().filter(|stage| *stage <= last) {
-            if stage == Stage::Select && !self.selects() {
-                continue;
+            let wanted = match stage {
+                Stage::Register => self.scan().is_some(),
+                Stage::Select => self.selects(),
+                _ => true,
+            };
+            if wanted && self.bring(stage, before)? {
+                before = Some(stage);
             }
-            self.bring(stage)?;
         }
         Ok(())
     }
 
-    fn bring(&self, stage: Stage) -> Result<()> {
+    /// Runs a stage if need be, and says whether. `before` is the last stage before it that ran anew: what it left may differ.
+    fn bring(&self, stage: Stage, before: Option<Stage>) -> Result<bool> {
         let stamp = self.stamp(stage)?;
         let file = self.path(format!("stamps/{}.json", stage.name()));
         let complete = stage.outputs().iter().all(|output| self.path(output).exists());
         let outdated = Stamp::read(&file).map(|found| found.outdated_for(&stamp));
-        let reason = match outdated {
-            Some(None) if complete => {
+        let reason = match (outdated, before) {
+            (Some(None), None) if complete => {
                 let reason = "up to date".into();
                 self.events.send(&Event::StageSkipped { stage: stage.name().into(), reason });
-                return Ok(());
+                return Ok(false);
             }
-            Some(Some(difference)) => format!("runs again: {difference}"),
-            Some(None) => "runs again: files are missing".into(),
-            None => "starts".into(),
+            (Some(Some(difference)), _) => format!("runs again: {difference}"),
+            (Some(None), Some(before)) => format!("runs again: {} ran anew", before.name()),
+            (Some(None), None) => "runs again: files are missing".into(),
+            (None, _) => "starts".into(),
         };
         self.check_interrupt(stage)?;
         self.events.send(&Event::StageStarted { stage: stage.name().into(), reason });
@@ -188,6 +220,7 @@ impl<'a> Run<'a> {
         let meter = Meter::start();
         match stage {
             Stage::Reconstruct => self.reconstruct(&stamp)?,
+            Stage::Register => self.register()?,
             Stage::Fill => self.fill()?,
             Stage::Select => self.select(&stamp)?,
             Stage::Identify => self.identify(&stamp)?,
@@ -196,7 +229,7 @@ impl<'a> Run<'a> {
         }
         stamp.after(meter.seconds()).write(&file)?;
         self.events.send(&meter.done(stage.name()));
-        Ok(())
+        Ok(true)
     }
 
     /// Whether the law is to be found.
@@ -211,7 +244,14 @@ impl<'a> Run<'a> {
                 let settings = serde_json::json!({ "seed": self.config.seed, "reconstruct": self.config.reconstruct });
                 Stamp::new(("scene", self.scene_hash.clone()), &settings)
             }
-            Stage::Fill => Stamp::new(before(Stage::Reconstruct)?, &serde_json::json!({ "fill": self.config.fill })),
+            Stage::Register => {
+                let settings = serde_json::json!({ "register": self.config.register });
+                Stamp::new(before(Stage::Reconstruct)?, &settings)
+            }
+            Stage::Fill => {
+                let input = if self.scan().is_some() { Stage::Register } else { Stage::Reconstruct };
+                Stamp::new(before(input)?, &serde_json::json!({ "fill": self.config.fill }))
+            }
             Stage::Select | Stage::Identify => {
                 let colliders = match &self.config.identify.colliders {
                     Some(path) => hash(std::fs::read(path).map_err(Error::read(path))?),
@@ -264,7 +304,11 @@ pub fn open_scene(config: &Config) -> Result<Scene> {
         (None, MaskChoice::Difference) => Masks::Difference,
     };
     let options = OpenOptions { masks, frame_rate: config.scene.frame_rate_hz, set: config.scene.set.clone() };
-    Scene::open_with(path, &options).map_err(Error::stage("reading the scene"))
+    let scene = Scene::open_with(path, &options).map_err(Error::stage("reading the scene"))?;
+    match &config.scene.cameras {
+        Some(cameras) => scene.with_cameras(cameras).map_err(Error::stage("choosing cameras")),
+        None => Ok(scene),
+    }
 }
 
 /// The frames that everything is fitted to.
@@ -293,6 +337,9 @@ fn hash_scene(scene: &Scene) -> Result<String> {
     files.dedup();
     for file in files {
         all.update(std::fs::read(file).map_err(Error::read(file))?);
+    }
+    if let Some(rest) = &scene.rest {
+        all.update(hash_scene(rest)?);
     }
     Ok(format!("{:x}", all.finalize()))
 }

@@ -1,7 +1,8 @@
 //! The stage `select`: which law the matter follows.
 //!
 //! Every law is fitted to the earlier frames and predicts the later ones, which it has not seen. The law that predicts best wins,
-//! unless one with fewer unknowns predicts about as well: plasticine that never yields is elastic.
+//! unless one with fewer unknowns predicts about as well: plasticine that never yields is elastic. All laws are fitted roughly first, and
+//! those that are far off already stay at that.
 
 use gic_continuum::{Appearance, Drawing, informed_gaussians};
 use gic_identify::{Identification, Input};
@@ -20,6 +21,8 @@ use crate::eval::mean;
 
 /// Share of the frames that the laws have to predict.
 const HELD_BACK: f64 = 0.3;
+/// A law is fitted in full if its rough fit errs less than this many times as much as the best one's.
+const WORTH_A_FIT: f64 = 3.0;
 /// Two laws are close if their errors differ by less than this share of the smaller one ...
 const CLOSE: f64 = 0.1;
 /// ... or by less than so many standard errors of the difference, over the cameras.
@@ -49,6 +52,8 @@ pub struct LawRecord {
     pub fit_error: Option<f64>,
     /// The same for each camera over the frames that it predicts; empty where the law could not be fitted.
     pub prediction_errors: Vec<f64>,
+    /// Whether the fit went through all stages; a law that was far off after the material stage was left there.
+    pub in_full: bool,
     /// Rollouts that the fit took.
     pub rollouts: usize,
     /// Why the law could not be fitted.
@@ -117,12 +122,22 @@ impl Run<'_> {
         let continuum = self.continuum()?;
         let input = self.identify_input(&continuum, &self.obstacles()?)?;
         let drawing = self.drawing(&continuum)?;
-        let mut laws = Vec::new();
+        let attempt = |model: Model, in_full: bool| self.try_law(model, &input, &drawing, (fitted, in_full));
+        let mut rough = Vec::new();
         for model in Model::ALL {
+            rough.push(attempt(model, false)?);
+        }
+        let least = rough.iter().filter_map(|law| law.fit_error).fold(f64::INFINITY, f64::min);
+        let mut laws = Vec::new();
+        for (model, rough) in Model::ALL.into_iter().zip(rough) {
             let file = folder.join(format!("{}.json", model.name()));
-            // Laws that were finished before an interruption.
-            let law =
-                if file.exists() { atomic::read_json(&file)? } else { self.try_law(model, &input, &drawing, fitted)? };
+            let worth = rough.fit_error.is_some_and(|error| error < WORTH_A_FIT * least);
+            let law = match (worth, file.exists()) {
+                (false, _) => rough,
+                (true, false) => attempt(model, true)?,
+                // Finished before an interruption.
+                (true, true) => atomic::read_json(&file)?,
+            };
             atomic::write_json(&file, &law)?;
             self.events.note(Stage::Select.name(), describe(&law));
             laws.push(law);
@@ -153,16 +168,17 @@ impl Run<'_> {
         atomic::read_json(&self.path("selection.json"))
     }
 
-    /// Fits a law to the first `fitted` frames and predicts the others.
+    /// Fits a law to the first `fitted` frames, roughly or in full, and predicts the others.
     fn try_law(
         &self,
         model: Model,
         input: &Input,
         drawing: &(Drawing, Appearance),
-        fitted: usize,
+        (fitted, in_full): (usize, bool),
     ) -> Result<LawRecord> {
         let settings = gic_identify::Settings {
             frames: Some(fitted),
+            joint: in_full,
             resolution_check: None,
             fixed: Vec::new(),
             start: None,
@@ -174,6 +190,7 @@ impl Run<'_> {
             parameters: Vec::new(),
             fit_error: None,
             prediction_errors: Vec::new(),
+            in_full,
             rollouts: 0,
             failure: None,
         };
@@ -243,8 +260,8 @@ fn simulate(
         bodies: vec![Body {
             material: found.material,
             density_kg_m3: input.density_kg_m3,
-            particle_volume_m3: input.particle_volume_m3,
-            positions: input.positions.iter().map(|p| *p + found.offset_m).collect(),
+            particle_volume_m3: found.particle_volume_m3,
+            positions: found.positions.clone(),
             velocity_m_s: found.velocity_m_s,
             angular_velocity_rad_s: found.angular_velocity_rad_s,
         }],
@@ -266,10 +283,11 @@ fn describe(law: &LawRecord) -> String {
     match &law.failure {
         Some(failure) => format!("{}: could not be fitted ({failure})", law.model),
         None => format!(
-            "{}: {:.2} % of the pixels differ in fitted frames, {:.2} % in predicted ones",
+            "{}: {:.2} % of the pixels differ in fitted frames, {:.2} % in predicted ones{}",
             law.model,
             100.0 * law.fit_error.unwrap_or(f64::NAN),
-            100.0 * law.prediction_error()
+            100.0 * law.prediction_error(),
+            if law.in_full { "" } else { "; fitted roughly only" }
         ),
     }
 }
@@ -284,6 +302,7 @@ mod tests {
             parameters: Vec::new(),
             fit_error: Some(0.1),
             prediction_errors: prediction_errors.to_vec(),
+            in_full: true,
             rollouts: 1,
             failure: prediction_errors.is_empty().then(|| "unstable".into()),
         }

@@ -59,15 +59,19 @@ impl Scale {
         if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) }
     }
 
-    /// The particles' colours as coefficients of the degree-0 harmonic.
-    pub(crate) fn harmonics(&self, particles: &Particles) -> Vec<[f32; 3]> {
-        let coefficients = |color: [f32; 3]| color.map(|c| (c - 0.5) / SH0);
-        let along = |values: &[f32]| values.iter().map(|&v| coefficients(blue_to_red(v / self.most as f32))).collect();
+    /// The particles' colours, RGB in [0, 1].
+    pub(crate) fn colors(&self, particles: &Particles) -> Vec<[f32; 3]> {
+        let along = |values: &[f32]| values.iter().map(|&v| blue_to_red(v / self.most as f32)).collect();
         match self.coloring {
             Coloring::Stress => along(&particles.von_mises_pa),
             Coloring::Speed => along(&particles.speeds),
-            Coloring::Plain | Coloring::Appearance => vec![coefficients([0.80, 0.58, 0.42]); particles.positions.len()],
+            Coloring::Plain | Coloring::Appearance => vec![[0.80, 0.58, 0.42]; particles.positions.len()],
         }
+    }
+
+    /// The particles' colours as coefficients of the degree-0 harmonic.
+    pub(crate) fn harmonics(&self, particles: &Particles) -> Vec<[f32; 3]> {
+        self.colors(particles).into_iter().map(|color| color.map(|c| (c - 0.5) / SH0)).collect()
     }
 }
 

@@ -1,4 +1,4 @@
-//! Films: GIF here, MP4 by a found ffmpeg.
+//! Films: GIF here, MP4 and animated WebP by a found ffmpeg.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -24,6 +24,7 @@ pub(crate) struct Encoder {
 enum Kind {
     Gif,
     Mp4,
+    Webp,
 }
 
 impl Encoder {
@@ -33,18 +34,19 @@ impl Encoder {
         let kind = match ending.as_str() {
             "gif" => Kind::Gif,
             "mp4" => Kind::Mp4,
+            "webp" => Kind::Webp,
             other => {
                 return Err(Error::Usage {
                     problem: format!("`{other}` is no kind of film that gic can make"),
-                    hint: Some("name the film .gif or .mp4".into()),
+                    hint: Some("name the film .gif, .mp4 or .webp".into()),
                 });
             }
         };
-        if matches!(kind, Kind::Mp4) {
+        if !matches!(kind, Kind::Gif) {
             let found = Command::new("ffmpeg").arg("-version").stdout(Stdio::null()).stderr(Stdio::null()).status();
             if !found.is_ok_and(|status| status.success()) {
                 return Err(Error::Usage {
-                    problem: "MP4 needs the program ffmpeg, which is not to be found here".into(),
+                    problem: format!(".{ending} needs the program ffmpeg, which is not to be found here"),
                     hint: Some("install ffmpeg, or make a .gif".into()),
                 });
             }
@@ -61,8 +63,15 @@ impl Encoder {
                 "GIF, by gic"
             }
             Kind::Mp4 => {
-                self.mp4(pictures, folder, rate)?;
+                // H.264 wants even sizes.
+                let even = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2"];
+                let quality = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "18"];
+                self.ffmpeg(pictures.len(), folder, rate, &[&even[..], &quality].concat())?;
                 "H.264, by ffmpeg"
+            }
+            Kind::Webp => {
+                self.ffmpeg(pictures.len(), folder, rate, &["-c:v", "libwebp_anim", "-loop", "0", "-quality", "80"])?;
+                "animated WebP, by ffmpeg"
             }
         };
         Ok(format!("{} ({by}, {rate:.1} frames per second)", self.path.display()))
@@ -82,14 +91,15 @@ impl Encoder {
         atomic::write(&self.path, &bytes)
     }
 
-    fn mp4(&self, pictures: &[Picture], folder: &Path, rate: f64) -> Result<()> {
-        let part = self.path.with_extension("part.mp4");
+    /// Has ffmpeg encode the first `count` pictures that lie in `folder`.
+    fn ffmpeg(&self, count: usize, folder: &Path, rate: f64, codec: &[&str]) -> Result<()> {
+        let ending = self.path.extension().unwrap_or_default().to_string_lossy();
+        let part = self.path.with_extension(format!("part.{ending}"));
         let output = Command::new("ffmpeg")
             .args(["-y", "-loglevel", "error", "-framerate", &format!("{rate}"), "-i"])
             .arg(folder.join("frame_%04d.png"))
-            .args(["-frames:v", &pictures.len().to_string()])
-            // H.264 wants even sizes.
-            .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "18"])
+            .args(["-frames:v", &count.to_string()])
+            .args(codec)
             .arg(&part)
             .output()
             .map_err(Error::write(&self.path))?;

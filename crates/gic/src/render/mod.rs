@@ -11,6 +11,7 @@ mod viewpoint;
 use std::path::PathBuf;
 
 use gic_scene::Picture;
+use rayon::prelude::*;
 
 pub use color::Coloring;
 use frames::Motion;
@@ -56,7 +57,7 @@ pub struct Request {
     pub beside_video: bool,
     /// Width and height [pixels] of pictures from an orbit.
     pub size: [usize; 2],
-    /// A film besides the pictures: .gif or .mp4.
+    /// A film besides the pictures: .gif, .mp4 or .webp.
     pub film: Option<PathBuf>,
     /// How many times slower than life the film runs.
     pub slow_motion: f64,
@@ -85,35 +86,35 @@ pub fn render(request: &Request, events: &Events, interrupt: &Interrupt) -> Resu
     let stage = view.stage(&motion, request.background);
     let first = motion.particles(0)?;
     let paint = Paint::new(request.coloring, &motion, &first)?;
-    let mut first = Some(first);
     atomic::create_folder(&request.out)?;
     let count = motion.trajectory.frames.len();
     events.send(&Event::StageStarted { stage: STAGE.into(), reason: format!("{count} frames") });
     let meter = Meter::start();
-    let mut pictures = Vec::new();
-    for index in 0..count {
-        if interrupt.requested() {
-            return Err(Error::Interrupted {
-                after: format!("{index} of {count} pictures"),
-                resume: "run the same command again".into(),
-            });
-        }
-        let particles = match first.take() {
-            Some(particles) => particles,
-            None => motion.particles(index)?,
-        };
+    let draw = |index: usize| -> Result<Picture> {
+        let particles = motion.particles(index)?;
         let camera = view.camera(index, count);
         let rendered = gic_splat::render(&paint.gaussians(&particles), &camera, &paint.settings());
         let mut picture = shade::compose(&rendered, &camera, &stage, paint.is_lit());
         if request.beside_video {
             picture = beside(&view.video(motion.trajectory.frames[index].time_s)?, &picture);
         }
-        let path = request.out.join(format!("frame_{index:04}.png"));
-        picture.save_png(&path).map_err(Error::stage(STAGE))?;
-        if film.is_some() {
-            pictures.push(picture);
+        picture.save_png(&request.out.join(format!("frame_{index:04}.png"))).map_err(Error::stage(STAGE))?;
+        Ok(picture)
+    };
+    let mut pictures = Vec::new();
+    // A frame's work is partly serial, so several are made at once.
+    for batch in (0..count).collect::<Vec<_>>().chunks(rayon::current_num_threads()) {
+        if interrupt.requested() {
+            return Err(Error::Interrupted {
+                after: format!("{} of {count} pictures", batch[0]),
+                resume: "run the same command again".into(),
+            });
         }
-        events.step(STAGE, "", index as u64 + 1, Some(count as u64), &[]);
+        let drawn = batch.par_iter().map(|&index| draw(index)).collect::<Result<Vec<_>>>()?;
+        if film.is_some() {
+            pictures.extend(drawn);
+        }
+        events.step(STAGE, "", (batch[0] + batch.len()) as u64, Some(count as u64), &[]);
     }
     let film = film.map(|film| film.write(&pictures, &request.out, motion.frame_rate_hz())).transpose()?;
     events.send(&meter.done(STAGE));

@@ -2,6 +2,7 @@
 
 mod chart;
 mod overlay;
+mod views;
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -25,7 +26,7 @@ pub fn write(run: &Run, events: &Events) -> Result<()> {
     let mut page = head(&found.model);
     page += &estimates(&found);
     page += &run.selection_if_any()?.map_or_else(String::new, |selection| ranking(&selection));
-    page += &views(run, &found, events)?;
+    page += &views::views(run, &found, events)?;
     page += &format!("<h2>Curves</h2><div class=\"charts\">{}</div>", curves(&found, &history));
     page += &costs(&history, &found);
     page += &settings(run)?;
@@ -109,7 +110,14 @@ fn ranking(selection: &Selection) -> String {
     );
     for law in &selection.laws {
         let percent = |share: f64| if share.is_finite() { format!("{:.2} %", 100.0 * share) } else { "-".into() };
-        let remark = law.failure.as_deref().unwrap_or(if law.model == selection.chosen { "chosen" } else { "" });
+        let standing = if law.model == selection.chosen {
+            "chosen"
+        } else if !law.in_full {
+            "far off after a rough fit"
+        } else {
+            ""
+        };
+        let remark = law.failure.as_deref().unwrap_or(standing);
         let _ = write!(
             text,
             "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>",
@@ -120,42 +128,6 @@ fn ranking(selection: &Selection) -> String {
         );
     }
     text + "</table>"
-}
-
-fn views(run: &Run, found: &IdentifyRecord, events: &Events) -> Result<String> {
-    let scene = run.video();
-    let drawing = run.drawing(&run.continuum()?)?;
-    let mut by_camera: Vec<Vec<_>> = scene.cameras.iter().map(|_| Vec::new()).collect();
-    for frame in 0..scene.times.len() {
-        let overlays = overlay::overlays(run, &drawing, found.splat_factor, &run.predicted(frame)?, frame)?;
-        for (camera, overlay) in overlays.into_iter().enumerate() {
-            by_camera[camera].push(overlay);
-        }
-        events.step(STAGE, "", frame as u64 + 1, Some(scene.times.len() as u64), &[]);
-    }
-    let embed = Error::stage("writing the report");
-    let embedded = (|| Ok((serde_json::to_string(&scene.times)?, serde_json::to_string(&by_camera)?)))();
-    let (times, pictures) = embedded.map_err(|e: serde_json::Error| embed(e))?;
-    let mut text = format!(
-        "<h2>The twin over the video</h2><p><span class=\"observed\">green</span>: outline of the observed mask; \
-         <span class=\"twin\">red</span>: outline of the simulated twin.</p>\
-         <p><button id=\"play\">play / stop</button> <input id=\"frame\" type=\"range\" min=\"0\" max=\"{}\" value=\"0\"> <span id=\"time\"></span></p>\
-         <div class=\"views\">",
-        scene.times.len().saturating_sub(1)
-    );
-    for name in &scene.camera_names {
-        let _ = write!(
-            text,
-            "<figure><img alt=\"\"><figcaption>camera {}: <span></span></figcaption></figure>",
-            escape(name)
-        );
-    }
-    let _ = write!(
-        text,
-        "</div><script>const TIMES = {times}; const VIEWS = {pictures};\n{}</script>",
-        include_str!("script.js")
-    );
-    Ok(text)
 }
 
 /// Values of steps by phase and number, ascending in number within a phase.

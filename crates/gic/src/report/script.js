@@ -1,12 +1,17 @@
 const slider = document.getElementById("frame");
 const label = document.getElementById("time");
 const figures = [...document.querySelectorAll(".views figure")];
+function put(image, jpeg) {
+  image.hidden = !jpeg;
+  image.src = jpeg ? "data:image/jpeg;base64," + jpeg : "";
+}
 function show() {
   const f = Number(slider.value);
-  label.textContent = `frame ${f}, ${TIMES[f].toFixed(3)} s`;
+  label.textContent = `frame ${f}, ${TIMES[f].toFixed(3)} s` + (f < FITTED ? "" : ", predicted");
   figures.forEach((figure, camera) => {
     const view = VIEWS[camera][f];
-    figure.querySelector("img").src = view ? "data:image/jpeg;base64," + view.jpeg : "";
+    put(figure.querySelector(".outlines"), view && view.jpeg);
+    put(figure.querySelector(".look"), view && view.look);
     figure.querySelector("span").textContent = view ? `IoU ${view.iou.toFixed(3)}` : "no picture";
   });
 }

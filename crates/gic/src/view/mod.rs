@@ -1,6 +1,9 @@
-//! `gic view`: a motion as one HTML page that needs nothing installed: WebGL points, a time slider, orbit, stress and speed.
+//! `gic view`: a motion as one HTML page that needs nothing installed: WebGL points, a time slider, orbit, stress and speed; and, where gic
+//! was built with it, as a recording for the Rerun viewer.
 
 mod encode;
+#[cfg(feature = "rerun")]
+mod rerun;
 
 use std::path::{Path, PathBuf};
 
@@ -136,6 +139,30 @@ fn floor((point, normal): (DVec3, DVec3), low: DVec3, high: DVec3) -> Vec<f64> {
         }
     }
     ends
+}
+
+/// Writes a Rerun recording of a motion, and of the video and the identification where it is a run's: cameras, pictures, masks, surfaces,
+/// particles, colours, curves.
+///
+/// # Errors
+/// A gic without the feature `rerun`, damaged files, an unwritable file.
+#[cfg(feature = "rerun")]
+pub fn record(frames: &Path, file: &Path, events: &Events, interrupt: &Interrupt) -> Result<()> {
+    rerun::record(frames, file, events, interrupt)
+}
+
+/// Writes a Rerun recording; this gic cannot.
+///
+/// # Errors
+/// Always.
+#[cfg(not(feature = "rerun"))]
+pub fn record(_: &Path, file: &Path, _: &Events, _: &Interrupt) -> Result<()> {
+    Err(Error::Usage {
+        problem: format!("cannot write {}: this gic was built without Rerun", file.display()),
+        hint: Some(
+            "build it with `cargo build --release --features rerun`, or make the HTML page without --rerun".into(),
+        ),
+    })
 }
 
 /// Where the page of a motion goes if nothing else is said.

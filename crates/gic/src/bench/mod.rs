@@ -1,10 +1,13 @@
 //! `gic bench`: every scene of a folder, against the truth, as the paper's table.
 
+mod states;
+
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
+use gic_scene::{Format, Scene};
 use serde::Serialize;
 
 use crate::atomic;
@@ -12,6 +15,8 @@ use crate::error::{Error, Result};
 use crate::eval::{Evaluation, Truth, evaluate, mean};
 use crate::events::{Event, Events};
 use crate::interrupt::Interrupt;
+use states::Column;
+pub use states::{Figure, StateRow};
 
 const STAGE: &str = "bench";
 
@@ -86,13 +91,22 @@ const PAPER: &[(&str, &str, [f64; 2])] = &[
     ("sand", "v", [0.17, 0.05]),
 ];
 
+/// The tables of a suite.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tables {
+    /// Errors of the parameters.
+    pub parameters: Vec<TableRow>,
+    /// Observed and future states, as Markdown.
+    pub states: String,
+}
+
 /// Runs every scene and writes `results.md`, `results.csv` and `results.json`.
 ///
 /// A scene that fails is named in the tables and does not stop the others.
 ///
 /// # Errors
 /// No scenes, an unwritable folder, an interrupt.
-pub fn bench(request: &Request, events: &Events, interrupt: &Interrupt) -> Result<Vec<TableRow>> {
+pub fn bench(request: &Request, events: &Events, interrupt: &Interrupt) -> Result<Tables> {
     let jobs = find(&request.suite, &request.filter)?;
     atomic::create_folder(&request.out)?;
     let reason = format!("{} scenes, {} at a time", jobs.len(), request.jobs);
@@ -111,10 +125,23 @@ pub fn bench(request: &Request, events: &Events, interrupt: &Interrupt) -> Resul
         outcomes.push(Outcome { scene: job.name.clone(), result });
     }
     let rows = table(outcomes.iter().filter_map(|o| o.result.as_ref().ok()));
-    atomic::write(&request.out.join("results.md"), markdown(&rows, &outcomes).as_bytes())?;
+    let columns: Vec<Column> = jobs.iter().zip(&outcomes).map(|(job, outcome)| column(job, outcome)).collect();
+    let states = states::rows(&columns);
+    let text = markdown(&rows, &outcomes) + &states::markdown(&states, &columns);
+    atomic::write(&request.out.join("results.md"), text.as_bytes())?;
     atomic::write(&request.out.join("results.csv"), csv(&outcomes).as_bytes())?;
-    atomic::write_json(&request.out.join("results.json"), &serde_json::json!({ "table": rows, "scenes": outcomes }))?;
-    Ok(rows)
+    let all = serde_json::json!({ "table": rows, "states": states, "scenes": outcomes });
+    atomic::write_json(&request.out.join("results.json"), &all)?;
+    Ok(Tables { parameters: rows, states: states::markdown(&states, &columns) })
+}
+
+fn column<'a>(job: &'a Job, outcome: &'a Outcome) -> Column<'a> {
+    let format = Scene::open(&job.scene).map(|scene| scene.format);
+    Column {
+        name: &job.name,
+        spring_gaus: format.is_ok_and(|format| format == Format::SpringGausSynthetic),
+        evaluation: outcome.result.as_ref().ok(),
+    }
 }
 
 fn find(suite: &Path, filter: &str) -> Result<Vec<Job>> {

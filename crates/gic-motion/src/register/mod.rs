@@ -1,0 +1,279 @@
+//! Registration: where a scan of the object lies in the first frame of a video, from pictures and masks alone.
+//!
+//! Nobody gives a pose. From every rotation of a covering of SO(3) the scan is moved and grown until its outlines lie on the masks;
+//! the best of them that differ are fitted to the pictures with the rasteriser's gradients, first small pictures, then whole ones.
+
+mod covering;
+mod outline;
+mod placement;
+mod refine;
+
+use std::ops::ControlFlow;
+
+use gic_scene::{Scene, Similarity};
+use gic_splat::Gaussians;
+use glam::DVec3;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::initial::{self, Ball};
+use crate::targets::{self, Target};
+use crate::{LossWeights, MotionError};
+use covering::angle;
+use outline::{Outline, settle};
+use placement::Placement;
+use refine::{Judged, Pace, judge, refine};
+
+/// At most this many points of the scan are drawn for an outline.
+const POINTS: usize = 2_500;
+/// Gaussians of less opacity are no part of the outline.
+const OPAQUE: f32 = 0.3;
+/// Starts nearer than this to a better one lead to the same place.
+const APART_RAD: f64 = 25.0 * RADIANS;
+/// Fits nearer than this are the same.
+const SAME_RAD: f64 = 8.0 * RADIANS;
+const RADIANS: f64 = std::f64::consts::PI / 180.0;
+/// Rays to the object closer together than this do not tell its size from its distance.
+const LEAST_BASELINE_RAD: f64 = 3.0 * RADIANS;
+/// Pictures of the first fits are this wide across the object, at most [pixels].
+const SMALL: f64 = 90.0;
+/// Fits of the second round.
+const FINALISTS: usize = 3;
+
+/// How to register.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RegisterSettings {
+    /// Starting rotations.
+    pub starts: usize,
+    /// Starts that are fitted to the pictures.
+    pub candidates: usize,
+    /// Steps of the first fit of each.
+    pub steps: usize,
+    /// Steps of the second fit, of the best.
+    pub final_steps: usize,
+    /// Weight of the colours beside that of the masks, which is 1.
+    pub color: f64,
+    /// Below this overlap of the registered scan with the mask of any camera, registration has failed.
+    pub least_iou: f64,
+}
+
+impl Default for RegisterSettings {
+    fn default() -> Self {
+        RegisterSettings { starts: 6_000, candidates: 10, steps: 60, final_steps: 150, color: 0.5, least_iou: 0.9 }
+    }
+}
+
+/// One way to place the scan.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Candidate {
+    /// From the scan's frame to the world of the video [m].
+    pub similarity: Similarity,
+    /// Overlap with the mask in each view, intersection over union, in the order of the frame's views.
+    pub iou: Vec<f64>,
+    /// Mean loss over the views.
+    pub loss: f64,
+    /// Angle to the best one's rotation [rad].
+    pub apart_rad: f64,
+}
+
+impl Candidate {
+    /// The lowest overlap.
+    pub fn least_iou(&self) -> f64 {
+        self.iou.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// What registration found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Registration {
+    /// Camera (index into the scene's list) of each view.
+    pub cameras: Vec<usize>,
+    /// The best first; the others are what else was tried, as far as it differs.
+    pub candidates: Vec<Candidate>,
+}
+
+/// Finds where `scan`, Gaussians in a frame of their own, lies at the first frame of `video`.
+///
+/// Its colours must not depend on the direction (degree 0). `callback` hears how many of how many fits are done and may end the
+/// search, with what was found until then.
+///
+/// # Errors
+/// [`MotionError::Unregistrable`] where the views cannot tell; unreadable pictures.
+pub fn register(
+    scan: &Gaussians,
+    video: &Scene,
+    settings: &RegisterSettings,
+    callback: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
+) -> Result<Registration, MotionError> {
+    let views = targets::first_frame(video)?;
+    let ball = object(&views, video)?;
+    let body = Body::new(scan)?;
+    let weights = LossWeights { color: settings.color, ssim: 0.0, mask: 1.0, ..LossWeights::default() };
+    let starts = starts(&body, &views, &ball, settings);
+    let small: Vec<Target> = views.iter().map(shrunk).collect();
+    let of = starts.len() + FINALISTS.min(starts.len());
+    let mut fits: Vec<(Placement, Judged)> = Vec::new();
+    for start in starts {
+        let pace = Pace { steps: settings.steps, rates: (3e-2, 3e-3) };
+        let placement = refine((scan, body.radius), &small, start, pace, &weights)?;
+        fits.push((placement, judge(scan, &small, &placement, &weights)?));
+        if callback(fits.len(), of).is_break() {
+            break;
+        }
+    }
+    let mut fits = distinct(fits);
+    for (done, (placement, judged)) in fits.iter_mut().enumerate() {
+        if done < FINALISTS {
+            let pace = Pace { steps: settings.final_steps, rates: (6e-3, 1e-4) };
+            *placement = refine((scan, body.radius), &views, *placement, pace, &weights)?;
+        }
+        *judged = judge(scan, &views, placement, &weights)?;
+        if callback((of - FINALISTS.min(of) + done + 1).min(of), of).is_break() {
+            break;
+        }
+    }
+    let fits = distinct(fits);
+    let best = fits[0].0.rotation;
+    let candidate = |(placement, judged): (Placement, Judged)| Candidate {
+        similarity: placement.similarity(),
+        iou: judged.iou,
+        loss: judged.loss,
+        apart_rad: angle(placement.rotation, best),
+    };
+    Ok(Registration {
+        cameras: views.iter().map(|view| view.camera_index).collect(),
+        candidates: fits.into_iter().map(candidate).collect(),
+    })
+}
+
+/// Whether the first frame of `video` can tell where anything lies: cheap to ask before a scan is made.
+///
+/// # Errors
+/// [`MotionError::Unregistrable`] where it cannot; unreadable pictures.
+pub fn check_registrable(video: &Scene) -> Result<(), MotionError> {
+    object(&targets::first_frame(video)?, video).map(|_| ())
+}
+
+/// A scan moved into the world. Colours lose their dependence on direction (degrees above 0), which is not turned.
+#[must_use]
+pub fn placed(scan: &Gaussians, to: &Similarity) -> Gaussians {
+    let rotation = glam::DQuat::from_mat3(&to.rotation);
+    let placement = Placement { pivot: DVec3::ZERO, scale: to.scale, rotation, place: to.translation };
+    let mut moved = placement.gaussians(scan);
+    let per_gaussian = moved.sh_per_gaussian();
+    moved.sh = moved.sh.into_iter().step_by(per_gaussian).collect();
+    moved.sh_degree = 0;
+    moved
+}
+
+/// Where the object is in the video's first frame.
+fn object(views: &[Target], video: &Scene) -> Result<Ball, MotionError> {
+    let unregistrable = |reason: String| Err(MotionError::Unregistrable(reason));
+    let name = |view: &Target| &video.camera_names[view.camera_index];
+    let seen: Vec<&Target> = views.iter().filter(|view| view.area > 0.0).collect();
+    if seen.len() < 2 {
+        let who = seen.first().map_or("no camera shows".into(), |view| format!("only camera {} shows", name(view)));
+        return unregistrable(format!(
+            "{who} the object in the first frame; one view cannot tell its size from its distance, at least two are needed"
+        ));
+    }
+    let Some(ball) = initial::ball(&seen) else {
+        return unregistrable(
+            "the rays through the masks of the first frame do not meet in front of the cameras: a pose is wrong or mirrored".into(),
+        );
+    };
+    let direction = |view: &Target| (ball.centre - view.camera.centre).normalize();
+    let widest = seen.iter().map(|view| direction(view).angle_between(direction(seen[0]))).fold(0.0, f64::max);
+    if widest < LEAST_BASELINE_RAD {
+        return unregistrable(format!(
+            "the cameras look at the object from directions only {:.1} degrees apart, which cannot tell its size from its distance",
+            widest.to_degrees()
+        ));
+    }
+    for view in &seen {
+        let ray = view.camera.unproject(view.centre.into(), 1.0) - view.camera.centre;
+        let miss = (ball.centre - view.camera.centre).reject_from(ray).length();
+        if miss > ball.radius {
+            return unregistrable(format!(
+                "the ray through the mask of camera {} passes {miss:.3} m from where the cameras' rays meet, and the object's radius is \
+                 {:.3} m: the pose of that camera or another is wrong or mirrored, or its mask shows another object",
+                name(view),
+                ball.radius
+            ));
+        }
+    }
+    Ok(ball)
+}
+
+/// The scan's body.
+struct Body {
+    centre: DVec3,
+    /// Points about the centre.
+    points: Vec<DVec3>,
+    /// Root mean square distance of the points from the centre.
+    radius: f64,
+}
+
+impl Body {
+    fn new(scan: &Gaussians) -> Result<Body, MotionError> {
+        let opaque: Vec<DVec3> = (0..scan.len())
+            .filter(|&i| scan.opacities[i] >= OPAQUE)
+            .map(|i| DVec3::from_array(scan.positions[i].map(f64::from)))
+            .collect();
+        if opaque.len() < 100 {
+            let reason =
+                format!("the scan has only {} opaque Gaussians: look at its masks with `gic inspect`", opaque.len());
+            return Err(MotionError::Unregistrable(reason));
+        }
+        let centre = opaque.iter().sum::<DVec3>() / opaque.len() as f64;
+        let stride = opaque.len().div_ceil(POINTS);
+        let points: Vec<DVec3> = opaque.iter().step_by(stride).map(|x| *x - centre).collect();
+        let radius = (points.iter().map(|x| x.length_squared()).sum::<f64>() / points.len() as f64).sqrt();
+        Ok(Body { centre, points, radius })
+    }
+}
+
+/// The placements to fit to the pictures: the best outlines from all starting rotations, well apart.
+fn starts(body: &Body, views: &[Target], ball: &Ball, settings: &RegisterSettings) -> Vec<Placement> {
+    let outlines: Vec<Outline> = views.iter().filter(|view| view.area > 0.0).map(Outline::new).collect();
+    let mut scored: Vec<(Placement, f64)> = covering::rotations(settings.starts)
+        .into_par_iter()
+        .map(|rotation| {
+            let scale = 0.7 * ball.radius / body.radius;
+            settle(&body.points, &outlines, Placement { pivot: body.centre, scale, rotation, place: ball.centre })
+        })
+        .collect();
+    scored.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let mut chosen: Vec<Placement> = Vec::new();
+    for (placement, _) in scored {
+        if chosen.len() == settings.candidates.max(1) {
+            break;
+        }
+        if chosen.iter().all(|other| angle(other.rotation, placement.rotation) > APART_RAD) {
+            chosen.push(placement);
+        }
+    }
+    chosen
+}
+
+/// Fits by loss, without those that a better one is near to.
+fn distinct(mut fits: Vec<(Placement, Judged)>) -> Vec<(Placement, Judged)> {
+    fits.sort_by(|a, b| a.1.loss.total_cmp(&b.1.loss));
+    let mut kept: Vec<(Placement, Judged)> = Vec::new();
+    for fit in fits {
+        if kept.iter().all(|other| angle(other.0.rotation, fit.0.rotation) > SAME_RAD) {
+            kept.push(fit);
+        }
+    }
+    kept
+}
+
+/// The picture halved until the object is small.
+fn shrunk(target: &Target) -> Target {
+    let mut small = target.clone();
+    while small.area.sqrt() > SMALL {
+        small = small.halved();
+    }
+    small
+}

@@ -1,0 +1,110 @@
+//! What the matter is filled from.
+
+use std::borrow::Cow;
+
+use gic_continuum::MaskedView;
+use gic_motion::{DynamicGaussians, placed};
+use gic_scene::{Camera, Mask, Scene};
+use glam::DVec3;
+
+use super::Run;
+use crate::error::{Error, Result};
+
+/// Photographs of a scan that the filling looks at. Its thresholds are for the emptiest of about so many views: of fifty depth maps, three are
+/// wrong nearly everywhere, and the body shrank by 7 %.
+const SCAN_VIEWS: usize = 12;
+
+/// What the matter is made of: the video with its Gaussians, or the scan, moved to where it lies in the video's first frame.
+pub(super) struct Source<'a> {
+    pub(super) scene: Cow<'a, Scene>,
+    pub(super) gaussians: DynamicGaussians,
+}
+
+impl Source<'_> {
+    /// The masks of a frame, in the order of its views.
+    pub(super) fn masks(&self, frame: usize) -> Result<Vec<Mask>> {
+        self.scene.load_masks(self.scene.views_at(frame)).map_err(Error::stage("reading masks"))
+    }
+
+    /// Cameras and masks of a frame.
+    pub(super) fn masked_views<'b>(&'b self, frame: usize, masks: &'b [Mask]) -> Vec<MaskedView<'b>> {
+        let views = self.scene.views_at(frame).iter().zip(masks);
+        views
+            .map(|(view, mask)| MaskedView {
+                camera: self.scene.camera_of(view),
+                mask: (mask.area() > 0.0).then_some(mask.coverage.as_slice()),
+            })
+            .collect()
+    }
+}
+
+impl Run<'_> {
+    /// Photographs of the object at rest, where the scene has them: its shape comes from them, and the video only tells of motion.
+    pub(super) fn scan(&self) -> Option<&Scene> {
+        self.video.rest.as_deref()
+    }
+
+    pub(super) fn source(&self) -> Result<Source<'_>> {
+        let gaussians = self.gaussians()?;
+        let Some(scan) = self.scan() else { return Ok(Source { scene: Cow::Borrowed(&self.scene), gaussians }) };
+        let similarity = self.registration()?.best.similarity();
+        let canonical = placed(&gaussians.canonical, &similarity);
+        let gaussians = DynamicGaussians { canonical, motion: None };
+        let scene = scan.moved(&similarity);
+        let cameras = spread(&scene.cameras, &gaussians.canonical.positions, SCAN_VIEWS);
+        let scene = scene.with_cameras(&cameras).map_err(Error::stage("choosing photographs"))?;
+        Ok(Source { scene: Cow::Owned(scene), gaussians })
+    }
+}
+
+/// Of `cameras`, `count` whose directions from the mean of `points` are far apart: each the farthest from those before.
+fn spread(cameras: &[Camera], points: &[[f32; 3]], count: usize) -> Vec<usize> {
+    let sum: DVec3 = points.iter().map(|p| DVec3::from_array(p.map(f64::from))).sum();
+    let centre = sum / points.len() as f64;
+    let directions: Vec<DVec3> = cameras.iter().map(|camera| (camera.centre - centre).normalize_or_zero()).collect();
+    let mut chosen: Vec<usize> = Vec::new();
+    // Cosine to the nearest chosen direction.
+    let mut nearest = vec![-1.0f64; cameras.len()];
+    while chosen.len() < count.min(cameras.len()) {
+        let free = (0..cameras.len()).filter(|i| !chosen.contains(i));
+        let Some(next) = free.min_by(|&a, &b| nearest[a].total_cmp(&nearest[b])) else { break };
+        chosen.push(next);
+        for (near, direction) in nearest.iter_mut().zip(&directions) {
+            *near = near.max(direction.dot(directions[next]));
+        }
+    }
+    chosen.sort_unstable();
+    chosen
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DMat3, DVec2};
+
+    use super::*;
+
+    #[test]
+    fn chosen_cameras_are_far_apart() {
+        // Around the point (1, 0, 0): eight close together, and one each in five other directions.
+        let mut centres: Vec<DVec3> = (0..8).map(|i| DVec3::new(1.0, 0.01 * f64::from(i), 2.0)).collect();
+        centres.extend([
+            DVec3::X * 4.0,
+            DVec3::X * -3.0,
+            DVec3::new(1.0, 5.0, 0.0),
+            DVec3::new(1.0, -2.0, 0.0),
+            DVec3::new(1.0, 0.0, -1.0),
+        ]);
+        let camera = |centre: DVec3| Camera {
+            width: 4,
+            height: 4,
+            focal: DVec2::ONE,
+            principal: DVec2::ONE,
+            rotation: DMat3::IDENTITY,
+            centre,
+        };
+        let cameras: Vec<Camera> = centres.into_iter().map(camera).collect();
+        let points = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]];
+        assert_eq!(spread(&cameras, &points, 6), [0, 8, 9, 10, 11, 12]);
+        assert_eq!(spread(&cameras, &points, 99).len(), 13);
+    }
+}
