@@ -140,6 +140,22 @@ fn a_mirrored_camera_is_named() {
 }
 
 #[test]
+fn a_camera_that_misses_the_object_takes_no_part() {
+    let mut all = cameras();
+    let mut away = camera(DVec3::new(-1.2, 0.3, -0.4));
+    away.rotation = DMat3::from_rotation_y(2.0) * away.rotation;
+    all.insert(1, away);
+    let (_folder, video) = video(&all);
+    let settings = RegisterSettings { starts: 300, candidates: 1, steps: 5, final_steps: 5, ..SETTINGS };
+    let found = register(&scan(), &video, &settings, &mut |_, _| ControlFlow::Continue(())).unwrap();
+    assert_eq!(found.cameras, [0, 2, 3]);
+    assert_eq!(found.candidates[0].iou.len(), 3);
+    let none = RegisterSettings { starts: 0, ..SETTINGS };
+    let error = register(&scan(), &video, &none, &mut |_, _| ControlFlow::Continue(())).unwrap_err();
+    assert!(matches!(error, MotionError::Setting { .. }), "{error}");
+}
+
+#[test]
 fn an_empty_scan_is_refused() {
     let (_folder, video) = video(&cameras());
     let mut faint = scan();

@@ -69,7 +69,7 @@ impl Default for RegisterSettings {
 pub struct Candidate {
     /// From the scan's frame to the world of the video [m].
     pub similarity: Similarity,
-    /// Overlap with the mask in each view, intersection over union, in the order of the frame's views.
+    /// Overlap with the mask in each view, intersection over union, in the order of [`Registration::cameras`].
     pub iou: Vec<f64>,
     /// Mean loss over the views.
     pub loss: f64,
@@ -87,7 +87,7 @@ impl Candidate {
 /// What registration found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Registration {
-    /// Camera (index into the scene's list) of each view.
+    /// Camera (index into the scene's list) of each view of the first frame that shows the object.
     pub cameras: Vec<usize>,
     /// The best first; the others are what else was tried, as far as it differs.
     pub candidates: Vec<Candidate>,
@@ -106,13 +106,18 @@ pub fn register(
     settings: &RegisterSettings,
     callback: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
 ) -> Result<Registration, MotionError> {
-    let views = targets::first_frame(video)?;
+    if settings.starts == 0 || settings.candidates == 0 {
+        let reason = "starts and candidates must be at least 1".into();
+        return Err(MotionError::Setting { setting: "register", reason });
+    }
+    let mut views = targets::first_frame(video)?;
     let ball = object(&views, video)?;
+    views.retain(|view| view.area > 0.0);
     let body = Body::new(scan)?;
     let weights = LossWeights { color: settings.color, ssim: 0.0, mask: 1.0, ..LossWeights::default() };
     let starts = starts(&body, &views, &ball, settings);
     let small: Vec<Target> = views.iter().map(shrunk).collect();
-    let of = starts.len() + FINALISTS.min(starts.len());
+    let (first, of) = (starts.len(), starts.len() + FINALISTS.min(starts.len()));
     let mut fits: Vec<(Placement, Judged)> = Vec::new();
     for start in starts {
         let pace = Pace { steps: settings.steps, rates: (3e-2, 3e-3) };
@@ -123,15 +128,15 @@ pub fn register(
         }
     }
     let mut fits = distinct(fits);
-    for (done, (placement, judged)) in fits.iter_mut().enumerate() {
-        if done < FINALISTS {
-            let pace = Pace { steps: settings.final_steps, rates: (6e-3, 1e-4) };
-            *placement = refine((scan, body.radius), &views, *placement, pace, &weights)?;
-        }
-        *judged = judge(scan, &views, placement, &weights)?;
-        if callback((of - FINALISTS.min(of) + done + 1).min(of), of).is_break() {
+    for (done, (placement, _)) in fits.iter_mut().enumerate().take(FINALISTS) {
+        let pace = Pace { steps: settings.final_steps, rates: (6e-3, 1e-4) };
+        *placement = refine((scan, body.radius), &views, *placement, pace, &weights)?;
+        if callback(first + done + 1, of).is_break() {
             break;
         }
+    }
+    for (placement, judged) in &mut fits {
+        *judged = judge(scan, &views, placement, &weights)?;
     }
     let fits = distinct(fits);
     let best = fits[0].0.rotation;
@@ -236,7 +241,7 @@ impl Body {
 
 /// The placements to fit to the pictures: the best outlines from all starting rotations, well apart.
 fn starts(body: &Body, views: &[Target], ball: &Ball, settings: &RegisterSettings) -> Vec<Placement> {
-    let outlines: Vec<Outline> = views.iter().filter(|view| view.area > 0.0).map(Outline::new).collect();
+    let outlines: Vec<Outline> = views.iter().map(Outline::new).collect();
     let mut scored: Vec<(Placement, f64)> = covering::rotations(settings.starts)
         .into_par_iter()
         .map(|rotation| {
@@ -247,7 +252,7 @@ fn starts(body: &Body, views: &[Target], ball: &Ball, settings: &RegisterSetting
     scored.sort_by(|a, b| b.1.total_cmp(&a.1));
     let mut chosen: Vec<Placement> = Vec::new();
     for (placement, _) in scored {
-        if chosen.len() == settings.candidates.max(1) {
+        if chosen.len() == settings.candidates {
             break;
         }
         if chosen.iter().all(|other| angle(other.rotation, placement.rotation) > APART_RAD) {

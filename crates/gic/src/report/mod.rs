@@ -11,7 +11,7 @@ use std::path::Path;
 use crate::atomic;
 use crate::error::{Error, Result};
 use crate::events::{Event, Events};
-use crate::pipeline::{IdentifyRecord, Run, Selection};
+use crate::pipeline::{IdentifyRecord, Run, Selection, Stage};
 use chart::{Series, chart, short};
 
 const STAGE: &str = "report";
@@ -207,7 +207,7 @@ fn costs(history: &History, found: &IdentifyRecord) -> String {
     let mut text = String::from(
         "<h2>Times and memory</h2><table><tr><th>stage</th><th>seconds</th><th>CPU seconds</th><th>peak memory [MiB]</th></tr>",
     );
-    for stage in ["reconstruct", "fill", "select", "identify", "predict", "appearance"] {
+    for stage in Stage::ALL.map(Stage::name) {
         if let Some((seconds, cpu, memory)) = history.costs.get(stage) {
             let cpu = cpu.map_or("-".into(), |s| format!("{s:.1}"));
             let memory = memory.map_or("-".into(), |bytes| format!("{}", bytes >> 20));
