@@ -37,6 +37,12 @@ pub enum Primitive {
         /// Half of each side [m].
         half_size_m: DVec3,
     },
+    /// Axis-aligned box around the origin of which only the face towards +x acts: inside, the normal is always +x. A finger's pad presses
+    /// with its face; a box pushes what has sunk in near an edge, or deep, out at the side.
+    Pad {
+        /// Half of each side [m].
+        half_size_m: DVec3,
+    },
     /// Finite cylinder around the local y axis, centred at the origin.
     Cylinder {
         /// Radius [m].
@@ -140,6 +146,10 @@ impl Primitive {
                 (length - radius_m, unit(p, length))
             }
             Self::Box { half_size_m } => box_distance(p, half_size_m),
+            Self::Pad { half_size_m } => match box_distance(p, half_size_m) {
+                outside if outside.0 > SKIN_M => outside,
+                _ => (p.x - half_size_m.x, DVec3::X),
+            },
             Self::Cylinder { radius_m, half_height_m } => {
                 let radial = DVec3::new(p.x, 0.0, p.z);
                 let length = radial.length();
@@ -256,19 +266,20 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    fn shapes() -> [Primitive; 5] {
+    fn shapes() -> [Primitive; 6] {
         [
             Primitive::HalfSpace { normal: DVec3::new(0.6, 0.8, 0.0) },
             Primitive::Sphere { radius_m: 0.7 },
             Primitive::Box { half_size_m: DVec3::new(0.3, 0.5, 0.8) },
             Primitive::Cylinder { radius_m: 0.4, half_height_m: 0.6 },
             Primitive::Capsule { radius_m: 0.3, half_height_m: 0.5 },
+            Primitive::Pad { half_size_m: DVec3::new(0.3, 0.5, 0.8) },
         ]
     }
 
     proptest! {
         #[test]
-        fn normal_is_the_gradient_of_the_distance(p in proptest::array::uniform3(-1.5f64..1.5), shape in 0usize..5) {
+        fn normal_is_the_gradient_of_the_distance(p in proptest::array::uniform3(-1.5f64..1.5), shape in 0usize..6) {
             let (shape, p, h) = (shapes()[shape], DVec3::from(p), 1e-6);
             let (distance, normal) = shape.signed_distance(p);
             let gradient = DVec3::from_array(DVec3::AXES.map(|axis| {
@@ -279,7 +290,9 @@ mod tests {
             prop_assert!((gradient - normal).length() < 1e-5);
             // Walking the distance along the normal reaches the surface from outside.
             if distance > 0.0 {
-                prop_assert!(shape.signed_distance(p - normal * distance).0.abs() < 1e-9);
+                let landed = shape.signed_distance(p - normal * distance).0;
+                // Inside a pad only the depth below its face counts, also behind its sides.
+                prop_assert!(landed.abs() < 1e-9 || (landed < 0.0 && matches!(shape, Primitive::Pad { .. })));
             }
         }
     }
@@ -289,7 +302,7 @@ mod tests {
         fn nothing_is_touched_within_the_clearance(
             p in proptest::array::uniform3(-1.5f64..1.5),
             way in proptest::array::uniform3(-1.0f64..1.0),
-            shape in 0usize..5,
+            shape in 0usize..6,
         ) {
             let motion = Motion::Uniform {
                 position_m: DVec3::new(0.1, -0.2, 0.3),

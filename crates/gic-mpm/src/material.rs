@@ -269,6 +269,29 @@ impl Material {
         (modulus / density_kg_m3).sqrt()
     }
 
+    /// Young's modulus [Pa] and Poisson's ratio of small elastic strains; `None` for the Newtonian fluid, which bears no shear at rest.
+    pub fn elastic_moduli(&self) -> Option<[f64; 2]> {
+        match *self {
+            Material::Newtonian { .. } => None,
+            Material::Elastic { youngs_modulus_pa, poisson_ratio }
+            | Material::Plasticine { youngs_modulus_pa, poisson_ratio, .. }
+            | Material::Sand { youngs_modulus_pa, poisson_ratio, .. } => Some([youngs_modulus_pa, poisson_ratio]),
+            Material::NonNewtonian { shear_modulus_pa: mu, bulk_modulus_pa: kappa, .. } => {
+                Some([9.0 * kappa * mu / (3.0 * kappa + mu), (3.0 * kappa - 2.0 * mu) / (2.0 * (3.0 * kappa + mu))])
+            }
+        }
+    }
+
+    /// The von Mises value of the Kirchhoff stress [Pa] at which the material begins to flow; `None` where that does not depend on it
+    /// alone. The plastic laws bound the norm of the stress deviator, whose von Mises value is sqrt(3/2) times it.
+    pub fn yield_von_mises_pa(&self) -> Option<f64> {
+        match *self {
+            Material::Plasticine { yield_stress_pa, .. } => Some(1.5f64.sqrt() * yield_stress_pa),
+            Material::NonNewtonian { yield_stress_pa, .. } => Some(yield_stress_pa),
+            _ => None,
+        }
+    }
+
     /// Diffusivity of momentum by an explicit viscous stress [m^2/s], for the bound on the time step (`dt <= dx^2 / (6 diffusivity)`);
     /// zero for all but the Newtonian fluid: the viscoplastic flow rule is implicit.
     pub fn viscous_diffusivity_m2_s(&self, density_kg_m3: f64) -> f64 {
@@ -368,6 +391,20 @@ mod tests {
                 plastic_viscosity_pa_s: 10.0,
             },
         ]
+    }
+
+    #[test]
+    fn elastic_moduli_are_those_of_the_coefficients() {
+        for material in one_of_each() {
+            let [mu, lambda, ..] = material.coefficients().0;
+            match material.elastic_moduli() {
+                Some([young, nu]) => {
+                    assert!((lame(young, nu)[0] / mu - 1.0).abs() < 1e-12);
+                    assert!((lame(young, nu)[1] / lambda - 1.0).abs() < 1e-12);
+                }
+                None => assert_eq!(material.model(), "newtonian"),
+            }
+        }
     }
 
     #[test]

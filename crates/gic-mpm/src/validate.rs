@@ -81,7 +81,7 @@ impl Collider {
         match self.primitive {
             Primitive::HalfSpace { normal } => unit(&field("normal"), normal)?,
             Primitive::Sphere { radius_m } => positive(&field("radius_m"), radius_m)?,
-            Primitive::Box { half_size_m } => {
+            Primitive::Box { half_size_m } | Primitive::Pad { half_size_m } => {
                 if !(half_size_m.min_element() > 0.0 && half_size_m.is_finite()) {
                     return invalid(field("half_size_m"), half_size_m, "must be positive and finite");
                 }

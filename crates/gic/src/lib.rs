@@ -9,6 +9,8 @@ mod error;
 pub mod eval;
 pub mod events;
 pub mod gradcheck;
+pub mod grasp;
+pub mod interchange;
 mod interrupt;
 pub mod look;
 pub mod matter;

@@ -64,6 +64,7 @@ pub(crate) enum Command {
     Simulate(SimulateArgs),
     Render(RenderArgs),
     View(ViewArgs),
+    Grasp(GraspArgs),
     Gradcheck(GradcheckArgs),
     /// Print the completion script of a shell
     ///
@@ -331,6 +332,52 @@ pub(crate) struct ViewArgs {
     pub(crate) rerun: Option<PathBuf>,
 }
 
+/// Grip a twin with two rigid pads, as a robot would: force, stress, slip
+///
+/// The pads close on the twin to each width, hold it, and lift it from a table. Widths are those of the object between the
+/// pads. Prints a table; writes grasp.json, a picture per width (stress from blue to red) and a film.
+#[derive(Debug, Args)]
+#[command(after_help = "Example: gic grasp RUN --width-m 0.055,0.045,0.035")]
+pub(crate) struct GraspArgs {
+    /// The twin (schema gic.twin/1), or a run folder
+    #[arg(value_name = "RUN|TWIN.json")]
+    pub(crate) twin: PathBuf,
+    /// Widths to close to [m]
+    #[arg(long, value_name = "W,...", value_delimiter = ',', required = true, allow_hyphen_values = true)]
+    pub(crate) width_m: Vec<f64>,
+    /// Which way to close: along x, y or z of the world through the centre of mass, or between the two places of the surface
+    /// that face each other best
+    #[arg(long, value_name = "auto|x|y|z", default_value = "auto")]
+    pub(crate) axis: gic::grasp::AxisChoice,
+    /// A pad's sides, across and along the finger [m]
+    #[arg(long, value_name = "WIDTHxLENGTH", default_value = "0.022x0.0375", value_parser = pad)]
+    pub(crate) pad: [f64; 2],
+    /// Coulomb coefficient of friction between pads and object
+    #[arg(long, value_name = "MU", default_value = "0.5", value_parser = coefficient)]
+    pub(crate) friction: f64,
+    /// How far to lift [m]
+    #[arg(long, value_name = "HEIGHT", default_value = "0.05", value_parser = length)]
+    pub(crate) lift_m: f64,
+    /// Cut each particle into N^3 on a grid N times finer
+    #[arg(long, value_name = "N", default_value = "1", value_parser = refinement)]
+    pub(crate) refine: usize,
+    /// Change a value of the twin, as in `gic simulate`
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub(crate) set: Vec<Setting>,
+    /// Folder for the results [default: `grasp` in the run folder or beside the twin]
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// The film [default: grasp.gif in the folder]
+    #[arg(long, value_name = "FILE.gif|.mp4")]
+    pub(crate) film: Option<PathBuf>,
+    /// Width and height of the pictures [pixels]
+    #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "640x480", value_parser = size)]
+    pub(crate) size: [usize; 2],
+    /// Numbers only
+    #[arg(long)]
+    pub(crate) no_pictures: bool,
+}
+
 /// Check the simulator's gradients: adjoint against finite differences in f64
 ///
 /// Prints one line per parameter, density, velocity and a few positions, for a block that hits a sticky floor within 50
@@ -357,6 +404,35 @@ fn size(text: &str) -> Result<[usize; 2], String> {
             Ok([width, height])
         }
         _ => Err(format!("must be like 640x480, each side at most {LARGEST}")),
+    }
+}
+
+fn pad(text: &str) -> Result<[f64; 2], String> {
+    let sides: Option<Vec<f64>> = text.split('x').map(|side| length(side).ok()).collect();
+    match sides.as_deref() {
+        Some(&[width, length]) => Ok([width, length]),
+        _ => Err("must be like 0.022x0.0375, two lengths in metres".into()),
+    }
+}
+
+fn length(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(metres) if metres > 0.0 && f64::is_finite(metres) => Ok(metres),
+        _ => Err("must be a length in metres above 0".into()),
+    }
+}
+
+fn coefficient(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(friction) if friction >= 0.0 && f64::is_finite(friction) => Ok(friction),
+        _ => Err("must be a number of at least 0".into()),
+    }
+}
+
+fn refinement(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(n) if (1..=8).contains(&n) => Ok(n),
+        _ => Err("must be a whole number from 1 to 8".into()),
     }
 }
 

@@ -3,6 +3,7 @@
 mod args;
 mod flags;
 mod gradcheck;
+mod grasp;
 mod progress;
 mod render;
 mod results;
@@ -79,6 +80,7 @@ fn dispatch(command: Command, context: &Context) -> anyhow::Result<()> {
         Command::Simulate(args) => simulate::run(&args, context),
         Command::Render(args) => render::run(&args, context),
         Command::View(args) => view::run(&args, context),
+        Command::Grasp(args) => grasp::run(&args, context),
         Command::Gradcheck(args) => gradcheck::run(&args, context),
         Command::Completions { shell } => {
             let mut script = Vec::new();

@@ -26,7 +26,7 @@ pub(crate) fn run(args: &SimulateArgs, context: &Context) -> anyhow::Result<()> 
 }
 
 /// A run folder stands for the twin in it.
-fn twin_file(path: &Path) -> PathBuf {
+pub(super) fn twin_file(path: &Path) -> PathBuf {
     if path.is_dir() { path.join("twin.json") } else { path.to_owned() }
 }
 

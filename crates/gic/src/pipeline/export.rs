@@ -3,9 +3,14 @@
 use std::path::Path;
 
 use gic_continuum::{write_mesh_ply, write_msh, write_obj, write_particles_ply, write_stl};
+use glam::DVec3;
 
 use super::Run;
 use crate::error::{Error, Result};
+use crate::interchange::{Carrier, MotionSamples, write_mjcf, write_particle_set, write_usd};
+use crate::matter::read_particles;
+use crate::simulate::Trajectory;
+use crate::twin::Twin;
 
 /// Forms of export.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -20,6 +25,12 @@ pub enum Export {
     Stl,
     /// Tetrahedra, Gmsh MSH 2.2.
     Msh,
+    /// The twin as a deformable body of MuJoCo: tetrahedra, elasticity, masses, obstacles.
+    Mjcf,
+    /// The twin as an OpenUSD stage: deformable body, material, and the predicted motion.
+    Usd,
+    /// Particles as NumPy arrays, and all parameters beside them as JSON: for Genesis, Newton, Taichi.
+    Particles,
 }
 
 impl Export {
@@ -31,6 +42,9 @@ impl Export {
             Self::Obj => "surface.obj",
             Self::Stl => "surface.stl",
             Self::Msh => "tetrahedra.msh",
+            Self::Mjcf => "twin.xml",
+            Self::Usd => "twin.usda",
+            Self::Particles => "twin.npz",
         }
     }
 }
@@ -42,14 +56,27 @@ impl Run<'_> {
     /// A run without filling, an unwritable file.
     pub fn export(&self, format: Export, path: &Path) -> Result<String> {
         let continuum = self.continuum()?;
+        if format == Export::Particles {
+            let (twin, world) = self.finished_twin()?.to_world()?;
+            let parameters = write_particle_set(path, &twin, &world)?;
+            return Ok(format!(
+                "{} particles, parameters in {}",
+                continuum.particles.positions.len(),
+                parameters.display()
+            ));
+        }
         if format == Export::Ply {
             write_particles_ply(path, &continuum.particles).map_err(Error::stage("export"))?;
             return Ok(format!("{} particles", continuum.particles.positions.len()));
         }
         let filling = self.first_filling(&continuum)?;
-        if format == Export::Msh {
+        if matches!(format, Export::Msh | Export::Mjcf | Export::Usd) {
             let mesh = filling.tetrahedra(2.0 * continuum.particles.spacing).map_err(Error::stage("export"))?;
-            write_msh(path, &mesh).map_err(Error::stage("export"))?;
+            match format {
+                Export::Mjcf => write_mjcf(path, &mesh, &self.finished_twin()?)?,
+                Export::Usd => write_usd(path, &mesh, &self.finished_twin()?, &self.predicted_motion(&mesh.vertices)?)?,
+                _ => write_msh(path, &mesh).map_err(Error::stage("export"))?,
+            }
             let (least, _) = mesh.dihedral_angles();
             return Ok(format!("{} tetrahedra, smallest dihedral angle {least:.1} degrees", mesh.tetrahedra.len()));
         }
@@ -61,5 +88,21 @@ impl Run<'_> {
         }
         .map_err(Error::stage("export"))?;
         Ok(format!("{} triangles", mesh.triangles.len()))
+    }
+
+    fn finished_twin(&self) -> Result<Twin> {
+        Twin::read(&self.path("twin.json"), &[])
+    }
+
+    /// The points [m], given at the first frame, in every frame of the prediction; no frames where there is no prediction.
+    fn predicted_motion(&self, points: &[DVec3]) -> Result<MotionSamples> {
+        let folder = self.path("prediction");
+        let Some(trajectory) = Trajectory::read(&folder)? else { return Ok(MotionSamples::default()) };
+        let particles = |file: &str| read_particles(&folder.join(file)).map(|read| read.positions);
+        let Some(first) = trajectory.frames.first() else { return Ok(MotionSamples::default()) };
+        let carrier = Carrier::new(points, &particles(&first.file)?);
+        let frames = trajectory.frames.iter().map(|frame| Ok(carrier.carry(&particles(&frame.file)?)));
+        let rate = trajectory.twin.get("frame_rate_hz").and_then(|rate| rate.as_f64());
+        Ok(MotionSamples { frame_rate_hz: rate.unwrap_or_default(), frames: frames.collect::<Result<_>>()? })
     }
 }

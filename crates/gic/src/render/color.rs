@@ -40,6 +40,11 @@ impl Scale {
         Self { coloring, most }
     }
 
+    /// Red is the von Mises stress given [Pa].
+    pub(super) fn stress(most_pa: f64) -> Self {
+        Self { coloring: Coloring::Stress, most: if most_pa > 0.0 { most_pa } else { 1.0 } }
+    }
+
     pub(crate) fn legend(&self) -> String {
         match self.coloring {
             Coloring::Stress => format!("colour: von Mises stress, blue 0 to red {:.3e} Pa and more", self.most),

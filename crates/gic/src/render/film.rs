@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 const GIF_SPEED: i32 = 10;
 
 /// How a film will be made.
-pub(super) struct Encoder {
+pub(crate) struct Encoder {
     path: PathBuf,
     kind: Kind,
     slow_motion: f64,
@@ -29,7 +29,7 @@ enum Kind {
 
 impl Encoder {
     /// Chosen by the file's ending; fails at once where that cannot be made here.
-    pub(super) fn of(path: &Path, slow_motion: f64) -> Result<Self> {
+    pub(crate) fn of(path: &Path, slow_motion: f64) -> Result<Self> {
         let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
         let kind = match ending.as_str() {
             "gif" => Kind::Gif,
@@ -55,7 +55,7 @@ impl Encoder {
     }
 
     /// Writes the film of the pictures, which also lie in `folder`; says how.
-    pub(super) fn write(&self, pictures: &[Picture], folder: &Path, frame_rate_hz: f64) -> Result<String> {
+    pub(crate) fn write(&self, pictures: &[Picture], folder: &Path, frame_rate_hz: f64) -> Result<String> {
         let rate = frame_rate_hz / self.slow_motion;
         let by = match self.kind {
             Kind::Gif => {

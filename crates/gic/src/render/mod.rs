@@ -1,10 +1,11 @@
 //! `gic render`: pictures of a simulated motion, from a camera of the scene or from an orbit, as PNG files and as a film.
 
 pub(crate) mod color;
-mod film;
+pub(crate) mod film;
 pub(crate) mod frames;
 pub(crate) mod paint;
 mod shade;
+pub(crate) mod studio;
 mod viewpoint;
 
 use std::path::PathBuf;

@@ -59,12 +59,9 @@ impl View {
                 hint: Some("use a camera of the scene (--camera 0), or --background floor, black or white".into()),
             }),
             Viewpoint::Orbit => {
-                let (low, high) = motion.bounds();
-                let radius = 0.5 * (high - low).length() * MARGIN;
-                // The shorter side of the picture has to hold the ball.
-                let [width, height] = request.size;
-                let distance = radius / HALF_ANGLE.sin() * (height as f64 / width.min(height) as f64);
-                Ok(Self::Orbit { centre: 0.5 * (low + high), distance, up: motion.up(), size: request.size })
+                let bounds = motion.bounds();
+                let distance = distance_to(bounds, request.size);
+                Ok(Self::Orbit { centre: 0.5 * (bounds.0 + bounds.1), distance, up: motion.up(), size: request.size })
             }
             Viewpoint::Camera(number) => {
                 let scene = scene_of(request, motion)?;
@@ -126,10 +123,27 @@ impl View {
     }
 }
 
-/// A camera that looks at `centre` from `distance` metres away.
-fn orbit(centre: DVec3, distance: f64, up: DVec3, turn: f64, [width, height]: [usize; 2]) -> Camera {
+/// How far away a camera sees everything within the bounds [m].
+fn distance_to((low, high): (DVec3, DVec3), [width, height]: [usize; 2]) -> f64 {
+    let radius = 0.5 * (high - low).length() * MARGIN;
+    // The shorter side of the picture has to hold the ball.
+    radius / HALF_ANGLE.sin() * (height as f64 / width.min(height) as f64)
+}
+
+/// A camera that sees everything within the bounds [m] from the side `from`, a little above.
+pub(super) fn beside(bounds: (DVec3, DVec3), up: DVec3, from: DVec3, size: [usize; 2]) -> Camera {
+    let horizontal = from.reject_from_normalized(up).try_normalize().unwrap_or_else(|| up.any_orthonormal_vector());
+    looking(0.5 * (bounds.0 + bounds.1), distance_to(bounds, size), up, horizontal, size)
+}
+
+/// A camera on an orbit around `centre`, `distance` metres away.
+fn orbit(centre: DVec3, distance: f64, up: DVec3, turn: f64, size: [usize; 2]) -> Camera {
     let (side, other) = up.any_orthonormal_pair();
-    let horizontal = side * turn.cos() + other * turn.sin();
+    looking(centre, distance, up, side * turn.cos() + other * turn.sin(), size)
+}
+
+/// A camera that looks at `centre` from `distance` metres away, from the side of the unit vector `horizontal` and a little above.
+fn looking(centre: DVec3, distance: f64, up: DVec3, horizontal: DVec3, [width, height]: [usize; 2]) -> Camera {
     let outward = horizontal * ELEVATION.cos() + up * ELEVATION.sin();
     let forward = -outward;
     let right = forward.cross(up).normalize();

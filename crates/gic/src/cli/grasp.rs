@@ -1,0 +1,31 @@
+//! `gic grasp`.
+
+use std::path::Path;
+
+use gic::grasp::{Gripper, Request, grasp};
+
+use super::Context;
+use super::args::GraspArgs;
+use super::simulate::twin_file;
+
+pub(crate) fn run(args: &GraspArgs, context: &Context) -> anyhow::Result<()> {
+    let twin = twin_file(&args.twin);
+    let beside = || twin.parent().unwrap_or(Path::new("")).join("grasp");
+    let out = args.out.clone().unwrap_or_else(beside);
+    let request = Request {
+        settings: args.set.clone(),
+        widths_m: args.width_m.clone(),
+        axis: args.axis,
+        gripper: Gripper { pad_m: args.pad, friction: args.friction, lift_m: args.lift_m },
+        refine: args.refine,
+        pictures: !args.no_pictures,
+        size: args.size,
+        film: args.film.clone().unwrap_or_else(|| out.join("grasp.gif")),
+        out,
+        twin,
+    };
+    let report = grasp(&request, &context.events, &context.interrupt)?;
+    context.print(report.table());
+    context.print(format!("results in {}", request.out.display()));
+    Ok(())
+}

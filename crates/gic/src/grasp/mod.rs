@@ -1,0 +1,479 @@
+//! `gic grasp`: two rigid pads, as of a parallel gripper, close on a twin, hold it and lift it.
+//!
+//! The matter floats weightless while the pads close slowly; at each width it comes to rest and the forces are averaged. Then weight sets
+//! in, the gripper is raised from a table, and what slides or stays behind is measured.
+
+mod antipodal;
+mod clip;
+mod measure;
+mod place;
+mod report;
+mod rig;
+
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+
+use gic_mpm::{Material, Stepping, World};
+use glam::DVec3;
+
+pub use place::AxisChoice;
+pub use report::{Lift, Report, Squeeze};
+
+use crate::atomic;
+use crate::error::{Error, Result};
+use crate::events::{Event, Events};
+use crate::interrupt::Interrupt;
+use crate::twin::{Setting, Twin};
+use crate::usage::Meter;
+use clip::Clip;
+use measure::{Faces, mean_position, touching};
+use place::Place;
+use rig::{Pads, Phase, Pose, Rig, State};
+
+const STAGE: &str = "grasp";
+
+/// Speed of each pad while closing, over the speed of waves in a bar: slow enough that inertia adds little force.
+const CLOSING_SPEED: f64 = 0.005;
+/// Length of a frame while closing and holding, over the time that such a wave takes across the object.
+const FRAME: f64 = 0.25;
+/// What is left of the velocities after each such frame.
+const KEEP: f64 = 0.6;
+/// Frames over which forces are averaged.
+const WINDOW: usize = 24;
+/// Forces are steady when the means of two windows differ by less than this share.
+const STEADY: f64 = 2e-3;
+/// Most windows to wait for that.
+const MOST_WINDOWS: usize = 40;
+/// Fewest grid cells along a side of the pad.
+const FEWEST_CELLS: f64 = 2.0;
+/// Grid cells along a side of the pad below which forces are coarse.
+const GOOD_CELLS: f64 = 4.0;
+/// Length of a frame while lifting [s].
+const LIFT_FRAME_S: f64 = 0.01;
+/// Frames in which weight sets in, in which the gripper rises, and in which it stands again.
+const LIFT_FRAMES: [usize; 3] = [20, 40, 20];
+/// Matter is taken to yield from this share of the yield stress on: f32 rounding.
+const AT_YIELD: f64 = 0.999;
+
+/// The gripper.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gripper {
+    /// Sides of a pad [m]: across and along the finger; the latter points up where it can.
+    pub pad_m: [f64; 2],
+    /// Coulomb coefficient of the pads.
+    pub friction: f64,
+    /// How far the object is lifted [m].
+    pub lift_m: f64,
+}
+
+impl Default for Gripper {
+    /// The fingertips of a Robotiq 2F-85, of rubber.
+    fn default() -> Self {
+        Self { pad_m: [0.022, 0.0375], friction: 0.5, lift_m: 0.05 }
+    }
+}
+
+/// What to grasp, and how.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// The twin's file.
+    pub twin: PathBuf,
+    /// Changes to the twin.
+    pub settings: Vec<Setting>,
+    /// Widths to close to [m], in any order.
+    pub widths_m: Vec<f64>,
+    /// Which way to close.
+    pub axis: AxisChoice,
+    /// The gripper.
+    pub gripper: Gripper,
+    /// Each particle is cut into this number cubed, on a grid as many times finer.
+    pub refine: usize,
+    /// Folder for grasp.json and the pictures.
+    pub out: PathBuf,
+    /// Whether to make pictures.
+    pub pictures: bool,
+    /// Width and height of the pictures [pixels].
+    pub size: [usize; 2],
+    /// The film: .gif or .mp4.
+    pub film: PathBuf,
+}
+
+/// Grasps a twin at every width and writes what was found into the folder.
+///
+/// # Errors
+/// Bad input, matter that no gripper holds, an unstable simulation, an unwritable folder.
+pub fn grasp(request: &Request, events: &Events, interrupt: &Interrupt) -> Result<Report> {
+    let widths = descending(&request.widths_m)?;
+    let twin = Twin { colliders: Vec::new(), ..Twin::read(&request.twin, &request.settings)? };
+    check_grippable(&twin.material)?;
+    // Before minutes of simulation.
+    let film = request.pictures.then(|| clip::Film::of(&request.film)).transpose()?;
+    let (twin, world) = twin.to_world()?;
+    atomic::create_folder(&request.out)?;
+    events.send(&Event::StageStarted { stage: STAGE.into(), reason: format!("{} widths", widths.len()) });
+    let meter = Meter::start();
+    let mut grasp = Grasp::new(request, &twin, &world, widths[0], events, interrupt)?;
+    let report = grasp.run(&widths)?;
+    atomic::write_json(&request.out.join("grasp.json"), &report)?;
+    if let Some(film) = film {
+        let (place, rig) = (&grasp.place, &grasp.rig);
+        let text = grasp.clip.draw(place, &rig.pads, rig.up, &report, (&request.out, request.size), &film)?;
+        events.note(STAGE, text);
+    }
+    events.send(&meter.done(STAGE));
+    Ok(report)
+}
+
+/// The widths from the largest to the smallest, each once.
+fn descending(widths: &[f64]) -> Result<Vec<f64>> {
+    if let Some(bad) = widths.iter().find(|w| !(**w > 0.0 && w.is_finite())) {
+        return Err(Error::Usage {
+            problem: format!("a gripper cannot close to {bad} m"),
+            hint: Some("give widths in metres above 0: --width-m 0.055,0.045,0.035".into()),
+        });
+    }
+    let mut widths = widths.to_vec();
+    widths.sort_by(|a, b| b.total_cmp(a));
+    widths.dedup();
+    if widths.is_empty() {
+        return Err(Error::Usage {
+            problem: "there is no width to close to".into(),
+            hint: Some("give widths in metres: --width-m 0.055,0.045,0.035".into()),
+        });
+    }
+    Ok(widths)
+}
+
+fn check_grippable(material: &Material) -> Result<()> {
+    let why = match material {
+        Material::Newtonian { .. } => "a fluid, which flows out between the pads",
+        Material::Sand { .. } => "loose grains without cohesion, which fall from between the pads",
+        _ => return Ok(()),
+    };
+    Err(Error::Usage {
+        problem: format!("the twin's material is {}: {why}", material.model()),
+        hint: Some("elastic, plasticine and non-newtonian twins can be gripped".into()),
+    })
+}
+
+/// One grasp in progress.
+struct Grasp<'a> {
+    request: &'a Request,
+    events: &'a Events,
+    place: Place,
+    rig: Rig<'a>,
+    /// Distance of neighbouring particles [m].
+    spacing: f64,
+    /// Width of the object at rest [m].
+    object_width: f64,
+    /// Length of a frame while closing and holding [s].
+    frame_s: f64,
+    /// Speed of a pad while closing [m/s].
+    speed: f64,
+    /// Gravity in the gripper's frame [m/s^2].
+    gravity: DVec3,
+    /// Which particles have been at the yield stress.
+    yielded: Vec<bool>,
+    clip: Clip,
+}
+
+impl<'a> Grasp<'a> {
+    fn new(
+        request: &'a Request,
+        twin: &Twin,
+        world: &World,
+        widest: f64,
+        events: &'a Events,
+        interrupt: &'a Interrupt,
+    ) -> Result<Self> {
+        let body = &world.bodies[0];
+        let coarse = twin.particle_spacing_m.unwrap_or(body.particle_volume_m3.cbrt());
+        let (grid, spacing) = (world.grid_spacing_m / request.refine as f64, coarse / request.refine as f64);
+        check_pads(&request.gripper, grid, events)?;
+        let up = (-world.gravity_m_s2).normalize_or(DVec3::Y);
+        let mut place = Place::choose(request.axis, &body.positions, coarse, up, &request.gripper, widest)?;
+        let [short, long] = request.gripper.pad_m;
+        let pads = Pads { size_m: [long, short], thickness_m: 6.0 * grid, friction: request.gripper.friction };
+        let mut rig = Rig {
+            world: World {
+                bodies: vec![place.body(body, coarse, request.refine)],
+                colliders: Vec::new(),
+                gravity_m_s2: DVec3::ZERO,
+                grid_spacing_m: grid,
+                frame_rate_hz: 1.0,
+                stepping: Stepping::Bound { courant: 0.4 },
+            },
+            pads,
+            up: place.direction_to_gripper(up),
+            interrupt,
+        };
+        let faces = Faces::of(&rig.start(0.0)?, &pads, rig.up, spacing).ok_or_else(|| nothing_there(request.axis))?;
+        let object_width = faces.width();
+        if widest >= object_width {
+            return Err(Error::Usage {
+                problem: format!(
+                    "the object is {object_width:.4} m wide between the pads, so closing to {widest} m does not touch it"
+                ),
+                hint: Some("ask for widths below that, or choose another --axis".into()),
+            });
+        }
+        let middle = 0.5 * (faces.x_m[0] + faces.x_m[1]);
+        rig.world.bodies[0].positions.iter_mut().for_each(|p| p.x -= middle);
+        place.origin += place.to_world.x_axis * middle;
+        let modulus = body.material.elastic_moduli().map_or(0.0, |[young, _]| young);
+        let wave_speed = (modulus / body.density_kg_m3).sqrt();
+        let clip = Clip::new(&rig.world.bodies[0], spacing);
+        Ok(Self {
+            request,
+            events,
+            place,
+            spacing,
+            object_width,
+            frame_s: FRAME * object_width / wave_speed,
+            speed: CLOSING_SPEED * wave_speed,
+            gravity: place.direction_to_gripper(world.gravity_m_s2),
+            yielded: vec![false; rig.world.bodies[0].positions.len()],
+            clip,
+            rig,
+        })
+    }
+
+    fn run(&mut self, widths: &[f64]) -> Result<Report> {
+        let body = &self.rig.world.bodies[0];
+        let (mass, material, particles) = (
+            body.positions.len() as f64 * body.density_kg_m3 * body.particle_volume_m3,
+            body.material,
+            self.yielded.len(),
+        );
+        let mut state = self.rig.start(0.5 * self.object_width + 2.5 * self.rig.world.grid_spacing_m)?;
+        let mut squeezes = Vec::new();
+        for (done, &width) in widths.iter().enumerate() {
+            self.close(&mut state, width, widths[widths.len() - 1])?;
+            let mut squeeze = self.measure(&mut state, width)?;
+            squeeze.lift = self.lift(state.clone(), mass)?;
+            let values = [("width_m", width), ("force_n", squeeze.force_n)];
+            self.events.step(STAGE, "", done as u64 + 1, Some(widths.len() as u64), &values);
+            squeezes.push(squeeze);
+        }
+        Ok(Report {
+            schema: "gic.grasp/1".into(),
+            gic_version: crate::VERSION.into(),
+            axis: self.request.axis.name().into(),
+            axis_direction: self.place.to_world.x_axis.to_array(),
+            centre_m: self.place.origin.to_array(),
+            object_width_m: self.object_width,
+            pad_m: self.request.gripper.pad_m,
+            friction: self.request.gripper.friction,
+            lift_m: self.request.gripper.lift_m,
+            mass_kg: mass,
+            material: material.model().into(),
+            yield_von_mises_pa: material.yield_von_mises_pa(),
+            grid_spacing_m: self.rig.world.grid_spacing_m,
+            particle_spacing_m: self.spacing,
+            particles,
+            widths: squeezes,
+        })
+    }
+
+    fn faces(&self, state: &State) -> Result<Faces> {
+        Faces::of(state, &self.rig.pads, self.rig.up, self.spacing).ok_or_else(|| Error::Usage {
+            problem: "the object was pushed out from between the pads".into(),
+            hint: Some("choose another --axis, larger pads, or a width nearer to the object's own".into()),
+        })
+    }
+
+    /// A phase without weight along a path.
+    fn weightless(&self, frames: usize, path: Vec<(f64, Pose)>) -> Phase {
+        Phase { frame_s: self.frame_s, frames, gravity_m_s2: DVec3::ZERO, path, keep: KEEP, table: None }
+    }
+
+    /// Closes the pads to `width`; `narrowest` [m] is the last width to come.
+    fn close(&mut self, state: &mut State, width: f64, narrowest: f64) -> Result<()> {
+        let start = state.pose;
+        let end = Pose { half_gap_m: 0.5 * width, ..start };
+        let seconds = (start.half_gap_m - end.half_gap_m) / self.speed;
+        let frames = (seconds / self.frame_s).ceil() as usize;
+        let phase = self.weightless(frames, vec![(0.0, start), (seconds, end)]);
+        // About forty pictures from the first touch to the narrowest width.
+        let every = (self.object_width - narrowest) / 80.0 / self.speed / self.frame_s;
+        let Self { rig, yielded, clip, .. } = self;
+        let mut passed = f64::INFINITY;
+        rig.run(state, &phase, |moment| {
+            mark_yielded(yielded, moment, &rig.world);
+            passed += 1.0;
+            if passed >= every {
+                passed = 0.0;
+                clip.record(moment);
+            }
+            ControlFlow::Continue(())
+        })?;
+        state.pose = end;
+        Ok(())
+    }
+
+    /// Holds until the forces are steady, and measures.
+    fn measure(&mut self, state: &mut State, width: f64) -> Result<Squeeze> {
+        let phase = self.weightless(MOST_WINDOWS * WINDOW, vec![(0.0, state.pose)]);
+        let mut forces: Vec<[f64; 2]> = Vec::new();
+        let mut stresses = Vec::new();
+        let Self { rig, yielded, clip, .. } = self;
+        rig.run(state, &phase, |moment| {
+            mark_yielded(yielded, moment, &rig.world);
+            forces.push([-moment.forces[0].force_n.x, moment.forces[1].force_n.x]);
+            if !(forces.len().is_multiple_of(WINDOW) && is_steady(&forces)) {
+                return ControlFlow::Continue(());
+            }
+            clip.hold(moment);
+            stresses = moment.frame.von_mises_pa.clone();
+            ControlFlow::Break(())
+        })?;
+        if stresses.is_empty() {
+            return Err(Error::Stage {
+                stage: STAGE,
+                hint: Some("ask for a width that is nearer to the object's own, or larger pads".into()),
+                source: format!("the forces on the pads do not become steady at a width of {width} m").into(),
+            });
+        }
+        let window = &forces[forces.len() - WINDOW..];
+        let mean = |side: usize| window.iter().map(|f| f[side]).sum::<f64>() / WINDOW as f64;
+        let forces_n = [mean(0), mean(1)];
+        let force_n = 0.5 * (forces_n[0] + forces_n[1]);
+        let of_both = |f: &[f64; 2]| 0.5 * (f[0] + f[1]) - force_n;
+        let faces = self.faces(state)?;
+        let touching = touching(state, &self.rig.pads, self.rig.up, self.spacing, &faces);
+        stresses.sort_by(f32::total_cmp);
+        let yields = self.rig.world.bodies[0].material.yield_von_mises_pa().is_some();
+        Ok(Squeeze {
+            width_m: width,
+            measured_width_m: faces.width(),
+            standoff_m: state.pose.half_gap_m - 0.5 * faces.width(),
+            forces_n,
+            force_n,
+            imbalance: (forces_n[0] - forces_n[1]) / force_n.abs().max(f64::MIN_POSITIVE),
+            force_spread_n: (window.iter().map(|f| of_both(f).powi(2)).sum::<f64>() / WINDOW as f64).sqrt(),
+            contact_areas_m2: [touching[0].area_m2, touching[1].area_m2],
+            peak_von_mises_pa: stresses.last().copied().unwrap_or_default().into(),
+            p99_von_mises_pa: stresses[(0.99 * (stresses.len() - 1) as f64) as usize].into(),
+            yielded_share: yields
+                .then(|| self.yielded.iter().filter(|y| **y).count() as f64 / self.yielded.len() as f64),
+            lift: None,
+        })
+    }
+
+    /// Lets weight set in, raises the gripper and waits; `None` without gravity.
+    fn lift(&mut self, mut state: State, mass: f64) -> Result<Option<Lift>> {
+        if self.gravity == DVec3::ZERO {
+            return Ok(None);
+        }
+        let faces = self.faces(&state)?;
+        let held = touching(&state, &self.rig.pads, self.rig.up, self.spacing, &faces);
+        let held: Vec<usize> = held.into_iter().flat_map(|side| side.particles).collect();
+        let everything = 0..state.len();
+        let (held_before, before) =
+            (mean_position(&state, held.iter().copied()), mean_position(&state, everything.clone()));
+        let table = self.table(&state);
+        let lift = self.request.gripper.lift_m;
+        let mut peak: f64 = 0.0;
+        let mut carried = Vec::new();
+        let up = self.rig.up;
+        for (weight, phase) in self.lift_phases(state.pose, table) {
+            let Self { rig, clip, .. } = self;
+            let mut index = 0;
+            rig.run(&mut state, &phase, |moment| {
+                index += 1;
+                if weight == 1.0 && index % 3 == 0 {
+                    clip.record(moment);
+                }
+                peak = moment.frame.von_mises_pa.iter().fold(peak, |most, &s| most.max(f64::from(s)));
+                carried.push(-(moment.forces[0].force_n + moment.forces[1].force_n).dot(up));
+                ControlFlow::Continue(())
+            })?;
+        }
+        // Sliding along the pads; across them the matter only deforms.
+        let slide = mean_position(&state, held.iter().copied()) - held_before - up * lift;
+        let risen = (mean_position(&state, everything) - before).dot(up);
+        let last = &carried[carried.len() - LIFT_FRAMES[2]..];
+        Ok(Some(Lift {
+            slip_m: slide.reject_from_normalized(DVec3::X).length(),
+            dropped: risen < 0.5 * lift
+                || state.mean_velocity().dot(up) < -lift / (LIFT_FRAMES[1] as f64 * LIFT_FRAME_S),
+            carried_share: last.iter().sum::<f64>() / last.len() as f64 / (mass * self.gravity.length()),
+            peak_von_mises_pa: peak,
+        }))
+    }
+
+    /// The phases of lifting, each with the share of the weight that acts: on the table in steps, up, and standing.
+    fn lift_phases(&self, pose: Pose, table: DVec3) -> Vec<(f64, Phase)> {
+        let lift = self.request.gripper.lift_m;
+        let [ramp, rise, rest] = LIFT_FRAMES;
+        let phase = |weight: f64, frames: usize, path: Vec<(f64, Pose)>, keep: f64| {
+            let gravity_m_s2 = self.gravity * weight;
+            (weight, Phase { frame_s: LIFT_FRAME_S, frames, gravity_m_s2, path, keep, table: Some(table) })
+        };
+        let mut phases: Vec<_> = (1..ramp).map(|i| phase(i as f64 / ramp as f64, 1, vec![(0.0, pose)], KEEP)).collect();
+        // Starts and ends without a jerk of the speed.
+        let smooth = |i: usize| {
+            let t = i as f64 / rise as f64;
+            (i as f64 * LIFT_FRAME_S, Pose { lift_m: lift * t * t * (3.0 - 2.0 * t), ..pose })
+        };
+        phases.push(phase(1.0, rise + rest, (0..=rise).map(smooth).collect(), 1.0));
+        phases
+    }
+
+    /// A point of the table that just carries the matter, at rest and as it is now [m].
+    fn table(&self, state: &State) -> DVec3 {
+        let up = self.rig.up;
+        let rest = self.rig.world.bodies[0].positions.iter().map(|p| p.dot(up));
+        let now = (0..state.len()).map(|p| state.position(p).dot(up));
+        up * (rest.chain(now).fold(f64::INFINITY, f64::min) - 0.5 * self.spacing)
+    }
+}
+
+fn mark_yielded(yielded: &mut [bool], moment: &rig::Moment<'_>, world: &World) {
+    let Some(limit) = world.bodies[0].material.yield_von_mises_pa() else { return };
+    let frame = moment.frame;
+    for ((yielded, &stress), &j) in yielded.iter_mut().zip(&frame.von_mises_pa).zip(&frame.jacobian) {
+        // Cauchy times J is Kirchhoff.
+        *yielded |= f64::from(stress) * f64::from(j) >= AT_YIELD * limit;
+    }
+}
+
+/// Whether the forces of the last window are those of the one before.
+fn is_steady(forces: &[[f64; 2]]) -> bool {
+    if forces.len() < 2 * WINDOW {
+        return false;
+    }
+    let mean = |end: usize, side: usize| forces[end - WINDOW..end].iter().map(|f| f[side]).sum::<f64>() / WINDOW as f64;
+    (0..2).all(|side| {
+        let (now, before) = (mean(forces.len(), side), mean(forces.len() - WINDOW, side));
+        (now - before).abs() <= STEADY * now.abs()
+    })
+}
+
+fn check_pads(gripper: &Gripper, grid: f64, events: &Events) -> Result<()> {
+    let cells = gripper.pad_m[0].min(gripper.pad_m[1]) / grid;
+    if cells < FEWEST_CELLS {
+        return Err(Error::Usage {
+            problem: format!(
+                "a pad of {} x {} m is {cells:.1} grid cells of {grid} m across, too few to press with",
+                gripper.pad_m[0], gripper.pad_m[1]
+            ),
+            hint: Some(format!(
+                "simulate a finer twin with --refine {} or give a larger --pad",
+                (GOOD_CELLS / cells).ceil()
+            )),
+        });
+    }
+    if cells < GOOD_CELLS {
+        let text = format!("a pad is only {cells:.1} grid cells across, so forces are coarse: add --refine 2");
+        events.warn(STAGE, text);
+    }
+    Ok(())
+}
+
+fn nothing_there(axis: AxisChoice) -> Error {
+    Error::Usage {
+        problem: format!("there is no matter between the pads along the axis {}", axis.name()),
+        hint: Some("choose another --axis, or larger pads with --pad".into()),
+    }
+}

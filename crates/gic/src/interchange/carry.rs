@@ -1,0 +1,83 @@
+//! How a mesh follows the particles it was made with.
+
+use glam::{DMat3, DVec3};
+
+/// A vertex follows this many particles.
+const NEIGHBOURS: usize = 24;
+/// Share of the neighbours' mean squared distance that is added along the diagonal: keeps the fit defined in thin parts.
+const RIDGE: f64 = 1e-3;
+
+/// Binds points to particles at rest, and finds where the points are when the particles have moved: each follows the affine map that
+/// fits its nearest particles best (weighted least squares).
+pub struct Carrier {
+    /// For each point: its position at rest [m] and its particles.
+    points: Vec<(DVec3, Vec<u32>)>,
+    rest: Vec<DVec3>,
+}
+
+impl Carrier {
+    /// Binds `points` [m] to particles at `rest` [m].
+    pub fn new(points: &[DVec3], rest: &[DVec3]) -> Self {
+        let nearest = |p: &DVec3| {
+            let mut order: Vec<(f64, u32)> =
+                rest.iter().enumerate().map(|(i, q)| (q.distance_squared(*p), i as u32)).collect();
+            let count = NEIGHBOURS.min(order.len());
+            if count > 0 && count < order.len() {
+                order.select_nth_unstable_by(count - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            }
+            order.truncate(count);
+            let mut nearest: Vec<u32> = order.into_iter().map(|(_, i)| i).collect();
+            nearest.sort_unstable();
+            nearest
+        };
+        Self { points: points.iter().map(|p| (*p, nearest(p))).collect(), rest: rest.to_vec() }
+    }
+
+    /// The points when the particles are at `now` [m].
+    pub fn carry(&self, now: &[DVec3]) -> Vec<DVec3> {
+        self.points.iter().map(|(point, particles)| self.carried(*point, particles, now)).collect()
+    }
+
+    fn carried(&self, point: DVec3, particles: &[u32], now: &[DVec3]) -> DVec3 {
+        let pairs = || particles.iter().map(|&i| (self.rest[i as usize], now[i as usize]));
+        let count = particles.len().max(1) as f64;
+        let (before, after) = pairs().fold((DVec3::ZERO, DVec3::ZERO), |(a, b), (p, q)| (a + p / count, b + q / count));
+        let spread = pairs().map(|(p, _)| p.distance_squared(before)).sum::<f64>() / count;
+        let ridge = DMat3::from_diagonal(DVec3::splat(RIDGE * spread.max(f64::MIN_POSITIVE)));
+        let (mut moment, mut cross) = (ridge, ridge);
+        for (p, q) in pairs() {
+            let (d, e) = ((p - before) / count, q - after);
+            moment += outer(p - before, d);
+            cross += outer(e, d);
+        }
+        after + cross * moment.inverse() * (point - before)
+    }
+}
+
+/// a b^T.
+fn outer(a: DVec3, b: DVec3) -> DMat3 {
+    DMat3::from_cols(a * b.x, a * b.y, a * b.z)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn points_follow_an_affine_motion() {
+        let rest: Vec<DVec3> = (0..512)
+            .map(|i| DVec3::new((i % 8) as f64, (i / 8 % 8) as f64, (i / 64) as f64) * 0.01 + DVec3::splat(0.3))
+            .collect();
+        let points = [DVec3::splat(0.33), DVec3::new(0.295, 0.31, 0.375)];
+        let carrier = Carrier::new(&points, &rest);
+        for (p, q) in points.iter().zip(carrier.carry(&rest)) {
+            assert!(p.distance(q) < 1e-12);
+        }
+        let turn = DMat3::from_rotation_y(1.0) * DMat3::from_diagonal(DVec3::new(1.1, 0.9, 1.0));
+        let moved: Vec<DVec3> = rest.iter().map(|p| turn * *p + DVec3::X).collect();
+        for (p, q) in points.iter().zip(carrier.carry(&moved)) {
+            // The ridge holds the map back by about its own share.
+            assert!((turn * *p + DVec3::X).distance(q) < 2.0 * RIDGE * 0.03, "{}", (turn * *p + DVec3::X).distance(q));
+        }
+    }
+}
