@@ -93,7 +93,8 @@ impl Clip {
         (folder, size): (&Path, [usize; 2]),
         film: &Film,
     ) -> Result<String> {
-        let most = report.widths.iter().map(|w| w.p99_von_mises_pa).fold(0.0, f64::max);
+        // Of what can be seen: inside, stress may be several times larger.
+        let most = self.holds.iter().map(|shot| percentile(&shot.von_mises_pa, 0.98)).fold(0.0, f64::max);
         let drawer = Drawer { place, pads, up, spacing: report.particle_spacing_m, report };
         let held: Vec<Particles> = self.holds.iter().map(|shot| drawer.particles(shot)).collect();
         let moving: Vec<Particles> = self.film.iter().map(|shot| drawer.particles(shot)).collect();
@@ -118,6 +119,13 @@ impl Clip {
         let name = film.path.display();
         Ok(format!("{} pictures in {}; {}; film {name}: {made}", held.len(), folder.display(), studio.legend()))
     }
+}
+
+/// The value that a share of the values does not exceed; 0 of none.
+fn percentile(values: &[f32], share: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f32::total_cmp);
+    sorted.get((share * sorted.len().saturating_sub(1) as f64) as usize).copied().map_or(0.0, f64::from)
 }
 
 /// Turns shots into particles of the world, the pads among them.
