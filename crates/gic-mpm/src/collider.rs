@@ -292,7 +292,8 @@ mod tests {
             if distance > 0.0 {
                 let landed = shape.signed_distance(p - normal * distance).0;
                 // Inside a pad only the depth below its face counts, also behind its sides.
-                prop_assert!(landed.abs() < 1e-9 || (landed < 0.0 && matches!(shape, Primitive::Pad { .. })));
+                let is_pad = matches!(shape, Primitive::Pad { .. });
+                prop_assert!(landed.abs() < 1e-9 || (landed < 0.0 && is_pad));
             }
         }
     }
