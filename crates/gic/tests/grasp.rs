@@ -2,10 +2,12 @@
 //!
 //! The longer ones: `cargo test --release -p gic --test grasp -- --include-ignored --nocapture`.
 
+#[path = "common/case.rs"]
+mod case;
 mod common;
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Output;
 
 use gic::events::Events;
@@ -13,8 +15,8 @@ use gic::grasp::{AxisChoice, Gripper, Report, Request, grasp};
 use gic::{Interrupt, matter};
 use glam::DVec3;
 use serde_json::{Value, json};
-use tempfile::TempDir;
 
+use case::Case;
 use common::gic;
 
 const YOUNG: f64 = 1e5;
@@ -36,25 +38,7 @@ fn block(size_m: [f64; 3]) -> Value {
     json!({"shape": "box", "size_m": size_m, "centre_m": [0.1, 0.2, 0.3]})
 }
 
-struct Case {
-    folder: TempDir,
-}
-
 impl Case {
-    fn new() -> Self {
-        Self { folder: tempfile::tempdir().unwrap() }
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    fn write(&self, twin: &Value) -> PathBuf {
-        let path = self.path("twin.json");
-        fs::write(&path, twin.to_string()).unwrap();
-        path
-    }
-
     /// Squeezes along x, without pictures.
     fn squeeze(&self, twin: &Value, widths_m: &[f64], gripper: Gripper) -> Report {
         let request = Request {

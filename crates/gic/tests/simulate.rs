@@ -1,15 +1,17 @@
 //! `gic simulate` from outside: what a user types, what appears, what a mistake says.
 
+#[path = "common/case.rs"]
+mod case;
 mod common;
 
 use std::fs;
 use std::hash::{Hash, Hasher};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output};
 
 use serde_json::{Value, json};
-use tempfile::TempDir;
 
+use case::Case;
 use common::gic;
 
 /// A twin of a small elastic box above a sticky floor, 4 frames.
@@ -25,28 +27,10 @@ fn box_twin() -> Value {
     })
 }
 
-struct Case {
-    folder: TempDir,
-}
-
 impl Case {
-    fn new() -> Self {
-        Self { folder: tempfile::tempdir().unwrap() }
-    }
-
-    fn path(&self, name: &str) -> PathBuf {
-        self.folder.path().join(name)
-    }
-
-    fn write(&self, twin: &Value) -> String {
-        let path = self.path("twin.json");
-        fs::write(&path, twin.to_string()).unwrap();
-        path.to_str().unwrap().to_owned()
-    }
-
     fn simulate(&self, twin: &Value, out: &str, more: &[&str]) -> Output {
         let (twin, out) = (self.write(twin), self.path(out));
-        gic(&[&["simulate", &twin, "-o", out.to_str().unwrap()], more].concat())
+        gic(&[&["simulate", twin.to_str().unwrap(), "-o", out.to_str().unwrap()], more].concat())
     }
 
     /// Runs a twin that must fail; its message.
@@ -205,7 +189,7 @@ fn ctrl_c_finishes_the_frame_and_says_how_to_go_on() {
     use std::process::Stdio;
     let case = Case::new();
     let (twin, out) = (case.write(&box_twin()), case.path("out"));
-    let args = ["simulate", &twin, "-o", out.to_str().unwrap(), "--frames", "100000"];
+    let args = ["simulate", twin.to_str().unwrap(), "-o", out.to_str().unwrap(), "--frames", "100000"];
     let mut child = Command::new(env!("CARGO_BIN_EXE_gic")).args(args).stderr(Stdio::piped()).spawn().unwrap();
     while !out.join("particles_0002.ply").exists() {
         assert!(child.try_wait().unwrap().is_none(), "the simulation ended by itself");

@@ -135,9 +135,14 @@ pub fn evaluate(run: &Path, truth: &Truth, events: &Events, interrupt: &Interrup
         }
         if let Some(particles) = particles {
             let drawn = pictures.as_ref().map(|pictures| pictures.frame(frame)).transpose()?.flatten();
-            let occupied = volume::occupied(&particles, truth.particle_spacing_m)?;
-            let share = *share.get_or_insert(truth.volume_m3.map(|at_rest| at_rest / occupied));
-            let volume = share.map(|share| share * occupied);
+            let volume = match (truth.volume_m3, filled) {
+                (Some(at_rest), Some(_)) => {
+                    let occupied = volume::occupied(&particles, truth.particle_spacing_m)?;
+                    Some(occupied * *share.get_or_insert(at_rest / occupied))
+                }
+                // Nothing is compared with it.
+                _ => None,
+            };
             let error = frame_error(run, (frame, filled), (&particles, volume), truth)?;
             frames.push(FrameError { observed: frame < fitted, pictures: drawn, ..error });
             events.step(STAGE, "", frame as u64 + 1, None, &[]);

@@ -91,9 +91,10 @@ pub fn render(request: &Request, events: &Events, interrupt: &Interrupt) -> Resu
     events.send(&Event::StageStarted { stage: STAGE.into(), reason: format!("{count} frames") });
     let meter = Meter::start();
     let draw = |index: usize| -> Result<Picture> {
-        let particles = motion.particles(index)?;
+        let later = if index > 0 { Some(motion.particles(index)?) } else { None };
+        let gaussians = paint.gaussians(later.as_ref().unwrap_or(&first));
         let camera = view.camera(index, count);
-        let rendered = gic_splat::render(&paint.gaussians(&particles), &camera, &paint.settings());
+        let rendered = gic_splat::render(&gaussians, &camera, &paint.settings());
         let mut picture = shade::compose(&rendered, &camera, &stage, paint.is_lit());
         if request.beside_video {
             picture = beside(&view.video(motion.trajectory.frames[index].time_s)?, &picture);

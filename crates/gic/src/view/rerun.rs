@@ -72,11 +72,12 @@ fn twin(stream: &RecordingStream, motion: &Motion, events: &Events, interrupt: &
     let stress = Scale::new(Coloring::Stress, &motion.trajectory);
     let looks = paint::looks(motion).ok();
     let count = motion.trajectory.frames.len();
+    let mut radius = None;
     for (index, frame) in motion.trajectory.frames.iter().enumerate() {
         check(interrupt)?;
         stream.set_duration_secs(TIME, frame.time_s);
         let particles = motion.particles(index)?;
-        let radius = 0.5 * particles.spacing() as f32;
+        let radius = *radius.get_or_insert_with(|| 0.5 * particles.spacing() as f32);
         let points = Points3D::new(particles.positions.iter().map(|p| p.as_vec3().to_array()))
             .with_colors(stress.colors(&particles).into_iter().map(bytes))
             .with_radii([radius]);
