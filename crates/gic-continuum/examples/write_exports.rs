@@ -36,5 +36,13 @@ fn ring() -> Result<Filling, Box<dyn Error>> {
         let distance = (p.x.hypot(p.z) - 0.09).hypot(p.y) - 0.04;
         field.values[i] = (0.5 - distance / 0.04).clamp(0.0, 1.0) as f32;
     }
-    Ok(Filling { field, th_min: 0.5, th_max: 0.8, gaussians_used: 0, gaussians_given: 0, views_used: 0 })
+    Ok(Filling {
+        field,
+        doubt: Vec::new(),
+        th_min: 0.5,
+        th_max: 0.8,
+        gaussians_used: 0,
+        gaussians_given: 0,
+        views_used: 0,
+    })
 }

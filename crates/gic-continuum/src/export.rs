@@ -78,19 +78,19 @@ pub fn write_mesh_ply(path: &Path, mesh: &TriangleMesh) -> Result<(), ExportErro
     })
 }
 
-/// Writes particles as binary PLY: x, y, z [m], density, volume [m^3], surface (0 or 1).
+/// Writes particles as binary PLY: x, y, z [m], density, volume [m^3], doubt (0 to 1), surface (0 or 1).
 pub fn write_particles_ply(path: &Path, particles: &Particles) -> Result<(), ExportError> {
     write_file(path, |out| {
         write!(
             out,
             "ply\nformat binary_little_endian 1.0\ncomment gic continuum, metres\nelement vertex {}\n\
              property float x\nproperty float y\nproperty float z\nproperty float density\nproperty float volume\n\
-             property uchar surface\nend_header\n",
+             property float doubt\nproperty uchar surface\nend_header\n",
             particles.positions.len()
         )?;
         for i in 0..particles.positions.len() {
             write_f32(out, &particles.positions[i].as_vec3().to_array())?;
-            write_f32(out, &[particles.densities[i], particles.volume as f32])?;
+            write_f32(out, &[particles.densities[i], particles.volume as f32, particles.doubts[i]])?;
             out.write_all(&[u8::from(particles.surface[i])])?;
         }
         Ok(())

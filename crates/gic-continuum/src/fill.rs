@@ -11,16 +11,16 @@
 //! 2. *Certainly empty is reassigned too.* Where a mask or several depth maps say empty, reassigning writes zero as well as
 //!    writing one inside. What is left to the interpolated and filtered field is what is in doubt: where only one depth map
 //!    sees past the surface, as it does through a gap between Gaussians.
-//! 3. *Undersides.* What no view sees is filled, but down to the middle between the smallest and the largest body that agree with
-//!    the views (see [`crate::Unseen`]).
+//! 3. *Undersides.* What no view sees is filled, but not down to the last ray that grazes the body: the boundary that no view sees is
+//!    smooth, and the body keeps its volume (see [`crate::Unseen`]).
 
 use gic_splat::{Gaussians, Shape};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::unseen::halve_unseen;
+use crate::unseen::place_unseen;
 use crate::view::Evidence;
-use crate::{ContinuumError, DensityField, FillSettings, MaskedView, Unseen};
+use crate::{ContinuumError, DensityField, FillSettings, MaskedView};
 
 /// Fewer Gaussians than this are no body.
 const MIN_GAUSSIANS: usize = 8;
@@ -40,6 +40,9 @@ const FLECK_LEVELS: usize = 4;
 pub struct Filling {
     /// F(t) at the finest level.
     pub field: DensityField,
+    /// How much the matter in each voxel of the field is in doubt, in [0, 1]: 1 at a boundary that no view sees, 0 well below it;
+    /// empty where nothing is.
+    pub doubt: Vec<f32>,
     /// The level of the body's boundary in the field, the paper's th_min.
     pub th_min: f64,
     /// Upper density of the surface, the paper's th_max.
@@ -97,15 +100,14 @@ pub fn fill(gaussians: &Gaussians, views: &[MaskedView], settings: &FillSettings
     let inset = settings.depth_inset * scale;
     let particles = internal_particles(&grid, &evidence, inset, settings);
     let mut field = coarse_to_fine(&particles, &usable, settings);
-    if settings.unseen == Unseen::Midway {
-        halve_unseen(&mut field, &evidence, inset, settings);
-    }
+    let doubt = place_unseen(&mut field, &evidence, inset, settings);
     smooth(&mut field);
     if !field.values.iter().any(|&v| f64::from(v) >= settings.th_min) {
         return Err(ContinuumError::Empty);
     }
     Ok(Filling {
         field,
+        doubt,
         th_min: settings.th_min,
         th_max: settings.th_max,
         gaussians_used: usable.positions.len(),

@@ -37,6 +37,8 @@ pub struct Particles {
     pub densities: Vec<f32>,
     /// Whether a particle is within about one spacing of the surface.
     pub surface: Vec<bool>,
+    /// How much each particle is in doubt, in [0, 1]: 1 at a boundary that no view sees, 0 well below it.
+    pub doubts: Vec<f32>,
     /// Distance between neighbours on the lattice [m].
     pub spacing: f64,
 }
@@ -81,17 +83,22 @@ pub fn sample_particles(filling: &Filling, spacing: f64, placement: Placement) -
     if placement == Placement::Layered {
         arrange_in_layers(filling, &mut inside, spacing);
     }
-    let inside: Vec<(DVec3, f32, bool)> =
-        inside.into_par_iter().map(|p| (p, field.sample(p) as f32, near_surface(filling, p, spacing))).collect();
+    let doubt = |p| field.discretize(p).and_then(|i| filling.doubt.get(i)).map_or(0.0, |d| *d);
+    let inside: Vec<(DVec3, f32, bool, f32)> = inside
+        .into_par_iter()
+        .map(|p| (p, field.sample(p) as f32, near_surface(filling, p, spacing), doubt(p)))
+        .collect();
     if inside.is_empty() {
         return Err(ContinuumError::Empty);
     }
     let volume = filling.volume() / inside.len() as f64;
-    let mut particles = Particles { positions: vec![], volume, densities: vec![], surface: vec![], spacing };
-    for (position, density, surface) in inside {
+    let mut particles =
+        Particles { positions: vec![], volume, densities: vec![], surface: vec![], doubts: vec![], spacing };
+    for (position, density, surface, doubt) in inside {
         particles.positions.push(position);
         particles.densities.push(density.min(1.0));
         particles.surface.push(surface);
+        particles.doubts.push(doubt);
     }
     Ok(particles)
 }

@@ -20,14 +20,14 @@ impl GroundPlane {
     }
 }
 
-/// What to do where the body's boundary is one that no view sees (undersides): between the largest body that agrees with all
-/// views and the smallest one.
+/// What to do where the body's boundary is one that no view sees (undersides).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Unseen {
-    /// A surface between the smallest and the largest body (see [`FillSettings::unseen_share`]).
+    /// A smooth surface inside the largest body that agrees with all views, at which the body keeps its volume (see
+    /// [`FillSettings::volume`] and [`FillSettings::unseen_lift`]).
     #[default]
     Midway,
-    /// The largest body, as in the paper.
+    /// The boundary of the largest body that agrees with all views, as in the paper.
     Fill,
 }
 
@@ -57,10 +57,11 @@ pub struct FillSettings {
     pub filter_rounds: usize,
     /// What to do where no view sees the boundary.
     pub unseen: Unseen,
-    /// Where [`Unseen::Midway`] puts the boundary between the smallest (0) and the largest body (1). A quarter of the way leaves the
-    /// centre of mass nearest to the truth, but cuts off the tips that touch the ground first (by 7 and 13 mm on two scenes); half-way,
-    /// identification is unbiased.
-    pub unseen_share: f64,
+    /// How far above the smoothest surface [`Unseen::Midway`] expects undersides [m]: notches that no camera sees into make them
+    /// higher, round bellies lower.
+    pub unseen_lift: f64,
+    /// Volume that the body is known to have [m^3], for example from frames in which more of it was seen.
+    pub volume: Option<f64>,
     /// A plane below which there is nothing, if known.
     pub ground: Option<GroundPlane>,
 }
@@ -79,7 +80,8 @@ impl FillSettings {
             depth_votes: 3,
             filter_rounds: 2,
             unseen: Unseen::Midway,
-            unseen_share: 0.5,
+            unseen_lift: size / 160.0,
+            volume: None,
             ground: None,
         }
     }

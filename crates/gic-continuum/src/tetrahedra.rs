@@ -281,7 +281,15 @@ mod tests {
         for i in 0..field.len() {
             field.values[i] = (0.5 - distance(field.centre(field.voxel(i))) / (4.0 * spacing)).clamp(0.0, 1.0) as f32;
         }
-        Filling { field, th_min: 0.5, th_max: 0.8, gaussians_used: 0, gaussians_given: 0, views_used: 0 }
+        Filling {
+            field,
+            doubt: Vec::new(),
+            th_min: 0.5,
+            th_max: 0.8,
+            gaussians_used: 0,
+            gaussians_given: 0,
+            views_used: 0,
+        }
     }
 
     #[test]

@@ -1,20 +1,42 @@
 //! Undersides: the boundary of the body where no view sees it.
 //!
-//! The largest body that agrees with all views hangs down in wedges below every part whose underside no camera sees. The smallest
-//! one is what the seen boundary encloses: a point belongs to it if some straight line through the point leaves the largest body
-//! at both ends through boundary that is seen. The truth lies between, at the smallest body for flat undersides and further out for
-//! round ones; [`FillSettings::unseen_share`] says where.
+//! The largest body that agrees with all views hangs down in wedges below every part whose underside no camera sees. It is bounded by
+//! rays that graze the body along the rim of what is seen, so the rim is true and what spans it is not. Three steps find a better
+//! span:
+//!
+//! 1. The boundary that no view sees is relaxed towards the smallest surface that spans the rim, inside the largest body, by
+//!    filtering and sharpening in turn (motion by mean curvature: Merriman, Bence & Osher 1992). What is seen stays.
+//! 2. The whole unseen boundary is moved along its normal. By how much is a compromise of two priors: the body keeps the volume it is
+//!    known to have ([`FillSettings::volume`]), and undersides lie [`FillSettings::unseen_lift`] above the relaxed surface.
+//! 3. What lies close to where the boundary ends up is in doubt ([`crate::Filling::doubt`]).
+
+use rayon::prelude::*;
 
 use crate::view::Evidence;
-use crate::{DensityField, FillSettings};
+use crate::{DensityField, FillSettings, Unseen};
 
 /// Boundary within so many voxels of a rendered surface counts as seen.
 const SEEN_WITHIN: f64 = 1.5;
 /// ... from a camera that it faces: cosine between its normal and the direction to the camera. The sides of a wedge that hangs below
 /// an unseen part are what rays along silhouettes leave behind, so that no camera looks at them from the front.
 const FACING: f64 = 0.25;
-/// If the seen boundary encloses less than this share of the body, too little is seen to say anything.
-const MIN_ENCLOSED: f64 = 0.5;
+/// If less than this share of the boundary is seen, too little is known to say anything about the rest.
+const MIN_SEEN: f64 = 0.3;
+/// Rounds of filtering and sharpening; each moves the boundary by 0.67 voxels^2 times its curvature.
+const ROUNDS: usize = 30;
+/// Mean filters a round, and the slope of the sharpening at one half.
+const FILTERS: usize = 2;
+/// See [`FILTERS`].
+const SHARPNESS: f32 = 3.0;
+/// Standard deviation of the change of a body's volume over a video, as a share: soft bodies are squeezed when they land.
+const VOLUME_SPREAD: f64 = 0.02;
+/// Standard deviation of how far the unseen boundary is from where it is expected, and how far it is moved at most, both over the
+/// voxels of the first level (a tenth of the object's size).
+const BOUNDARY_SPREAD: f64 = 0.25;
+/// See [`BOUNDARY_SPREAD`].
+const MAX_MOVE: f64 = 0.5;
+/// Levels that are tried, per voxel.
+const LEVELS_PER_VOXEL: f64 = 8.0;
 
 /// Half of the neighbours of a voxel: one of each pair of opposite directions.
 const DIRECTIONS: [[i64; 3]; 13] = [
@@ -33,52 +55,61 @@ const DIRECTIONS: [[i64; 3]; 13] = [
     [-1, 1, 1],
 ];
 
-/// Lowers the density beyond a surface between the smallest and the largest body; linear in the number of voxels.
-pub(crate) fn halve_unseen(field: &mut DensityField, views: &[Evidence], inset: f64, settings: &FillSettings) {
+/// Puts the unseen boundary of the largest body where it is most likely. Returns how much each voxel's matter is in doubt: 1 at and
+/// beyond the unseen boundary, falling linearly to 0 at [`MAX_MOVE`] below it. Linear in the number of voxels.
+pub(crate) fn place_unseen(
+    field: &mut DensityField,
+    views: &[Evidence],
+    inset: f64,
+    settings: &FillSettings,
+) -> Vec<f32> {
     let body: Vec<bool> = field.values.iter().map(|&v| f64::from(v) >= settings.th_min).collect();
-    let seen = seen_boundary(field, &body, views, inset, settings);
-    let enclosed = enclosed_by_seen(field, &body, &seen);
-    let count = |flags: &[bool]| flags.iter().filter(|&&f| f).count() as f64;
-    if count(&enclosed) < MIN_ENCLOSED * count(&body) {
-        return;
+    let (seen, share) = seen_boundary(field, &body, views, inset, settings);
+    if share < MIN_SEEN {
+        return Vec::new();
     }
-    // Distances in voxels, from voxel centre to voxel centre: half a voxel nearer to the boundary between.
-    let to_enclosed = distances(field, &enclosed, &body);
-    let outside: Vec<bool> = body.iter().map(|&b| !b).collect();
-    let to_outside = distances(field, &outside, &vec![true; body.len()]);
-    for i in 0..body.len() {
-        if body[i] && !enclosed[i] {
-            let share = settings.unseen_share as f32;
-            field.values[i] *= (0.5 + share * to_outside[i] - (1.0 - share) * to_enclosed[i]).clamp(0.0, 1.0);
-        }
+    let reach = (MAX_MOVE * settings.grid_spacing / field.spacing) as f32;
+    let depths = depths_below_unseen(field, &body, &seen, reach);
+    let level = match settings.unseen {
+        Unseen::Midway => likeliest_level(field, &depths, settings),
+        Unseen::Fill => depths.iter().copied().fold(0.0, f32::min) - 0.5,
+    };
+    for (value, depth) in field.values.iter_mut().zip(&depths) {
+        *value *= (0.5 + depth - level).clamp(0.0, 1.0);
     }
+    let doubt =
+        |(&depth, &body): (&f32, &bool)| if body { (1.0 - (depth - level) / reach).clamp(0.0, 1.0) } else { 0.0 };
+    depths.iter().zip(&body).map(doubt).collect()
 }
 
-/// Voxels of the body that touch its outside where some view renders a surface, or where the ground is.
+/// Voxels of the body that touch its outside where some view renders a surface, and their share of all that touch it.
 fn seen_boundary(
     field: &DensityField,
     body: &[bool],
     views: &[Evidence],
     inset: f64,
     settings: &FillSettings,
-) -> Vec<bool> {
-    use rayon::prelude::*;
+) -> (Vec<bool>, f64) {
     let near = SEEN_WITHIN * field.spacing;
-    (0..body.len())
+    let on_ground = |point| settings.ground.is_some_and(|g| g.height(point) < near);
+    let (seen, known): (Vec<bool>, Vec<Option<bool>>) = (0..body.len())
         .into_par_iter()
         .map(|i| {
             if !body[i] || !touches_outside(field, body, i) {
-                return false;
+                return (false, None);
             }
             let point = field.centre(field.voxel(i));
             let normal = -field.gradient(point).normalize_or_zero();
-            settings.ground.is_some_and(|g| g.height(point) < near)
-                || views.iter().any(|v| {
-                    normal.dot(v.direction_from(point)) > FACING
-                        && v.look(point).is_some_and(|s| (f64::from(s.behind) + inset).abs() < near)
-                })
+            let seen = views.iter().any(|v| {
+                normal.dot(v.direction_from(point)) > FACING
+                    && v.look(point).is_some_and(|s| (f64::from(s.behind) + inset).abs() < near)
+            });
+            (seen, Some(seen || on_ground(point)))
         })
-        .collect()
+        .unzip();
+    let boundary = known.iter().flatten().count();
+    let share = known.iter().flatten().filter(|&&k| k).count() as f64 / boundary.max(1) as f64;
+    (seen, share)
 }
 
 fn touches_outside(field: &DensityField, body: &[bool], index: usize) -> bool {
@@ -101,33 +132,84 @@ fn step(field: &DensityField, index: usize, direction: [i64; 3]) -> Option<usize
     Some(field.index(to[0], to[1], to[2]))
 }
 
-/// Voxels of the body through which some line of [`DIRECTIONS`] leaves the body at both ends through seen boundary.
-fn enclosed_by_seen(field: &DensityField, body: &[bool], seen: &[bool]) -> Vec<bool> {
-    let mut enclosed = vec![false; body.len()];
-    let mut run = Vec::new();
-    for direction in DIRECTIONS {
-        for start in 0..body.len() {
-            if step(field, start, direction.map(|c| -c)).is_some() {
-                continue;
-            }
-            let mut next = Some(start);
-            while let Some(i) = next {
-                if body[i] {
-                    run.push(i);
-                }
-                next = step(field, i, direction);
-                if !run.is_empty() && (!body[i] || next.is_none()) {
-                    if seen[run[0]] && seen[run[run.len() - 1]] {
-                        for &i in &run {
-                            enclosed[i] = true;
-                        }
-                    }
-                    run.clear();
-                }
-            }
+/// Depth of every voxel of the body below the relaxed unseen boundary [voxels], negative beyond it but not below `-reach`; infinite
+/// outside the body.
+fn depths_below_unseen(field: &DensityField, body: &[bool], seen: &[bool], reach: f32) -> Vec<f32> {
+    let fixed = shell(field, body, seen);
+    let relaxed = relax(field, body, &fixed);
+    let unseen: Vec<bool> = (0..body.len())
+        .into_par_iter()
+        .map(|i| relaxed[i] && !fixed[i] && touches_outside(field, &relaxed, i))
+        .collect();
+    // Distances run between the centres of voxels: the boundary is half a voxel from both.
+    let inside = distances(field, &unseen, &relaxed);
+    let beyond = distances(field, &relaxed, body);
+    (0..body.len())
+        .map(|i| match (relaxed[i], body[i]) {
+            (true, _) => inside[i] + 0.5,
+            (false, true) => (0.5 - beyond[i]).max(-reach),
+            (false, false) => f32::INFINITY,
+        })
+        .collect()
+}
+
+/// What is seen, and the matter directly behind it: the voxels of the body that touch it.
+fn shell(field: &DensityField, body: &[bool], seen: &[bool]) -> Vec<bool> {
+    let near = |i: usize| {
+        DIRECTIONS[..3]
+            .iter()
+            .any(|&d| [1, -1].iter().any(|s| step(field, i, d.map(|c| s * c)).is_some_and(|j| seen[j])))
+    };
+    (0..body.len()).into_par_iter().map(|i| body[i] && (seen[i] || near(i))).collect()
+}
+
+/// The body with its boundary relaxed where it is not fixed.
+fn relax(field: &DensityField, body: &[bool], fixed: &[bool]) -> Vec<bool> {
+    let values = body.iter().map(|&b| f32::from(u8::from(b))).collect();
+    let mut relaxed = DensityField { values, ..*field };
+    for _ in 0..ROUNDS {
+        for _ in 0..FILTERS {
+            relaxed.mean_filter(1.0 / 3.0);
         }
+        relaxed.values.par_iter_mut().enumerate().for_each(|(i, value)| {
+            *value = match (body[i], fixed[i]) {
+                (_, true) => 1.0,
+                (false, _) => 0.0,
+                _ => (0.5 + SHARPNESS * (*value - 0.5)).clamp(0.0, 1.0),
+            }
+        });
     }
-    enclosed
+    relaxed.values.iter().map(|&v| v >= 0.5).collect()
+}
+
+/// The depth [voxels] at which the unseen boundary is most likely: the sum of the squared deviations of the volume and of the
+/// boundary, each over its spread, is least.
+fn likeliest_level(field: &DensityField, depths: &[f32], settings: &FillSettings) -> f32 {
+    let per_voxel = 1.0 / field.spacing;
+    let expected = settings.unseen_lift * per_voxel;
+    let Some(known) = settings.volume else { return expected as f32 };
+    let spread = BOUNDARY_SPREAD * settings.grid_spacing * per_voxel;
+    let most = MAX_MOVE * settings.grid_spacing * per_voxel;
+    let least = f64::from(depths.iter().copied().fold(0.0, f32::min));
+    // Only these voxels change with the level.
+    let near: Vec<(f32, f32)> = field
+        .values
+        .iter()
+        .zip(depths)
+        .filter(|(_, depth)| f64::from(**depth) < most + 0.5)
+        .map(|(&value, &depth)| (value, depth))
+        .collect();
+    let all = field.volume(settings.th_min);
+    let voxel = field.spacing.powi(3);
+    let cost = |level: f64| {
+        let cut = |&(value, depth): &(f32, f32)| value * (0.5 - depth + level as f32).clamp(0.0, 1.0);
+        let volume = all - voxel * f64::from(near.iter().map(cut).sum::<f32>());
+        let deviations = [(volume / known - 1.0) / VOLUME_SPREAD, (level - expected) / spread];
+        deviations.iter().map(|d| d * d).sum::<f64>()
+    };
+    let levels = (0..).map(|i| least + f64::from(i) / LEVELS_PER_VOXEL).take_while(|level| *level <= most);
+    let best = levels.map(|level| (level, cost(level))).min_by(|a, b| a.1.total_cmp(&b.1));
+    best.map_or(expected, |(level, _)| level) as f32
 }
 
 /// Distance [voxels] of every voxel to the nearest of `targets` on paths inside `within`, by two sweeps of the 26-neighbour

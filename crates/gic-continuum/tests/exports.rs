@@ -16,7 +16,7 @@ fn filling() -> Filling {
         let distance = 0.1 * ((p / DVec3::new(0.15, 0.11, 0.08)).length() - 1.0);
         field.values[i] = (0.5 - distance / 0.06).clamp(0.0, 1.0) as f32;
     }
-    Filling { field, th_min: 0.5, th_max: 0.8, gaussians_used: 0, gaussians_given: 0, views_used: 0 }
+    Filling { field, doubt: Vec::new(), th_min: 0.5, th_max: 0.8, gaussians_used: 0, gaussians_given: 0, views_used: 0 }
 }
 
 /// A folder of this test's own, removed with it.
@@ -163,13 +163,14 @@ fn particles_ply_is_read_back() {
     let (header, start) = ply_header(&bytes);
     let n = particles.positions.len();
     assert!(header.contains(&format!("element vertex {n}").as_str()));
-    assert_eq!(bytes.len(), start + 21 * n);
+    assert_eq!(bytes.len(), start + 25 * n);
     for i in 0..n {
-        let at = start + 21 * i;
+        let at = start + 25 * i;
         assert!((point(&bytes, at) - particles.positions[i]).length() < 1e-7);
         assert_eq!(float(&bytes, at + 12), f64::from(particles.densities[i]));
         assert_eq!(float(&bytes, at + 16), f64::from(particles.volume as f32));
-        assert_eq!(bytes[at + 20], u8::from(particles.surface[i]));
+        assert_eq!(float(&bytes, at + 20), f64::from(particles.doubts[i]));
+        assert_eq!(bytes[at + 24], u8::from(particles.surface[i]));
     }
     assert!(particles.surface.iter().any(|&s| s) && particles.surface.iter().any(|&s| !s));
 }

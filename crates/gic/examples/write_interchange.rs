@@ -72,5 +72,13 @@ fn filling() -> Result<Filling, Box<dyn Error>> {
         let distance = beyond.max(DVec3::ZERO).length() + beyond.max_element().min(0.0);
         field.values[i] = (0.5 - distance / 0.005).clamp(0.0, 1.0) as f32;
     }
-    Ok(Filling { field, th_min: 0.5, th_max: 0.8, gaussians_used: 0, gaussians_given: 0, views_used: 0 })
+    Ok(Filling {
+        field,
+        doubt: Vec::new(),
+        th_min: 0.5,
+        th_max: 0.8,
+        gaussians_used: 0,
+        gaussians_given: 0,
+        views_used: 0,
+    })
 }

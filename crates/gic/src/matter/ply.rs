@@ -19,6 +19,8 @@ pub struct PlyParticles {
     pub densities: Vec<f32>,
     /// The property `surface`, shape [n]; NaN where the file has none.
     pub surface: Vec<f32>,
+    /// The property `doubt`, shape [n]; NaN where the file has none.
+    pub doubts: Vec<f32>,
     /// The properties `vx`, `vy`, `vz` [m/s], shape [n]; NaN where the file has none.
     pub velocities: Vec<DVec3>,
     /// The property `von_mises_pa`, shape [n]; NaN where the file has none.
@@ -38,6 +40,7 @@ struct Row {
     position: DVec3,
     density: f32,
     surface: f32,
+    doubt: f32,
     velocity: DVec3,
     von_mises_pa: f32,
     corners: Vec<u32>,
@@ -49,6 +52,7 @@ impl PropertyAccess for Row {
             position: DVec3::NAN,
             density: f32::NAN,
             surface: f32::NAN,
+            doubt: f32::NAN,
             velocity: DVec3::NAN,
             von_mises_pa: f32::NAN,
             corners: Vec::new(),
@@ -69,6 +73,7 @@ impl PropertyAccess for Row {
             "vz" => self.velocity.z = number(&property),
             "density" => self.density = number(&property) as f32,
             "surface" => self.surface = number(&property) as f32,
+            "doubt" => self.doubt = number(&property) as f32,
             "von_mises_pa" => self.von_mises_pa = number(&property) as f32,
             "vertex_indices" | "vertex_index" => {
                 // A negative index stays an empty face, which the mesh check then refuses.
@@ -124,9 +129,10 @@ pub fn read_ply(path: &Path) -> Result<PlyContent> {
     if faces.is_empty() {
         let densities = rows.iter().map(|row| row.density).collect();
         let surface = rows.iter().map(|row| row.surface).collect();
+        let doubts = rows.iter().map(|row| row.doubt).collect();
         let velocities = rows.iter().map(|row| row.velocity).collect();
         let von_mises_pa = rows.iter().map(|row| row.von_mises_pa).collect();
-        let particles = PlyParticles { positions, densities, surface, velocities, von_mises_pa };
+        let particles = PlyParticles { positions, densities, surface, doubts, velocities, von_mises_pa };
         return Ok(PlyContent::Particles(particles));
     }
     let polygons = faces.into_iter().map(|row| row.corners);

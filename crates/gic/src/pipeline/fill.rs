@@ -96,7 +96,7 @@ impl Run<'_> {
     pub(super) fn fill(&self) -> Result<()> {
         let source = self.source()?;
         let size = object_size(&source)?;
-        let settings = self.fill_settings(size);
+        let mut settings = self.fill_settings(size);
         let mut spacing = self.config.fill.particle_spacing_m;
         for folder in ["surface", "filling"] {
             atomic::create_folder(&self.path(folder))?;
@@ -130,6 +130,8 @@ impl Run<'_> {
             let values = [("volume_m3", filling.volume()), ("surface_points", surface_points as f64)];
             self.events.step(Stage::Fill.name(), "", frame as u64 + 1, Some(count as u64), &values);
             if frame == 0 {
+                // More is seen of a body in the air than of one on the ground.
+                settings.volume = Some(filling.volume());
                 let appearance = calibrate(&particles, &views, OPACITY).map_err(failed(frame))?;
                 first = Some((particles, appearance, drawn, ious));
             }
@@ -236,6 +238,8 @@ impl Run<'_> {
             volume: summary.particle_volume_m3,
             densities: ply.densities,
             surface: ply.surface.iter().map(|s| *s > 0.5).collect(),
+            // Older runs do not say.
+            doubts: ply.doubts.iter().map(|d| if d.is_nan() { 0.0 } else { *d }).collect(),
             spacing: summary.particle_spacing_m,
         };
         let appearance = Appearance { scale: summary.splat_scale, opacity: summary.splat_opacity };
@@ -282,9 +286,9 @@ where
 pub(super) fn write_body(path: &Path, particles: &Particles) -> Result<()> {
     let rows = (0..particles.positions.len()).map(|i| {
         let [x, y, z] = particles.positions[i].as_vec3().to_array();
-        [x, y, z, particles.densities[i], f32::from(particles.surface[i])]
+        [x, y, z, particles.densities[i], f32::from(particles.surface[i]), particles.doubts[i]]
     });
-    write_particles(path, ["x", "y", "z", "density", "surface"], rows)
+    write_particles(path, ["x", "y", "z", "density", "surface", "doubt"], rows)
 }
 
 /// Overlaps of the views that have a mask.
