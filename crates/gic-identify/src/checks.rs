@@ -56,6 +56,35 @@ pub(crate) fn wrong_cameras(input: &Input, target: Target, warnings: &mut Vec<St
     wrong.into_iter().map(|(camera, _)| camera).collect()
 }
 
+/// Warns where the object reaches the border of pictures: what lies outside of them is unknown, not empty, and is not compared.
+pub(crate) fn cut_views(input: &Input, target: Target, warnings: &mut Vec<String>) {
+    if !target.masks() {
+        return;
+    }
+    let cut: Vec<(usize, usize)> = (input.observations.iter().enumerate())
+        .flat_map(|(frame, observation)| observation.views.iter().map(move |view| (frame, view)))
+        .filter(|(_, view)| at_border(&view.mask, input.cameras[view.camera].width))
+        .map(|(frame, view)| (frame, view.camera))
+        .collect();
+    let Some((first, _)) = cut.first() else { return };
+    let cameras: std::collections::BTreeSet<String> = cut.iter().map(|(_, camera)| camera.to_string()).collect();
+    warnings.push(format!(
+        "the object leaves the picture from frame {first} on ({} pictures, cameras {}): what lies outside is not compared",
+        cut.len(),
+        cameras.into_iter().collect::<Vec<_>>().join(", ")
+    ));
+}
+
+/// Whether a pixel at the border is at least half covered.
+fn at_border(mask: &[f32], width: usize) -> bool {
+    let height = mask.len() / width.max(1);
+    let border = |i: usize| {
+        let (x, y) = (i % width, i / width);
+        x == 0 || y == 0 || x + 1 == width || y + 1 == height
+    };
+    mask.iter().enumerate().any(|(i, m)| *m >= 0.5 && border(i))
+}
+
 /// Warns where the frames after contact are explained much worse than those before: the material or an obstacle is another.
 pub(crate) fn explained(job: &Job, launched: &Launch, motion: &Motion) {
     let misfit: Vec<(f64, f64)> = job
@@ -88,5 +117,96 @@ pub(crate) fn explained(job: &Job, launched: &Launch, motion: &Motion) {
             1e3 * after.0,
             1e3 * before.0
         ));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Observation, View};
+    use gic_scene::Camera;
+    use glam::{DMat3, DVec2, DVec3};
+
+    const SIZE: usize = 40;
+
+    /// A cube of particles in front of five equal cameras a little to the side of each other, with the masks that it draws.
+    fn cube() -> Input {
+        let grid = |i: usize, step: usize| (i / step % 8) as f64 - 3.5;
+        let positions: Vec<DVec3> =
+            (0..512).map(|i| DVec3::new(grid(i, 1), grid(i, 8), grid(i, 64)) * 0.02 + DVec3::Z).collect();
+        let cameras: Vec<Camera> = (0..5)
+            .map(|k| Camera {
+                width: SIZE,
+                height: SIZE,
+                focal: DVec2::splat(100.0),
+                principal: DVec2::splat(0.5 * SIZE as f64),
+                rotation: DMat3::IDENTITY,
+                centre: DVec3::new(0.02 * f64::from(k), 0.0, 0.0),
+            })
+            .collect();
+        let n = positions.len();
+        let mut input = Input {
+            positions,
+            particle_volume_m3: 0.02f64.powi(3),
+            opacities: vec![0.95; n],
+            scales: vec![0.01; n],
+            on_surface: vec![false; n],
+            cameras,
+            observations: Vec::new(),
+            frame_rate_hz: 24.0,
+            gravity_m_s2: DVec3::ZERO,
+            colliders: Vec::new(),
+            density_kg_m3: 1000.0,
+            grid_spacing_m: 0.04,
+            substeps_per_frame: 10,
+        };
+        let frame = |time_s: f64| Observation { time_s, surface: Vec::new(), views: masks(&input) };
+        input.observations = vec![frame(0.0), frame(1.0 / 24.0)];
+        input
+    }
+
+    fn masks(input: &Input) -> Vec<View> {
+        let positions: Vec<[f32; 3]> = input.positions.iter().map(|p| p.as_vec3().to_array()).collect();
+        let splats = Splats { opacities: &input.opacities, scales: &input.scales, factor: 1.0 };
+        let draw = |camera: &Camera| alpha(&positions, splats, camera).iter().map(|a| a.clamp(0.0, 1.0)).collect();
+        input.cameras.iter().enumerate().map(|(camera, c)| View { camera, mask: draw(c) }).collect()
+    }
+
+    fn warned(input: &Input, check: impl Fn(&Input, &mut Vec<String>)) -> Vec<String> {
+        let mut warnings = Vec::new();
+        check(input, &mut warnings);
+        warnings
+    }
+
+    #[test]
+    fn the_mask_of_another_object_is_ignored_and_named() {
+        let mut input = cube();
+        let check = |input: &Input, warnings: &mut Vec<String>| {
+            let excluded = wrong_cameras(input, Target::Both, warnings);
+            assert_eq!(excluded.is_empty(), warnings.is_empty());
+        };
+        assert_eq!(warned(&input, check), Vec::<String>::new());
+        let other = &mut input.observations[0].views[3].mask;
+        other.iter_mut().enumerate().for_each(|(i, m)| *m = f32::from(i / SIZE < 12 && i % SIZE < 12));
+        assert_eq!(wrong_cameras(&input, Target::Both, &mut Vec::new()), [3]);
+        let said = warned(&input, check);
+        assert!(said.len() == 1 && said[0].contains("camera 3 is ignored"), "{said:?}");
+        // One wrong camera is an outlier; where most are wrong nothing says which.
+        for view in &mut input.observations[0].views {
+            view.mask.fill(0.0);
+        }
+        let mut warnings = Vec::new();
+        assert!(wrong_cameras(&input, Target::Both, &mut warnings).is_empty());
+        assert!(warnings[0].contains("check the reconstruction"), "{warnings:?}");
+    }
+
+    #[test]
+    fn an_object_that_leaves_the_picture_is_said_to() {
+        let mut input = cube();
+        let check = |input: &Input, warnings: &mut Vec<String>| cut_views(input, Target::Both, warnings);
+        assert_eq!(warned(&input, check), Vec::<String>::new());
+        input.observations[1].views[2].mask[5 * SIZE] = 0.9;
+        let said = warned(&input, check);
+        assert!(said[0].contains("from frame 1 on (1 pictures, cameras 2)"), "{said:?}");
     }
 }

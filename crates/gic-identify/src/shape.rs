@@ -3,10 +3,11 @@
 //! A surface that no camera sees (an underside) is known to half a particle spacing only, and it is what meets the ground first; the rest is known
 //! to a few millimetres, and may be too far in or out as a whole. The error of the surface along its normal is modelled as a Gaussian
 //! process whose standard deviation depends on whether the place is seen, correlated over a few particle spacings and among places that face
-//! the same way. Of its many directions those count that change what the motion depends on: volume, centre and second moments of the mass, and
-//! where the lowest parts are. For functionals l_i of the surface and the covariance K, the fields K l_i span all of the prior's variation of
-//! the functionals. An orthonormal basis of them becomes unknowns of the joint stage beside the material, with unit variances: what the
-//! pictures say about the shape is then used, and what they leave open widens the intervals.
+//! the same way. Of its many directions those count that change what the motion depends on: volume, centre and second moments of the mass,
+//! where the lowest parts are, and how far what no camera sees is filled (a notch that is filled at the root of an arm makes it much
+//! stiffer). For functionals l_i of the surface and the covariance K, the fields K l_i span all of the prior's variation of the functionals.
+//! An orthonormal basis of them becomes unknowns of the joint stage beside the material, with unit variances: what the pictures say about
+//! the shape is then used, and what they leave open widens the intervals.
 
 use glam::DVec3;
 use nalgebra::DMatrix;
@@ -60,6 +61,7 @@ pub(crate) struct ShapeModes {
 struct Anchor {
     position: DVec3,
     normal: DVec3,
+    seen: bool,
     deviation: f64,
 }
 
@@ -169,7 +171,7 @@ fn anchors(input: &Input, normals: &[Option<DVec3>], spacing: f64) -> Vec<Anchor
     };
     places
         .into_iter()
-        .map(|(position, normal, seen)| Anchor { position, normal, deviation: deviation(position, seen) })
+        .map(|(position, normal, seen)| Anchor { position, normal, seen, deviation: deviation(position, seen) })
         .collect()
 }
 
@@ -234,7 +236,8 @@ fn functionals(anchors: &[Anchor], spacing: f64, up: DVec3) -> DMatrix<f64> {
             let (tip, foot) = ((-height / (TIP * spacing)).exp(), (-height / (FOOT * spacing)).exp());
             let moments = [d.x * d.x, d.y * d.y, d.z * d.z, d.x * d.y, d.y * d.z, d.x * d.z];
             let contact = [tip, foot, foot * d.dot(east), foot * d.dot(north)];
-            [1.0, d.x, d.y, d.z].into_iter().chain(moments).chain(contact).collect()
+            let unseen = f64::from(u8::from(!anchor.seen));
+            [1.0, d.x, d.y, d.z].into_iter().chain(moments).chain(contact).chain([unseen]).collect()
         })
         .collect();
     DMatrix::from_fn(n, rows[0].len(), |i, k| rows[i][k])

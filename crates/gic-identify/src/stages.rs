@@ -233,6 +233,7 @@ pub fn identify(
         warnings.push("two frames only: the material can hardly show; expect wide intervals".to_owned());
     }
     let excluded = checks::wrong_cameras(&input, settings.target, &mut warnings);
+    checks::cut_views(&input, settings.target, &mut warnings);
     let data = Data::new(&input, settings.target, &excluded);
     let context = Context::new(&input, data.moments[0].surface.as_ref());
     let dilution = Dilution::new(&input.positions, &input.scales, input.particle_volume_m3.cbrt());

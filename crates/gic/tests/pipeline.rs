@@ -4,8 +4,11 @@ mod common;
 
 use std::fs;
 use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::Duration;
 
 use common::gic;
+use serde_json::Value;
 
 fn demo() -> String {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/demo").to_str().unwrap().to_owned()
@@ -178,4 +181,48 @@ fn a_run_goes_from_video_to_report_and_reruns_only_what_changed() {
     let truth = Path::new(&demo()).join("gt");
     let table = gic(&["eval", run.to_str().unwrap(), "--truth", truth.to_str().unwrap()]);
     assert!(text(&table.stdout).contains("youngs_modulus_pa"), "{table:?}");
+}
+
+/// Killed, without a chance to tidy up, at several moments of its work, and started again each time. Minutes, so run it with
+/// `cargo test -p gic --test pipeline -- --ignored`.
+#[test]
+#[ignore = "takes minutes"]
+fn an_identification_killed_at_any_moment_ends_at_the_same_twin() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    let path = run.to_str().unwrap();
+    let output = gic(&["reconstruct", &demo(), "-o", path, "--steps", "400"]);
+    assert!(output.status.success(), "{output:?}");
+    assert!(gic(&["fill", path]).status.success());
+    let identify = ["identify", path, "--material", "elastic"];
+    let killed = |after: Duration| {
+        let mut child = Command::new(env!("CARGO_BIN_EXE_gic")).args(identify).stderr(Stdio::null()).spawn().unwrap();
+        std::thread::sleep(after);
+        let early = child.try_wait().unwrap().is_none();
+        child.kill().unwrap();
+        child.wait().unwrap();
+        early
+    };
+    let mut kills = 0;
+    // Each life is longer than the one before, so that every stage is hit and one gets to the end.
+    for life in 1..40 {
+        if !killed(Duration::from_secs(4 * life)) {
+            break;
+        }
+        kills += 1;
+        assert!(!run.join("twin.json").exists(), "a twin of a run that was killed");
+    }
+    assert!(kills >= 3, "killed {kills} times only");
+    let of = |file: &str| -> Value { serde_json::from_slice(&fs::read(run.join(file)).unwrap()).unwrap() };
+    let result = || {
+        let (mut twin, record) = (of("twin.json"), of("identify.json"));
+        twin.as_object_mut().unwrap().remove("seconds");
+        (twin, record["estimates"].clone(), fs::read(run.join("twin.ply")).unwrap())
+    };
+    let pieces = result();
+    for file in ["stamps/identify.json", "stamps/identify.begun.json", "identify.json", "twin.json"] {
+        fs::remove_file(run.join(file)).unwrap();
+    }
+    assert!(gic(&identify).status.success());
+    assert!(pieces == result(), "{:?}\n{:?}", pieces.0, result().0);
 }
