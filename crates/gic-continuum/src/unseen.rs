@@ -75,14 +75,15 @@ pub(crate) fn place_unseen(
         Unseen::Fill => depths.iter().copied().fold(0.0, f32::min) - 0.5,
     };
     for (value, depth) in field.values.iter_mut().zip(&depths) {
-        *value *= (0.5 + depth - level).clamp(0.0, 1.0);
+        *value = value.min((0.5 + depth - level).clamp(0.0, 1.0));
     }
     let doubt =
         |(&depth, &body): (&f32, &bool)| if body { (1.0 - (depth - level) / reach).clamp(0.0, 1.0) } else { 0.0 };
     depths.iter().zip(&body).map(doubt).collect()
 }
 
-/// Voxels of the body that touch its outside where some view renders a surface, and their share of all that touch it.
+/// Voxels of the body that touch its outside where some view renders a surface, and the share of all that touch it of which something
+/// is known: these and the ones on the ground. Of a body whose volume is not known, the ground is taken for its underside.
 fn seen_boundary(
     field: &DensityField,
     body: &[bool],
@@ -95,7 +96,7 @@ fn seen_boundary(
     let (seen, known): (Vec<bool>, Vec<Option<bool>>) = (0..body.len())
         .into_par_iter()
         .map(|i| {
-            if !body[i] || !touches_outside(field, body, i) {
+            if !body[i] || sides(field, i).all(|j| body[j]) {
                 return (false, None);
             }
             let point = field.centre(field.voxel(i));
@@ -104,7 +105,8 @@ fn seen_boundary(
                 normal.dot(v.direction_from(point)) > FACING
                     && v.look(point).is_some_and(|s| (f64::from(s.behind) + inset).abs() < near)
             });
-            (seen, Some(seen || on_ground(point)))
+            let grounded = on_ground(point);
+            (seen || grounded && settings.volume.is_none(), Some(seen || grounded))
         })
         .unzip();
     let boundary = known.iter().flatten().count();
@@ -112,10 +114,11 @@ fn seen_boundary(
     (seen, share)
 }
 
-fn touches_outside(field: &DensityField, body: &[bool], index: usize) -> bool {
-    DIRECTIONS[..3].iter().any(|&d| {
-        [1, -1].iter().any(|sign| step(field, index, d.map(|c| sign * c)).is_none_or(|neighbour| !body[neighbour]))
-    })
+/// The voxels that share a side with one.
+fn sides(field: &DensityField, index: usize) -> impl Iterator<Item = usize> {
+    DIRECTIONS[..3]
+        .iter()
+        .flat_map(move |&d| [1, -1].into_iter().filter_map(move |s| step(field, index, d.map(|c| s * c))))
 }
 
 /// The neighbour of a voxel in a direction; `None` outside the grid.
@@ -132,22 +135,31 @@ fn step(field: &DensityField, index: usize, direction: [i64; 3]) -> Option<usize
     Some(field.index(to[0], to[1], to[2]))
 }
 
-/// Depth of every voxel of the body below the relaxed unseen boundary [voxels], negative beyond it but not below `-reach`; infinite
-/// outside the body.
+/// Depth of every voxel of the body, and of those around it, below the relaxed unseen boundary [voxels], negative beyond it but not
+/// below `-reach`; infinite where this boundary is not.
 fn depths_below_unseen(field: &DensityField, body: &[bool], seen: &[bool], reach: f32) -> Vec<f32> {
     let fixed = shell(field, body, seen);
-    let relaxed = relax(field, body, &fixed);
-    let unseen: Vec<bool> = (0..body.len())
-        .into_par_iter()
-        .map(|i| relaxed[i] && !fixed[i] && touches_outside(field, &relaxed, i))
-        .collect();
-    // Distances run between the centres of voxels: the boundary is half a voxel from both.
-    let inside = distances(field, &unseen, &relaxed);
-    let beyond = distances(field, &relaxed, body);
+    let mut relaxed = relax(field, body, &fixed);
+    for ((relaxed, &value), &body) in relaxed.values.iter_mut().zip(&field.values).zip(body) {
+        *relaxed = if body { relaxed.min(value) } else { value };
+    }
+    let inside: Vec<bool> = relaxed.values.iter().map(|&v| v >= 0.5).collect();
+    // Where the boundary lies between a voxel inside and its neighbours outside, from the centre of the one and of the other.
+    let (mut depth, mut height) = (vec![f32::INFINITY; body.len()], vec![f32::INFINITY; body.len()]);
+    for i in (0..body.len()).filter(|&i| inside[i] && !fixed[i]) {
+        for j in sides(field, i).filter(|&j| !inside[j]) {
+            let (a, b) = (relaxed.values[i], relaxed.values[j]);
+            let share = (a - 0.5) / (a - b);
+            depth[i] = depth[i].min(share);
+            height[j] = height[j].min(1.0 - share);
+        }
+    }
+    spread(field, &mut depth, &inside);
+    spread(field, &mut height, body);
     (0..body.len())
-        .map(|i| match (relaxed[i], body[i]) {
-            (true, _) => inside[i] + 0.5,
-            (false, true) => (0.5 - beyond[i]).max(-reach),
+        .map(|i| match (inside[i], body[i] || height[i].is_finite()) {
+            (true, _) => depth[i],
+            (false, true) => -height[i].min(reach),
             (false, false) => f32::INFINITY,
         })
         .collect()
@@ -155,16 +167,12 @@ fn depths_below_unseen(field: &DensityField, body: &[bool], seen: &[bool], reach
 
 /// What is seen, and the matter directly behind it: the voxels of the body that touch it.
 fn shell(field: &DensityField, body: &[bool], seen: &[bool]) -> Vec<bool> {
-    let near = |i: usize| {
-        DIRECTIONS[..3]
-            .iter()
-            .any(|&d| [1, -1].iter().any(|s| step(field, i, d.map(|c| s * c)).is_some_and(|j| seen[j])))
-    };
-    (0..body.len()).into_par_iter().map(|i| body[i] && (seen[i] || near(i))).collect()
+    let held = |i: usize| body[i] && (seen[i] || sides(field, i).any(|j| seen[j]));
+    (0..body.len()).into_par_iter().map(held).collect()
 }
 
-/// The body with its boundary relaxed where it is not fixed.
-fn relax(field: &DensityField, body: &[bool], fixed: &[bool]) -> Vec<bool> {
+/// Densities of the body with its boundary, at one half, relaxed where it is not fixed.
+fn relax(field: &DensityField, body: &[bool], fixed: &[bool]) -> DensityField {
     let values = body.iter().map(|&b| f32::from(u8::from(b))).collect();
     let mut relaxed = DensityField { values, ..*field };
     for _ in 0..ROUNDS {
@@ -179,7 +187,7 @@ fn relax(field: &DensityField, body: &[bool], fixed: &[bool]) -> Vec<bool> {
             }
         });
     }
-    relaxed.values.iter().map(|&v| v >= 0.5).collect()
+    relaxed
 }
 
 /// The depth [voxels] at which the unseen boundary is most likely: the sum of the squared deviations of the volume and of the
@@ -202,7 +210,7 @@ fn likeliest_level(field: &DensityField, depths: &[f32], settings: &FillSettings
     let all = field.volume(settings.th_min);
     let voxel = field.spacing.powi(3);
     let cost = |level: f64| {
-        let cut = |&(value, depth): &(f32, f32)| value * (0.5 - depth + level as f32).clamp(0.0, 1.0);
+        let cut = |&(value, depth): &(f32, f32)| (value - (0.5 + depth - level as f32).clamp(0.0, 1.0)).max(0.0);
         let volume = all - voxel * f64::from(near.iter().map(cut).sum::<f32>());
         let deviations = [(volume / known - 1.0) / VOLUME_SPREAD, (level - expected) / spread];
         deviations.iter().map(|d| d * d).sum::<f64>()
@@ -212,10 +220,9 @@ fn likeliest_level(field: &DensityField, depths: &[f32], settings: &FillSettings
     best.map_or(expected, |(level, _)| level) as f32
 }
 
-/// Distance [voxels] of every voxel to the nearest of `targets` on paths inside `within`, by two sweeps of the 26-neighbour
+/// Spreads distances [voxels] from where they are finite to all that can be reached inside `within`, by sweeps of the 26-neighbour
 /// distance transform (exact along the axes and diagonals, at most a tenth too long between).
-fn distances(field: &DensityField, targets: &[bool], within: &[bool]) -> Vec<f32> {
-    let mut distance: Vec<f32> = targets.iter().map(|&t| if t { 0.0 } else { f32::INFINITY }).collect();
+fn spread(field: &DensityField, distance: &mut [f32], within: &[bool]) {
     // The half of the neighbours that comes before a voxel in memory, with their distances.
     let earlier: Vec<([i64; 3], f32)> = DIRECTIONS
         .iter()
@@ -231,7 +238,7 @@ fn distances(field: &DensityField, targets: &[bool], within: &[bool]) -> Vec<f32
         for pass in [1, -1] {
             for k in 0..count {
                 let i = if pass == 1 { k } else { count - 1 - k };
-                if !within[i] || targets[i] {
+                if !within[i] {
                     continue;
                 }
                 for &(d, length) in &earlier {
@@ -242,5 +249,4 @@ fn distances(field: &DensityField, targets: &[bool], within: &[bool]) -> Vec<f32
             }
         }
     }
-    distance
 }

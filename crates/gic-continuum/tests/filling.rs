@@ -4,11 +4,11 @@
 mod common;
 
 use common::{
-    Body, cameras, cameras_above, hollow_box, mask, noisy_gaussians, perfect_gaussians, pile, plates, sphere, torus,
-    views,
+    Body, bridge, cameras, cameras_above, hollow_box, mask, noisy_gaussians, normal, perfect_gaussians, pile, plates,
+    sphere, torus, views,
 };
 use gic_continuum::{
-    ContinuumError, Drawing, FillSettings, Filling, GroundPlane, MaskedView, Particles, Placement, calibrate,
+    ContinuumError, Drawing, FillSettings, Filling, GroundPlane, MaskedView, Particles, Placement, Unseen, calibrate,
     compare_with_masks, fill, sample_particles,
 };
 use gic_metrics::KdTree;
@@ -124,6 +124,65 @@ fn flat_pile_on_the_ground_seen_from_above() {
         leave_out(&mut gaussians, |p| p[1].abs() < 0.01 && p[0].hypot(p[2]) < 0.2);
         check_seen_by(&cameras_above(), &pile(), &gaussians, ground, NOISY);
     }
+}
+
+/// Fills a body that only cameras above see, of which the Gaussians of its undersides are missing.
+fn fill_seen_from_above(body: &Body, settings: &FillSettings) -> Filling {
+    let mut gaussians = perfect_gaussians(body);
+    leave_out(&mut gaussians, |p| normal(body, DVec3::from(p.map(f64::from))).y < -0.5);
+    let cameras = cameras_above();
+    let masks: Vec<Vec<f32>> = cameras.iter().map(|c| mask(body, c)).collect();
+    fill(&gaussians, &views(&cameras, &masks), settings).unwrap()
+}
+
+/// The largest body fills most of the notch of a bridge. What is certain about it is its volume, where that is known from elsewhere.
+#[test]
+fn undersides_that_no_camera_sees_are_smooth_and_give_the_known_volume() {
+    let body = bridge();
+    let excess = |settings: FillSettings| fill_seen_from_above(&body, &settings).volume() / body.volume - 1.0;
+    let largest = excess(FillSettings { unseen: Unseen::Fill, ..settings_for(&body) });
+    let smooth = excess(settings_for(&body));
+    let known = excess(FillSettings { volume: Some(body.volume), ..settings_for(&body) });
+    println!("volume less the true one: largest {largest:+.4}, smooth {smooth:+.4}, known {known:+.4}");
+    assert!(largest > 0.1, "the notch is not hidden: {largest}");
+    assert!(smooth < 0.8 * largest && smooth > 0.0, "{smooth}");
+    assert!(known.abs() < 0.03, "{known}");
+}
+
+#[test]
+fn a_pile_that_hovers_over_the_floor_is_not_filled_down_to_it() {
+    let body = pile();
+    let ground = Some(GroundPlane { point: DVec3::NEG_Y * 0.01, normal: DVec3::Y });
+    let excess = |volume| {
+        let settings = FillSettings { ground, volume, grid_spacing: body.size / 10.0, ..settings_for(&body) };
+        fill_seen_from_above(&body, &settings).volume() / body.volume - 1.0
+    };
+    let (unknown, known) = (excess(None), excess(Some(body.volume)));
+    println!("volume less the true one: {unknown:+.4}, where it is known {known:+.4}");
+    assert!(unknown > 0.15, "{unknown}");
+    assert!(known.abs() < 0.03, "{known}");
+}
+
+#[test]
+fn particles_near_undersides_are_in_doubt_and_those_behind_seen_surfaces_are_not() {
+    let body = bridge();
+    let filling = fill_seen_from_above(&body, &settings_for(&body));
+    let particles = sample_particles(&filling, 0.01, Placement::Layered).unwrap();
+    let doubts = || particles.positions.iter().zip(&particles.doubts);
+    assert!(particles.doubts.iter().all(|d| (0.0..=1.0).contains(d)));
+    // No underside is within 4 voxels of the upper half of the middle; upright edges are rendered too softly to count as seen.
+    assert!(doubts().filter(|(p, _)| p.y > 0.05 && p.x.abs() < 0.1 && p.z.abs() < 0.08).all(|(_, &d)| d == 0.0));
+    let lowest = particles.positions.iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
+    assert!(doubts().filter(|(p, _)| p.y < lowest + 0.004).all(|(_, &d)| d > 0.5));
+
+    // Seen from all sides, nothing is in doubt.
+    let cameras = cameras();
+    let masks: Vec<Vec<f32>> = cameras.iter().map(|c| mask(&body, c)).collect();
+    let filling = fill(&perfect_gaussians(&body), &views(&cameras, &masks), &settings_for(&body)).unwrap();
+    let seen = sample_particles(&filling, 0.01, Placement::Layered).unwrap();
+    let mean = |doubts: &[f32]| doubts.iter().sum::<f32>() / doubts.len() as f32;
+    println!("mean doubt: seen from above {:.3}, from all sides {:.3}", mean(&particles.doubts), mean(&seen.doubts));
+    assert!(mean(&seen.doubts) < 0.1 * mean(&particles.doubts));
 }
 
 /// Noisy Gaussians and a quarter as many that no image decides about: below the ground, hidden by the others.

@@ -108,7 +108,7 @@ impl Default for FillConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum UnseenChoice {
-    /// Half-way between the smallest and the largest body that agree with the views.
+    /// Smooth, and at every frame such that the body keeps its volume.
     #[default]
     Midway,
     /// The largest body, as in the paper.

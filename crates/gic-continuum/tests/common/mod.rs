@@ -85,6 +85,20 @@ pub fn pile() -> Body {
     }
 }
 
+/// A block on two legs: the notch between them opens to the front, to the back and downwards.
+pub fn bridge() -> Body {
+    Body {
+        name: "bridge",
+        distance: |p| {
+            let notch = block(p + DVec3::Y * 0.1, DVec3::new(0.07, 0.1, 1.0));
+            block(p, DVec3::new(0.15, 0.1, 0.12)).max(-notch)
+        },
+        volume: 0.3 * 0.2 * 0.24 - 0.14 * 0.1 * 0.24,
+        area: 2.0 * (0.3 * 0.2 - 0.14 * 0.1 + 0.2 * 0.24 + 0.3 * 0.24 + 0.1 * 0.24),
+        size: 0.3,
+    }
+}
+
 /// Cameras on all sides, at several heights, looking at the origin.
 pub fn cameras() -> Vec<Camera> {
     cameras_at(&[-0.9, -0.35, 0.05, 0.45, 1.0])
