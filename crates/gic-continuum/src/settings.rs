@@ -26,7 +26,7 @@ pub enum Unseen {
     /// A smooth surface inside the largest body that agrees with all views, at which the body keeps its volume (see
     /// [`FillSettings::volume`] and [`FillSettings::unseen_lift`]).
     #[default]
-    Midway,
+    Smooth,
     /// The boundary of the largest body that agrees with all views, as in the paper.
     Fill,
 }
@@ -57,7 +57,7 @@ pub struct FillSettings {
     pub filter_rounds: usize,
     /// What to do where no view sees the boundary.
     pub unseen: Unseen,
-    /// How far above the smoothest surface [`Unseen::Midway`] expects undersides [m]: notches that no camera sees into make them
+    /// How far above the smoothest surface [`Unseen::Smooth`] expects undersides [m]: notches that no camera sees into make them
     /// higher, round bellies lower.
     pub unseen_lift: f64,
     /// Volume that the body is known to have [m^3], for example from frames in which more of it was seen.
@@ -79,7 +79,7 @@ impl FillSettings {
             depth_inset: 2.4,
             depth_votes: 3,
             filter_rounds: 2,
-            unseen: Unseen::Midway,
+            unseen: Unseen::Smooth,
             unseen_lift: size / 160.0,
             volume: None,
             ground: None,

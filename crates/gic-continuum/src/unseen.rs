@@ -71,7 +71,7 @@ pub(crate) fn place_unseen(
     let reach = (MAX_MOVE * settings.grid_spacing / field.spacing) as f32;
     let depths = depths_below_unseen(field, &body, &seen, reach);
     let level = match settings.unseen {
-        Unseen::Midway => likeliest_level(field, &depths, settings),
+        Unseen::Smooth => likeliest_level(field, &depths, settings),
         Unseen::Fill => depths.iter().copied().fold(0.0, f32::min) - 0.5,
     };
     for (value, depth) in field.values.iter_mut().zip(&depths) {

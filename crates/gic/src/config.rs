@@ -110,7 +110,8 @@ impl Default for FillConfig {
 pub enum UnseenChoice {
     /// Smooth, and at every frame such that the body keeps its volume.
     #[default]
-    Midway,
+    #[serde(alias = "midway")] // what runs before 2026-11-22 call it
+    Smooth,
     /// The largest body, as in the paper.
     Fill,
 }

@@ -83,7 +83,7 @@ pub(crate) struct FillFlags {
     #[arg(long, value_name = "N")]
     #[serde(skip_serializing_if = "Option::is_none")]
     levels: Option<usize>,
-    /// The boundary where no view sees it [default: midway]
+    /// The boundary where no view sees it [default: smooth]
     #[arg(long, value_enum)]
     #[serde(skip_serializing_if = "Option::is_none")]
     unseen: Option<UnseenChoice>,

@@ -201,7 +201,7 @@ impl Run<'_> {
             th_max: config.th_max,
             min_opacity: config.min_opacity,
             unseen: match config.unseen {
-                UnseenChoice::Midway => Unseen::Midway,
+                UnseenChoice::Smooth => Unseen::Smooth,
                 UnseenChoice::Fill => Unseen::Fill,
             },
             ground: self.scene.world.ground.map(|plane| GroundPlane { point: plane.point, normal: plane.normal }),
