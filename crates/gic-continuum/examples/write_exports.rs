@@ -9,7 +9,7 @@ use std::error::Error;
 use std::path::PathBuf;
 
 use gic_continuum::{
-    DensityField, Filling, Placement, sample_particles, write_mesh_ply, write_msh, write_obj, write_particles_ply,
+    ContinuumError, Filling, Placement, sample_particles, write_mesh_ply, write_msh, write_obj, write_particles_ply,
     write_stl,
 };
 use glam::DVec3;
@@ -29,20 +29,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// A ring of radius 0.09 m with a tube of radius 0.04 m.
-fn ring() -> Result<Filling, Box<dyn Error>> {
-    let mut field = DensityField::covering(DVec3::splat(-0.16), DVec3::splat(0.16), 0.01, 1)?;
-    for i in 0..field.len() {
-        let p = field.centre(field.voxel(i));
-        let distance = (p.x.hypot(p.z) - 0.09).hypot(p.y) - 0.04;
-        field.values[i] = (0.5 - distance / 0.04).clamp(0.0, 1.0) as f32;
-    }
-    Ok(Filling {
-        field,
-        doubt: Vec::new(),
-        th_min: 0.5,
-        th_max: 0.8,
-        gaussians_used: 0,
-        gaussians_given: 0,
-        views_used: 0,
-    })
+fn ring() -> Result<Filling, ContinuumError> {
+    let distance = |p: DVec3| (p.x.hypot(p.z) - 0.09).hypot(p.y) - 0.04;
+    Filling::of_body((DVec3::splat(-0.16), DVec3::splat(0.16)), 0.01, 0.04, distance)
 }

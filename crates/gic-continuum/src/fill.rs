@@ -56,6 +56,25 @@ pub struct Filling {
 }
 
 impl Filling {
+    /// A body that is known: `distance` is the signed distance from its surface [m], negative inside, in the box from `low` to `high` [m].
+    /// The density ramps from 1 to 0 over `ramp` [m] across the surface; nothing is in doubt, and no Gaussians were used.
+    ///
+    /// # Errors
+    /// Those of [`DensityField::covering`].
+    pub fn of_body(
+        (low, high): (DVec3, DVec3),
+        spacing: f64,
+        ramp: f64,
+        distance: impl Fn(DVec3) -> f64,
+    ) -> Result<Filling, ContinuumError> {
+        let mut field = DensityField::covering(low, high, spacing, 1)?;
+        for i in 0..field.len() {
+            field.values[i] = (0.5 - distance(field.centre(field.voxel(i))) / ramp).clamp(0.0, 1.0) as f32;
+        }
+        let doubt = Vec::new();
+        Ok(Filling { field, doubt, th_min: 0.5, th_max: 0.8, gaussians_used: 0, gaussians_given: 0, views_used: 0 })
+    }
+
     /// Volume of the body [m^3]: where the interpolated field is at least th_min.
     pub fn volume(&self) -> f64 {
         self.field.volume(self.th_min)

@@ -274,22 +274,10 @@ impl Filling {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{DensityField, TriangleMesh};
+    use crate::TriangleMesh;
 
     fn filling_of(distance: impl Fn(DVec3) -> f64, spacing: f64) -> Filling {
-        let mut field = DensityField::covering(DVec3::splat(-0.16), DVec3::splat(0.16), spacing, 1).unwrap();
-        for i in 0..field.len() {
-            field.values[i] = (0.5 - distance(field.centre(field.voxel(i))) / (4.0 * spacing)).clamp(0.0, 1.0) as f32;
-        }
-        Filling {
-            field,
-            doubt: Vec::new(),
-            th_min: 0.5,
-            th_max: 0.8,
-            gaussians_used: 0,
-            gaussians_given: 0,
-            views_used: 0,
-        }
+        Filling::of_body((DVec3::splat(-0.16), DVec3::splat(0.16)), spacing, 4.0 * spacing, distance).unwrap()
     }
 
     #[test]

@@ -3,20 +3,18 @@
 use std::path::{Path, PathBuf};
 
 use gic_continuum::{
-    DensityField, Filling, Placement, TriangleMesh, sample_particles, write_mesh_ply, write_msh, write_obj,
-    write_particles_ply, write_stl,
+    Filling, Placement, TriangleMesh, sample_particles, write_mesh_ply, write_msh, write_obj, write_particles_ply,
+    write_stl,
 };
 use glam::DVec3;
 
 /// An ellipsoid off the origin, so that no axis can be mistaken for another.
 fn filling() -> Filling {
-    let mut field = DensityField::covering(DVec3::splat(-0.2), DVec3::splat(0.3), 0.02, 1).unwrap();
-    for i in 0..field.len() {
-        let p = field.centre(field.voxel(i)) - DVec3::new(0.03, 0.05, 0.07);
-        let distance = 0.1 * ((p / DVec3::new(0.15, 0.11, 0.08)).length() - 1.0);
-        field.values[i] = (0.5 - distance / 0.06).clamp(0.0, 1.0) as f32;
-    }
-    Filling { field, doubt: Vec::new(), th_min: 0.5, th_max: 0.8, gaussians_used: 0, gaussians_given: 0, views_used: 0 }
+    let distance = |p: DVec3| {
+        let p = p - DVec3::new(0.03, 0.05, 0.07);
+        0.1 * ((p / DVec3::new(0.15, 0.11, 0.08)).length() - 1.0)
+    };
+    Filling::of_body((DVec3::splat(-0.2), DVec3::splat(0.3)), 0.02, 0.06, distance).unwrap()
 }
 
 /// A folder of this test's own, removed with it.

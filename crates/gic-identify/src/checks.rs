@@ -1,5 +1,7 @@
 //! Does the input belong together, and does the model explain it?
 
+use gic_scene::touches_border;
+
 use crate::loss::frame_loss;
 use crate::objective::Motion;
 use crate::silhouette::{MaskView, Splats, alpha};
@@ -63,7 +65,7 @@ pub(crate) fn cut_views(input: &Input, target: Target, warnings: &mut Vec<String
     }
     let cut: Vec<(usize, usize)> = (input.observations.iter().enumerate())
         .flat_map(|(frame, observation)| observation.views.iter().map(move |view| (frame, view)))
-        .filter(|(_, view)| at_border(&view.mask, input.cameras[view.camera].width))
+        .filter(|(_, view)| touches_border(&view.mask, input.cameras[view.camera].width))
         .map(|(frame, view)| (frame, view.camera))
         .collect();
     let Some((first, _)) = cut.first() else { return };
@@ -73,16 +75,6 @@ pub(crate) fn cut_views(input: &Input, target: Target, warnings: &mut Vec<String
         cut.len(),
         cameras.into_iter().collect::<Vec<_>>().join(", ")
     ));
-}
-
-/// Whether a pixel at the border is at least half covered.
-fn at_border(mask: &[f32], width: usize) -> bool {
-    let height = mask.len() / width.max(1);
-    let border = |i: usize| {
-        let (x, y) = (i % width, i / width);
-        x == 0 || y == 0 || x + 1 == width || y + 1 == height
-    };
-    mask.iter().enumerate().any(|(i, m)| *m >= 0.5 && border(i))
 }
 
 /// Warns where the frames after contact are explained much worse than those before: the material or an obstacle is another.

@@ -21,7 +21,7 @@ pub use error::{Problem, SceneError, Severity};
 pub use hull::{Hull, HullSettings, HullView, SurfacePoint};
 pub use inspect::{CameraReport, GroundSource, HullReport, Inspection, inspect};
 pub use matting::difference_matte;
-pub use picture::{Mask, Picture, PixelBox};
+pub use picture::{Mask, Picture, PixelBox, touches_border};
 pub use scene::{ColouredPoint, Format, MaskSource, Masks, OpenOptions, Plane, Scene, Split, View, World};
 pub use similarity::Similarity;
 

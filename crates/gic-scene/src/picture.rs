@@ -136,8 +136,18 @@ impl Mask {
 
     /// Whether pixels of the object lie on the border of the picture, so that part of it may be out of view.
     pub fn touches_border(&self) -> bool {
-        self.bounding_box().is_some_and(|b| b.x0 == 0 || b.y0 == 0 || b.x1 == self.width || b.y1 == self.height)
+        touches_border(&self.coverage, self.width)
     }
+}
+
+/// Whether a pixel on the border of a picture is covered at least by half; `coverage` is row-major, `width` pixels a row.
+pub fn touches_border(coverage: &[f32], width: usize) -> bool {
+    let mut rows = coverage.chunks_exact(width.max(1));
+    let covered = |a: &f32| *a >= 0.5;
+    let whole = |row: Option<&[f32]>| row.is_some_and(|row| row.iter().any(covered));
+    whole(rows.clone().next())
+        || whole(rows.clone().next_back())
+        || rows.any(|row| covered(&row[0]) || covered(&row[width - 1]))
 }
 
 /// The four pixels (index, weight) around image coordinates (x, y), clamped at the border; `None` outside or for NaN.

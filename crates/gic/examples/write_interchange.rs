@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use gic::interchange::{Carrier, MotionSamples, write_mjcf, write_particle_set, write_usd};
 use gic::matter::{Shape, ShapeKind};
 use gic::twin::{ContactKind, Continuum, Obstacle, ObstacleShape, Twin};
-use gic_continuum::{DensityField, Filling, write_msh};
+use gic_continuum::{ContinuumError, Filling, write_msh};
 use gic_mpm::{Material, Options, rollout};
 use glam::DVec3;
 
@@ -63,22 +63,12 @@ fn beam() -> Twin {
     }
 }
 
-fn filling() -> Result<Filling, Box<dyn Error>> {
+fn filling() -> Result<Filling, ContinuumError> {
     let centre = DVec3::X * 0.5 * SIZE.x;
     let half = 0.5 * SIZE;
-    let mut field = DensityField::covering(centre - half - 0.01, centre + half + 0.01, 0.0025, 1)?;
-    for i in 0..field.len() {
-        let beyond = (field.centre(field.voxel(i)) - centre).abs() - half;
-        let distance = beyond.max(DVec3::ZERO).length() + beyond.max_element().min(0.0);
-        field.values[i] = (0.5 - distance / 0.005).clamp(0.0, 1.0) as f32;
-    }
-    Ok(Filling {
-        field,
-        doubt: Vec::new(),
-        th_min: 0.5,
-        th_max: 0.8,
-        gaussians_used: 0,
-        gaussians_given: 0,
-        views_used: 0,
-    })
+    let distance = |p: DVec3| {
+        let beyond = (p - centre).abs() - half;
+        beyond.max(DVec3::ZERO).length() + beyond.max_element().min(0.0)
+    };
+    Filling::of_body((centre - half - 0.01, centre + half + 0.01), 0.0025, 0.005, distance)
 }

@@ -6,10 +6,10 @@ use gic_motion::outward_normals;
 use gic_mpm::Body;
 use glam::DVec3;
 
-use super::STAGE;
 use super::place::Place;
 use super::report::Report;
 use super::rig::{Moment, Pads, Pose};
+use super::{STAGE, percentile};
 use crate::atomic;
 use crate::error::{Error, Result};
 use crate::render::film::Encoder;
@@ -119,13 +119,6 @@ impl Clip {
         let name = film.path.display();
         Ok(format!("{} pictures in {}; {}; film {name}: {made}", held.len(), folder.display(), studio.legend()))
     }
-}
-
-/// The value that a share of the values does not exceed; 0 of none.
-fn percentile(values: &[f32], share: f64) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f32::total_cmp);
-    sorted.get((share * sorted.len().saturating_sub(1) as f64) as usize).copied().map_or(0.0, f64::from)
 }
 
 /// Turns shots into particles of the world, the pads among them.

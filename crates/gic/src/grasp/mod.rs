@@ -341,7 +341,6 @@ impl<'a> Grasp<'a> {
         let of_both = |f: &[f64; 2]| 0.5 * (f[0] + f[1]) - force_n;
         let faces = self.faces(state)?;
         let touching = touching(state, &self.rig.pads, self.rig.up, self.spacing, &faces);
-        stresses.sort_by(f32::total_cmp);
         let yields = self.rig.world.bodies[0].material.yield_von_mises_pa().is_some();
         Ok(Squeeze {
             width_m: width,
@@ -352,8 +351,8 @@ impl<'a> Grasp<'a> {
             imbalance: (forces_n[0] - forces_n[1]) / force_n.abs().max(f64::MIN_POSITIVE),
             force_spread_n: (window.iter().map(|f| of_both(f).powi(2)).sum::<f64>() / WINDOW as f64).sqrt(),
             contact_areas_m2: [touching[0].area_m2, touching[1].area_m2],
-            peak_von_mises_pa: stresses.last().copied().unwrap_or_default().into(),
-            p99_von_mises_pa: stresses[(0.99 * (stresses.len() - 1) as f64) as usize].into(),
+            peak_von_mises_pa: percentile(&stresses, 1.0),
+            p99_von_mises_pa: percentile(&stresses, 0.99),
             yielded_share: yields
                 .then(|| self.yielded.iter().filter(|y| **y).count() as f64 / self.yielded.len() as f64),
             lift: None,
@@ -476,4 +475,11 @@ fn nothing_there(axis: AxisChoice) -> Error {
         problem: format!("there is no matter between the pads along the axis {}", axis.name()),
         hint: Some("choose another --axis, or larger pads with --pad".into()),
     }
+}
+
+/// The value that a share of the values does not exceed; 0 of none.
+fn percentile(values: &[f32], share: f64) -> f64 {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f32::total_cmp);
+    sorted.get((share * sorted.len().saturating_sub(1) as f64) as usize).copied().map_or(0.0, f64::from)
 }
