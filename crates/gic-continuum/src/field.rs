@@ -183,49 +183,12 @@ impl DensityField {
             }
         });
     }
-
-    /// Volume where the interpolated field is at least `threshold` [m^3]: each voxel counted at 2x2x2 interior points, with a
-    /// linear ramp across the threshold so that the value varies smoothly with it.
-    pub fn volume(&self, threshold: f64) -> f64 {
-        let fine = self.upsample();
-        let [nx, ny, nz] = fine.size;
-        let plane = nx * ny;
-        let slice_volume = |z: usize| -> f64 {
-            let mut sum = 0.0;
-            for i in 0..plane {
-                let (x, y) = (i % nx, i / nx);
-                let v = f64::from(fine.values[z * plane + i]) - threshold;
-                let (x, y, z) = (x as i64, y as i64, z as i64);
-                let d = |a: f32, b: f32| f64::from(a - b) * 0.5;
-                let gx = d(fine.at(x + 1, y, z), fine.at(x - 1, y, z));
-                let gy = d(fine.at(x, y + 1, z), fine.at(x, y - 1, z));
-                let gz = d(fine.at(x, y, z + 1), fine.at(x, y, z - 1));
-                // Signed distance to the level in fine voxels, along the gradient; a plane cuts a voxel roughly linearly.
-                let slope = (gx * gx + gy * gy + gz * gz).sqrt().max(1e-6);
-                sum += (0.5 + v / slope).clamp(0.0, 1.0);
-            }
-            sum
-        };
-        let slices: Vec<f64> = (0..nz).into_par_iter().map(slice_volume).collect();
-        slices.iter().sum::<f64>() * fine.spacing.powi(3)
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
-
-    /// A field with the antialiased share of each voxel inside a ball.
-    fn ball(radius: f64, spacing: f64) -> DensityField {
-        let r = DVec3::splat(1.3 * radius);
-        let mut field = DensityField::covering(-r, r, spacing, 2).unwrap();
-        for i in 0..field.len() {
-            let distance = radius - field.centre(field.voxel(i)).length();
-            field.values[i] = (0.5 + distance / spacing).clamp(0.0, 1.0) as f32;
-        }
-        field
-    }
 
     #[test]
     fn sampling_and_upsampling_reproduce_a_linear_field_inside() {
@@ -241,16 +204,6 @@ mod tests {
         let voxel = [7, 5, 9];
         let value = fine.values[fine.index(voxel[0], voxel[1], voxel[2])];
         assert!((f64::from(value) - linear(fine.centre(voxel))).abs() < 1e-6);
-    }
-
-    #[test]
-    fn volume_of_a_ball_is_sub_voxel_accurate() {
-        for spacing in [0.02, 0.0125] {
-            let field = ball(0.1, spacing);
-            let truth = 4.0 / 3.0 * std::f64::consts::PI * 1e-3;
-            let error = field.volume(0.5) / truth - 1.0;
-            assert!(error.abs() < 0.02, "{spacing}: {error}");
-        }
     }
 
     #[test]

@@ -18,6 +18,7 @@ use gic_splat::{Gaussians, Shape};
 use glam::DVec3;
 use rayon::prelude::*;
 
+use crate::internal::{InternalParticles, internal_particles};
 use crate::unseen::place_unseen;
 use crate::view::Evidence;
 use crate::{ContinuumError, DensityField, FillSettings, MaskedView};
@@ -231,75 +232,6 @@ fn initialize_field(gaussians: &Gaussians, settings: &FillSettings) -> Result<De
     DensityField::covering(low - margin, high + margin, settings.finest_spacing(), 1 << (settings.levels - 1))
 }
 
-/// The shares of each voxel of the finest level that are certainly inside and in doubt; the rest is certainly empty.
-pub(crate) struct InternalParticles {
-    inside: DensityField,
-    doubtful: DensityField,
-}
-
-/// Lines 1 to 6: particles sampled in the box, kept where they are inside every mask and behind every rendered depth.
-///
-/// The sampling is stratified (2x2x2 to a voxel). A particle's weight ramps from 0 to 1 across the surface over its own width, so
-/// that the mean over a voxel is the share of the voxel that is inside.
-fn internal_particles(
-    grid: &DensityField,
-    views: &[Evidence],
-    inset: f64,
-    settings: &FillSettings,
-) -> InternalParticles {
-    let width = 0.5 * grid.spacing;
-    let weights: Vec<(f32, f32)> = (0..grid.len())
-        .into_par_iter()
-        .map(|i| {
-            let centre = grid.centre(grid.voxel(i));
-            let (mut inside, mut doubtful) = (0.0, 0.0);
-            for k in 0..8u32 {
-                let corner = DVec3::new(f64::from(k & 1), f64::from(k >> 1 & 1), f64::from(k >> 2)) - 0.5;
-                let weight = filter_by_views(centre + width * corner, width, views, inset, settings);
-                inside += weight.0 / 8.0;
-                doubtful += weight.1 / 8.0;
-            }
-            (inside, doubtful)
-        })
-        .collect();
-    let (inside, doubtful) = weights.into_iter().unzip();
-    InternalParticles {
-        inside: DensityField { values: inside, ..empty_like(grid) },
-        doubtful: DensityField { values: doubtful, ..empty_like(grid) },
-    }
-}
-
-fn empty_like(grid: &DensityField) -> DensityField {
-    DensityField { values: Vec::new(), ..*grid }
-}
-
-/// Line 5 for one particle of width `width` [m]: its weights (inside, doubtful).
-fn filter_by_views(point: DVec3, width: f64, views: &[Evidence], inset: f64, settings: &FillSettings) -> (f32, f32) {
-    let mut covered = match settings.ground {
-        Some(ground) => (0.5 + ground.height(point) / width).clamp(0.0, 1.0) as f32,
-        None => 1.0,
-    };
-    // The emptiest few views, emptiest first.
-    let mut emptiest = [0.0f32; 4];
-    let votes = settings.depth_votes.min(emptiest.len()).min(views.len().div_ceil(3));
-    for view in views {
-        if covered <= 0.0 {
-            return (0.0, 0.0);
-        }
-        let Some(seen) = view.look(point) else { continue };
-        covered = covered.min(seen.coverage);
-        let mut empty = (0.5 - (f64::from(seen.behind) + inset) / width).clamp(0.0, 1.0) as f32;
-        for slot in &mut emptiest {
-            if empty > *slot {
-                std::mem::swap(slot, &mut empty);
-            }
-        }
-    }
-    let inside = covered.min(1.0 - emptiest[0]);
-    let empty = (1.0 - covered).max(emptiest[votes - 1]);
-    (inside, (1.0 - inside - empty).max(0.0))
-}
-
 /// Lines 8 to 15: from the coarsest to the finest level, upsample, mean-filter and reassign.
 fn coarse_to_fine(particles: &InternalParticles, gaussians: &Gaussians, settings: &FillSettings) -> DensityField {
     let mut levels = vec![(particles.inside.clone(), particles.doubtful.clone())];
@@ -310,8 +242,8 @@ fn coarse_to_fine(particles: &InternalParticles, gaussians: &Gaussians, settings
     let mut field: Option<DensityField> = None;
     for (inside, doubtful) in levels.iter().rev() {
         // On the first level nothing is known yet of what is in doubt: as likely as not.
-        let mut current = field
-            .map_or_else(|| DensityField { values: vec![0.5; inside.len()], ..empty_like(inside) }, |f| f.upsample());
+        let mut current =
+            field.map_or_else(|| DensityField { values: vec![0.5; inside.len()], ..*inside }, |f| f.upsample());
         reassign(&mut current, inside, doubtful, gaussians, settings);
         for _ in 0..settings.filter_rounds {
             current.mean_filter(1.0 / 3.0);

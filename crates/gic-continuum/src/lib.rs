@@ -6,12 +6,15 @@ mod export;
 mod field;
 mod fill;
 mod informed;
+mod internal;
+mod overview;
 mod particles;
 mod settings;
 mod surface;
 mod tetrahedra;
 mod unseen;
 mod view;
+mod volume;
 
 pub use error::ContinuumError;
 pub use export::{ExportError, write_mesh_ply, write_msh, write_obj, write_particles_ply, write_stl};

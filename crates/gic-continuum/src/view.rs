@@ -27,13 +27,13 @@ pub struct MaskedView<'a> {
 
 /// A view with its mask, its rendered depth map and how obliquely it sees the surface.
 pub(crate) struct Evidence<'a> {
-    camera: &'a Camera,
-    mask: &'a [f32],
+    pub(crate) camera: &'a Camera,
+    pub(crate) mask: &'a [f32],
     /// D(u) / A(u) [m]; infinite where nothing solid is drawn or no depth is asked for.
-    depth: Vec<f32>,
+    pub(crate) depth: Vec<f32>,
     /// Cosine between the ray and the normal of the rendered surface; 1 where there is no depth.
-    cosine: Vec<f32>,
-    bias: DepthBias,
+    pub(crate) cosine: Vec<f32>,
+    pub(crate) bias: DepthBias,
 }
 
 /// Median distance of the Gaussians' centres behind the rendered depth, perpendicular to the surface [m], by obliqueness.
@@ -41,7 +41,7 @@ pub(crate) struct Evidence<'a> {
 /// Accumulated depth is not that of the centres: seen at an angle, the Gaussians that lie nearer to the camera along the slope
 /// are composited first and draw it towards the camera, by a good part of a standard deviation.
 #[derive(Clone, Copy, Debug, Default)]
-struct DepthBias([f32; BINS]);
+pub(crate) struct DepthBias([f32; BINS]);
 
 impl DepthBias {
     /// Measured on all visible centres in all views; ranges without enough samples take the nearest that has them.
@@ -69,6 +69,11 @@ impl DepthBias {
             medians[i] = medians[i].or(medians[i + 1]);
         }
         DepthBias(medians.map(|m| m.unwrap_or(0.0)))
+    }
+
+    /// Least and largest of the biases [m].
+    pub(crate) fn range(&self) -> [f32; 2] {
+        self.0.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], &b| [low.min(b), high.max(b)])
     }
 
     fn bin(cosine: f32) -> usize {
@@ -114,8 +119,7 @@ impl<'a> Evidence<'a> {
                 Some((gaussians, _)) => depth_map(gaussians, camera, mask),
                 None => vec![f32::INFINITY; mask.len()],
             };
-            let cosine = cosines(&depth, camera);
-            gathered.push(Evidence { camera, mask, depth, cosine, bias: DepthBias::default() });
+            gathered.push(Evidence::with_depth(camera, mask, depth));
         }
         if gathered.is_empty() {
             return Err(ContinuumError::NoMasks { views: views.len() });
@@ -125,6 +129,12 @@ impl<'a> Evidence<'a> {
             gathered.iter_mut().for_each(|view| view.bias = bias);
         }
         Ok(gathered)
+    }
+
+    /// A view with a depth map [m], infinite where there is no surface; its bias is not measured yet.
+    pub(crate) fn with_depth(camera: &'a Camera, mask: &'a [f32], depth: Vec<f32>) -> Evidence<'a> {
+        let cosine = cosines(&depth, camera);
+        Evidence { camera, mask, depth, cosine, bias: DepthBias::default() }
     }
 
     /// The pixel that holds image coordinates; `None` outside the image.
@@ -147,14 +157,12 @@ impl<'a> Evidence<'a> {
         if !(p.x >= -0.5 && p.y >= -0.5 && p.x < w as f64 - 0.5 && p.y < h as f64 - 0.5) {
             return None;
         }
-        let corner = p.floor();
-        let t = DVec2::new(p.x - corner.x, p.y - corner.y).as_vec2();
-        let at = |dx: i64, dy: i64| {
-            let x = (corner.x as i64 + dx).clamp(0, w as i64 - 1) as usize;
-            let y = (corner.y as i64 + dy).clamp(0, h as i64 - 1) as usize;
-            y * w + x
-        };
-        let corners = [at(0, 0), at(1, 0), at(0, 1), at(1, 1)];
+        // One more than the floor: both coordinates are at least -1/2, and casting truncates towards zero.
+        let (x, y) = ((p.x + 1.0) as usize, (p.y + 1.0) as usize);
+        let t = DVec2::new(p.x + 1.0 - x as f64, p.y + 1.0 - y as f64).as_vec2();
+        let (left, right) = (x.max(1) - 1, x.min(w - 1));
+        let (top, bottom) = (w * (y.max(1) - 1), w * y.min(h - 1));
+        let corners = [top + left, top + right, bottom + left, bottom + right];
         let weights = [(1.0 - t.x) * (1.0 - t.y), t.x * (1.0 - t.y), (1.0 - t.x) * t.y, t.x * t.y];
         let coverage = corners.iter().zip(weights).map(|(&i, w)| self.mask[i] * w).sum();
         // The front-most of the four pixels: interpolating across an occluding edge would invent a surface between.

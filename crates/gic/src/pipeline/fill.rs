@@ -117,21 +117,22 @@ impl Run<'_> {
                 Some((_, _, drawn, _)) => *drawn,
                 None => calibrate(&drawing.particles, &views, OPACITY).map_err(failed(frame))?,
             };
+            let volume_m3 = filling.volume();
             let ious = overlaps(&compare_with_masks(&drawing.particles, &drawn, &views));
             frames.push(FrameFilling {
                 frame,
                 time_s,
-                volume_m3: filling.volume(),
+                volume_m3,
                 gaussians: filling.gaussians_used,
                 views: filling.views_used,
                 surface_points,
                 mask_iou: (!ious.is_empty()).then(|| ious.iter().sum::<f64>() / ious.len() as f64),
             });
-            let values = [("volume_m3", filling.volume()), ("surface_points", surface_points as f64)];
+            let values = [("volume_m3", volume_m3), ("surface_points", surface_points as f64)];
             self.events.step(Stage::Fill.name(), "", frame as u64 + 1, Some(count as u64), &values);
             if frame == 0 {
                 // More is seen of a body in the air than of one on the ground.
-                settings.volume = Some(filling.volume());
+                settings.volume = Some(volume_m3);
                 let appearance = calibrate(&particles, &views, OPACITY).map_err(failed(frame))?;
                 first = Some((particles, appearance, drawn, ious));
             }

@@ -1,0 +1,249 @@
+//! Lines 1 to 6 of Algorithm 1: which share of each voxel is inside every mask and behind every rendered depth.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use crate::overview::{Overview, Survey};
+use crate::view::Evidence;
+use crate::{DensityField, FillSettings};
+
+/// Side of the boxes that the views are asked about first [voxels]; each is halved as long as some view is undecided about it.
+const BOX: usize = 8;
+
+/// The shares of each voxel of the finest level that are certainly inside and in doubt; the rest is certainly empty.
+pub(crate) struct InternalParticles {
+    pub(crate) inside: DensityField,
+    pub(crate) doubtful: DensityField,
+}
+
+/// Lines 1 to 6: particles sampled in the box of `grid`, kept where they are inside every mask and behind every rendered depth; `inset` [m] is
+/// how far the rendered depths lie below the surface.
+///
+/// The sampling is stratified (2x2x2 to a voxel). A particle's weight ramps from 0 to 1 across the surface over its own width, so
+/// that the mean over a voxel is the share of the voxel that is inside. Where all particles of a box have the same weight, by the bounds of
+/// what its views say, none of them is looked at.
+pub(crate) fn internal_particles(
+    grid: &DensityField,
+    views: &[Evidence],
+    inset: f64,
+    settings: &FillSettings,
+) -> InternalParticles {
+    let overviews: Vec<Overview> = views.par_iter().map(Overview::new).collect();
+    let sampling = Sampling { grid, inset, settings, width: 0.5 * grid.spacing, votes: votes(settings, views.len()) };
+    let all: Vec<&Overview> = overviews.iter().collect();
+    let mut inside = DensityField { values: vec![0.0; grid.len()], ..*grid };
+    let mut doubtful = inside.clone();
+    let slab = BOX * grid.size[0] * grid.size[1];
+    inside.values.par_chunks_mut(slab).zip(doubtful.values.par_chunks_mut(slab)).enumerate().for_each(
+        |(i, (inside, doubtful))| {
+            let mut shares = Slab { first: BOX * i, inside, doubtful };
+            for y in (0..grid.size[1]).step_by(BOX) {
+                for x in (0..grid.size[0]).step_by(BOX) {
+                    sampling.fill_box(Block { low: [x, y, BOX * i], side: BOX }, &all, 0, &mut shares);
+                }
+            }
+        },
+    );
+    InternalParticles { inside, doubtful }
+}
+
+/// Views that must see in front of the surface where a point is certainly empty.
+fn votes(settings: &FillSettings, views: usize) -> usize {
+    settings.depth_votes.min(MOST_VOTES).min(views.div_ceil(3))
+}
+
+/// More votes are not counted.
+const MOST_VOTES: usize = 4;
+
+/// A cube of voxels.
+#[derive(Clone, Copy)]
+struct Block {
+    low: [usize; 3],
+    side: usize,
+}
+
+/// Layers of voxels from the `first` on, to be filled.
+struct Slab<'a> {
+    first: usize,
+    inside: &'a mut [f32],
+    doubtful: &'a mut [f32],
+}
+
+struct Sampling<'a> {
+    grid: &'a DensityField,
+    inset: f64,
+    settings: &'a FillSettings,
+    /// Width of a particle [m].
+    width: f64,
+    votes: usize,
+}
+
+impl Sampling<'_> {
+    /// Fills the voxels of a box, which `views` are undecided about and `empty` others see in front of the surface.
+    fn fill_box(&self, block: Block, views: &[&Overview], mut empty: usize, shares: &mut Slab) {
+        let size = self.grid.size;
+        if (0..3).any(|axis| block.low[axis] >= size[axis]) {
+            return;
+        }
+        let side = self.grid.spacing * block.side as f64;
+        let corner = self.grid.origin + self.grid.spacing * DVec3::from(block.low.map(|c| c as f64));
+        let centre = corner + 0.5 * side;
+        let height = self.settings.ground.map_or(f64::INFINITY, |ground| ground.height(centre));
+        // The box within a ball.
+        let reach = 0.5 * side * 3f64.sqrt();
+        if height + reach <= -0.5 * self.width {
+            return;
+        }
+        let mut undecided = Vec::with_capacity(views.len());
+        for view in views {
+            match view.survey(centre, 0.5 * side) {
+                Survey::Unseen => {}
+                Survey::Seen { coverage, .. } if coverage[1] <= 0.0 => return,
+                Survey::Seen { coverage, behind } if coverage[0] >= 1.0 && self.is_solid(behind) => {}
+                Survey::Seen { coverage, behind } if coverage[0] >= 1.0 && self.is_empty(behind) => empty += 1,
+                _ => undecided.push(*view),
+            }
+        }
+        if empty >= self.votes {
+            return;
+        }
+        if undecided.is_empty() && height - reach >= 0.5 * self.width {
+            self.set(block, if empty == 0 { (1.0, 0.0) } else { (0.0, 1.0) }, shares);
+        } else if block.side == 1 {
+            self.set(block, self.sample(centre, &undecided, empty), shares);
+        } else {
+            let half = block.side / 2;
+            for k in 0..8 {
+                let low = [0, 1, 2].map(|axis| block.low[axis] + half * (k >> axis & 1));
+                self.fill_box(Block { low, side: half }, &undecided, empty, shares);
+            }
+        }
+    }
+
+    /// Whether no particle between two distances behind the surface [m] is empty at all.
+    fn is_solid(&self, behind: [f64; 2]) -> bool {
+        behind[0] + self.inset >= 0.5 * self.width
+    }
+
+    /// Whether all particles between two distances behind the surface [m] are empty.
+    fn is_empty(&self, behind: [f64; 2]) -> bool {
+        behind[1] + self.inset <= -0.5 * self.width
+    }
+
+    fn set(&self, Block { low, side }: Block, (inside, doubtful): (f32, f32), shares: &mut Slab) {
+        let [nx, ny, nz] = self.grid.size;
+        for z in low[2]..(low[2] + side).min(nz) {
+            for y in low[1]..(low[1] + side).min(ny) {
+                let row = nx * (y + ny * (z - shares.first));
+                let row = row + low[0]..row + (low[0] + side).min(nx);
+                shares.inside[row.clone()].fill(inside);
+                shares.doubtful[row].fill(doubtful);
+            }
+        }
+    }
+
+    /// The shares (inside, in doubt) of the voxel around `centre`: means over its particles.
+    fn sample(&self, centre: DVec3, views: &[&Overview], empty: usize) -> (f32, f32) {
+        let (mut inside, mut doubtful) = (0.0, 0.0);
+        for k in 0..8u32 {
+            let corner = DVec3::new(f64::from(k & 1), f64::from(k >> 1 & 1), f64::from(k >> 2)) - 0.5;
+            let weight = self.filter_by_views(centre + self.width * corner, views, empty);
+            inside += weight.0 / 8.0;
+            doubtful += weight.1 / 8.0;
+        }
+        (inside, doubtful)
+    }
+
+    /// Line 5 for one particle: its weights (inside, doubtful), where `empty` views more than those given see in front of the surface.
+    fn filter_by_views(&self, point: DVec3, views: &[&Overview], empty: usize) -> (f32, f32) {
+        let mut covered = match self.settings.ground {
+            Some(ground) => (0.5 + ground.height(point) / self.width).clamp(0.0, 1.0) as f32,
+            None => 1.0,
+        };
+        // The emptiest few views, emptiest first.
+        let mut emptiest = [0.0f32; MOST_VOTES];
+        emptiest[..empty].fill(1.0);
+        for overview in views {
+            if covered <= 0.0 {
+                return (0.0, 0.0);
+            }
+            let Some(seen) = overview.view.look(point) else { continue };
+            covered = covered.min(seen.coverage);
+            let mut empty = (0.5 - (f64::from(seen.behind) + self.inset) / self.width).clamp(0.0, 1.0) as f32;
+            for slot in &mut emptiest {
+                if empty > *slot {
+                    std::mem::swap(slot, &mut empty);
+                }
+            }
+        }
+        let inside = covered.min(1.0 - emptiest[0]);
+        let empty = (1.0 - covered).max(emptiest[self.votes - 1]);
+        (inside, (1.0 - inside - empty).max(0.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use gic_scene::Camera;
+    use glam::{DMat3, DVec2};
+
+    use super::*;
+    use crate::GroundPlane;
+
+    /// A ball of radius 0.1 m before a camera at a distance of 1 m: mask and depth.
+    fn ball(camera: &Camera) -> (Vec<f32>, Vec<f32>) {
+        let pixel = |i: usize| {
+            let at = DVec2::new((i % camera.width) as f64 + 0.5, (i / camera.width) as f64 + 0.5);
+            let ray = (camera.unproject(at, 1.0) - camera.centre).normalize();
+            let along = -camera.centre.dot(ray);
+            let miss = (camera.centre + along * ray).length();
+            let depth = along - (0.01 - miss * miss).max(0.0).sqrt();
+            let z = depth * ray.dot(camera.rotation.z_axis);
+            (((0.1 - miss) / 0.004 + 0.5).clamp(0.0, 1.0) as f32, if miss < 0.1 { z as f32 } else { f32::INFINITY })
+        };
+        (0..camera.width * camera.height).map(pixel).unzip()
+    }
+
+    #[test]
+    fn asking_boxes_first_changes_nothing() {
+        let cameras: Vec<Camera> = (0..7)
+            .map(|k| {
+                let turn = DMat3::from_rotation_y(f64::from(k)) * DMat3::from_rotation_x(0.4 * f64::from(k % 3) - 0.2);
+                // The last stands so far aside that the ball reaches out of its image.
+                let aside = if k == 6 { 0.35 } else { 0.0 };
+                let (width, height, focal, principal) = (64, 64, DVec2::splat(180.0), DVec2::splat(32.0));
+                Camera { width, height, focal, principal, rotation: turn, centre: turn * DVec3::new(aside, 0.0, -1.0) }
+            })
+            .collect();
+        let pictures: Vec<(Vec<f32>, Vec<f32>)> = cameras.iter().map(ball).collect();
+        let views: Vec<Evidence> = cameras
+            .iter()
+            .zip(&pictures)
+            .map(|(camera, (mask, depth))| Evidence::with_depth(camera, mask, depth.clone()))
+            .collect();
+        let grid = DensityField::covering(DVec3::splat(-0.17), DVec3::splat(0.17), 0.01, 2).unwrap();
+        let ground = GroundPlane { point: -0.06 * DVec3::Y, normal: DVec3::Y };
+        for ground in [None, Some(ground)] {
+            let settings = FillSettings { ground, ..FillSettings::for_size(0.2) };
+            let found = internal_particles(&grid, &views, 0.002, &settings);
+            let overviews: Vec<Overview> = views.iter().map(Overview::new).collect();
+            let all: Vec<&Overview> = overviews.iter().collect();
+            let votes = votes(&settings, views.len());
+            let sampling = Sampling { grid: &grid, inset: 0.002, settings: &settings, width: 0.005, votes };
+            let (mut whole, mut parts) = (0, 0);
+            for i in 0..grid.len() {
+                let (inside, doubtful) = sampling.sample(grid.centre(grid.voxel(i)), &all, 0);
+                let off = (found.inside.values[i] - inside).abs().max((found.doubtful.values[i] - doubtful).abs());
+                assert!(
+                    off < 1e-5,
+                    "{i}: {inside} {doubtful} became {} {}",
+                    found.inside.values[i],
+                    found.doubtful.values[i]
+                );
+                whole += u32::from(inside == 1.0);
+                parts += u32::from(inside > 0.0 && inside < 1.0);
+            }
+            assert!(whole > 500 && parts > 500, "{whole} {parts}");
+        }
+    }
+}

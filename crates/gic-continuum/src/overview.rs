@@ -1,0 +1,238 @@
+//! What one view says about all points of a box: bounds, so that matter far from every surface needs no look at each of its voxels.
+
+use glam::{DMat3, DVec3};
+
+use crate::view::Evidence;
+
+/// Share by which distances are rounded, with room to spare: bounds hold for looks in single precision.
+const ROUNDING: f64 = 1e-6;
+
+/// Least and largest of what a view holds in a square of pixels.
+#[derive(Clone, Copy)]
+struct Texel {
+    /// Coverage of the mask.
+    coverage: [f32; 2],
+    /// Rendered depths where there are any [m]; `[inf, -inf]` where there are none.
+    depth: [f32; 2],
+    /// Least cosine between ray and normal.
+    cosine: f32,
+    /// Whether there is a pixel without depth.
+    hole: bool,
+}
+
+impl Texel {
+    /// Of no pixels at all.
+    const NONE: Texel = Texel {
+        coverage: [f32::INFINITY, f32::NEG_INFINITY],
+        depth: [f32::INFINITY, f32::NEG_INFINITY],
+        cosine: 1.0,
+        hole: false,
+    };
+
+    fn pixel(view: &Evidence, i: usize) -> Texel {
+        let (mask, depth) = (view.mask[i], view.depth[i]);
+        let solid = depth.is_finite();
+        Texel {
+            coverage: [mask; 2],
+            depth: if solid { [depth; 2] } else { Texel::NONE.depth },
+            cosine: view.cosine[i],
+            hole: !solid,
+        }
+    }
+
+    fn join(self, other: Texel) -> Texel {
+        let widen = |a: [f32; 2], b: [f32; 2]| [a[0].min(b[0]), a[1].max(b[1])];
+        Texel {
+            coverage: widen(self.coverage, other.coverage),
+            depth: widen(self.depth, other.depth),
+            cosine: self.cosine.min(other.cosine),
+            hole: self.hole || other.hole,
+        }
+    }
+}
+
+/// A grid of texels, row-major.
+struct Level {
+    width: usize,
+    height: usize,
+    texels: Vec<Texel>,
+}
+
+impl Level {
+    /// Half as many texels along both axes, rounded up.
+    fn halved(&self) -> Level {
+        let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
+        let texels = (0..width * height)
+            .map(|i| {
+                let (x, y) = (2 * (i % width), 2 * (i / width));
+                self.join([x, y], [(x + 1).min(self.width - 1), (y + 1).min(self.height - 1)])
+            })
+            .collect();
+        Level { width, height, texels }
+    }
+
+    /// The texels from `low` to `high`, both included, joined.
+    fn join(&self, low: [usize; 2], high: [usize; 2]) -> Texel {
+        let mut joined = Texel::NONE;
+        for y in low[1]..=high[1] {
+            for texel in &self.texels[y * self.width + low[0]..=y * self.width + high[0]] {
+                joined = joined.join(*texel);
+            }
+        }
+        joined
+    }
+}
+
+/// What [`Evidence::look`] says at any point of a box.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Survey {
+    /// Nothing: the view sees no part of the box.
+    Unseen,
+    /// The view sees all of the box: least and largest coverage, and distance behind the surface [m].
+    Seen { coverage: [f32; 2], behind: [f64; 2] },
+    /// The box reaches out of the image.
+    Partly,
+}
+
+/// A view with its pixels in squares of side 1, 2, 4, ...
+pub(crate) struct Overview<'a> {
+    pub(crate) view: &'a Evidence<'a>,
+    levels: Vec<Level>,
+    /// From world to camera, and the same without signs: half the sides of a box that is aligned with the world to those of one
+    /// around it that is aligned with the camera.
+    turn: DMat3,
+    widen: DMat3,
+}
+
+impl<'a> Overview<'a> {
+    pub(crate) fn new(view: &'a Evidence<'a>) -> Overview<'a> {
+        let (width, height) = (view.camera.width, view.camera.height);
+        let texels = (0..width * height).map(|i| Texel::pixel(view, i)).collect();
+        let mut levels = vec![Level { width, height, texels }];
+        while let Some(level) = levels.last().filter(|l| l.width > 1 || l.height > 1) {
+            levels.push(level.halved());
+        }
+        let turn = view.camera.rotation.transpose();
+        let widen = DMat3::from_cols(turn.x_axis.abs(), turn.y_axis.abs(), turn.z_axis.abs());
+        Overview { view, levels, turn, widen }
+    }
+
+    /// What the view says about the points of a box, given by its centre and half of its side [m].
+    pub(crate) fn survey(&self, centre: DVec3, half: f64) -> Survey {
+        let camera = self.view.camera;
+        let middle = self.turn * (centre - camera.centre);
+        let reach = self.widen * DVec3::splat(half);
+        let (near, far) = (middle.z - reach.z, middle.z + reach.z);
+        if near <= 1e-9 {
+            return if far <= 1e-9 { Survey::Unseen } else { Survey::Partly };
+        }
+        let range = |axis: usize| {
+            let (low, high) = (middle[axis] - reach[axis], middle[axis] + reach[axis]);
+            let focal = camera.focal[axis];
+            let shift = camera.principal[axis] - 0.5;
+            let low = focal * low / if low > 0.0 { far } else { near } + shift;
+            let high = focal * high / if high > 0.0 { near } else { far } + shift;
+            (low - ROUNDING, high + ROUNDING)
+        };
+        let ((left, right), (top, bottom)) = (range(0), range(1));
+        let (width, height) = (camera.width as f64 - 0.5, camera.height as f64 - 0.5);
+        if right < -0.5 || bottom < -0.5 || left >= width || top >= height {
+            return Survey::Unseen;
+        }
+        if !(left >= -0.5 && top >= -0.5 && right < width && bottom < height) {
+            return Survey::Partly;
+        }
+        // Half a pixel outside the outermost centres counts as these; casting truncates towards them.
+        let first = |c: f64| c.max(0.0) as usize;
+        let last = |c: f64, n: usize| ((c + 1.0) as usize).min(n - 1);
+        let texel = self.texel([first(left), first(top)], [last(right, camera.width), last(bottom, camera.height)]);
+        Survey::Seen { coverage: texel.coverage, behind: self.behind(&texel, near, far) }
+    }
+
+    /// The pixels from `low` to `high`, both included, and perhaps a few around them.
+    fn texel(&self, low: [usize; 2], high: [usize; 2]) -> Texel {
+        let span = (high[0] - low[0]).max(high[1] - low[1]);
+        // Squares of at least this side: two along an axis are enough.
+        let k = (usize::BITS - span.saturating_sub(1).leading_zeros()) as usize;
+        let k = k.min(self.levels.len() - 1);
+        self.levels[k].join(low.map(|c| c >> k), high.map(|c| c >> k))
+    }
+
+    /// Bounds of the distance behind the surface between two depths [m].
+    fn behind(&self, texel: &Texel, near: f64, far: f64) -> [f64; 2] {
+        let [front, back] = texel.depth.map(f64::from);
+        if front.is_infinite() {
+            return [f64::INFINITY; 2];
+        }
+        let slack = ROUNDING * far;
+        let cosine = f64::from(texel.cosine);
+        let [low_bias, high_bias] = self.view.bias.range().map(f64::from);
+        let scaled =
+            |distance: f64, (ahead, behind): (f64, f64)| distance * if distance > 0.0 { behind } else { ahead };
+        let low = scaled(near - back, (1.0, cosine)) - high_bias - slack;
+        let high = scaled(far - front, (cosine, 1.0)) - low_bias + slack;
+        [low, if texel.hole { f64::INFINITY } else { high }]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use gic_scene::Camera;
+    use glam::DVec2;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+
+    #[test]
+    fn bounds_hold_for_every_look_into_a_box() {
+        let camera = Camera {
+            width: 61,
+            height: 47,
+            focal: DVec2::new(70.0, 66.0),
+            principal: DVec2::new(30.0, 25.0),
+            rotation: DMat3::from_axis_angle(DVec3::new(0.3, -0.5, 0.8).normalize(), 0.7),
+            centre: DVec3::new(0.1, -0.2, 0.3),
+        };
+        // A tilted disc before nothing, with a step in it.
+        let mut random = ChaCha8Rng::seed_from_u64(1);
+        let pixels = camera.width * camera.height;
+        let (mut mask, mut depth) = (vec![0.0; pixels], vec![f32::INFINITY; pixels]);
+        for i in 0..pixels {
+            let (x, y) = ((i % camera.width) as f32 - 30.0, (i / camera.width) as f32 - 22.0);
+            mask[i] = ((18.0 - (x * x + y * y).sqrt()) / 2.0).clamp(0.0, 1.0);
+            if mask[i] > 0.5 {
+                depth[i] = 1.0 + 0.004 * x + if y > 5.0 { 0.1 } else { 0.0 };
+            }
+        }
+        let view = Evidence::with_depth(&camera, &mask, depth);
+        let overview = Overview::new(&view);
+        let (mut seen, mut tight) = (0, 0);
+        for _ in 0..3000 {
+            let mut uniform = |low: f64, high: f64| low + (high - low) * random.random::<f64>();
+            let pixel = DVec2::new(uniform(-8.0, 69.0), uniform(-8.0, 55.0));
+            let centre = camera.unproject(pixel, uniform(-0.05, 1.4));
+            let half = uniform(0.001, 0.02);
+            let survey = overview.survey(centre, half);
+            for _ in 0..20 {
+                let point = centre + half * DVec3::new(uniform(-1.0, 1.0), uniform(-1.0, 1.0), uniform(-1.0, 1.0));
+                let Some(look) = view.look(point) else {
+                    assert!(!matches!(survey, Survey::Seen { .. }));
+                    continue;
+                };
+                match survey {
+                    Survey::Unseen => panic!("{point} is seen"),
+                    Survey::Partly => {}
+                    Survey::Seen { coverage, behind } => {
+                        let within = look.coverage >= coverage[0] - 1e-6 && look.coverage <= coverage[1] + 1e-6;
+                        let depth = f64::from(look.behind);
+                        assert!(within && depth >= behind[0] && depth <= behind[1], "{look:?} in {survey:?}");
+                        seen += 1;
+                        tight += u32::from(coverage[0] == 1.0 && behind[1] - behind[0] < 0.06);
+                    }
+                }
+            }
+        }
+        assert!(seen > 15_000 && tight > 1_000, "{seen} {tight}");
+    }
+}
