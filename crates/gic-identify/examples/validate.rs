@@ -69,12 +69,13 @@ fn main() {
             e.resolution_shift.unwrap_or(f64::NAN)
         );
     }
+    let mean_factor = found.volume_factors.iter().sum::<f64>() / found.volume_factors.len().max(1) as f64;
     println!(
         "| velocity | {:.4} +- {:.4} | error {:+.4} | volume x {:.4} splat {:.3} free {} | {:?} | {:?} |",
         found.velocity_m_s,
         found.velocity_interval_95,
         found.velocity_m_s - truth.velocity_m_s,
-        found.particle_volume_m3 / input.particle_volume_m3,
+        mean_factor,
         found.splat_factor,
         found.free_frames,
         found.loss,
@@ -97,6 +98,7 @@ fn forward(input: &Input, folder: &Path, truth: &common::Truth) {
             material: truth.material,
             density_kg_m3: 1000.0,
             particle_volume_m3: 1e-6,
+            volume_factors: Vec::new(),
             positions: input.positions.clone(),
             velocity_m_s: truth.velocity_m_s,
             angular_velocity_rad_s: DVec3::ZERO,

@@ -176,7 +176,8 @@ impl Job<'_> {
             warnings: self.warnings.borrow().clone(),
             splat_factor: state.splat.exp(),
             positions: placed(self.input, &self.shape, state).0,
-            particle_volume_m3: self.input.particle_volume_m3 * self.shape.growth(&state.shape),
+            particle_volume_m3: self.input.particle_volume_m3,
+            volume_factors: self.shape.volume_factors(&state.shape),
         }
     }
 }

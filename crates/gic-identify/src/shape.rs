@@ -55,8 +55,8 @@ pub(crate) struct ShapeModes {
     displacements: Vec<Vec<DVec3>>,
     /// Its part along the outward direction, 0 inside the body [m], shape [modes][n].
     outward: Vec<Vec<f32>>,
-    /// Relative change of the body's volume.
-    volumes: Vec<f64>,
+    /// Its divergence, the relative change of each particle's volume, shape [modes][n].
+    divergences: Vec<Vec<f32>>,
 }
 
 /// A place on the surface.
@@ -93,20 +93,19 @@ impl ShapeModes {
                 (field(*p), divergence)
             })
             .collect();
-        let share = 1.0 / displaced.len() as f64;
         let along = |k: usize| {
             displaced.iter().zip(&normals).map(move |((d, _), n)| n.map_or(0.0, |n| d[k].dot(n) as f32)).collect()
         };
         ShapeModes {
             displacements: (0..components.len()).map(|k| displaced.iter().map(|(d, _)| d[k]).collect()).collect(),
             outward: (0..components.len()).map(along).collect(),
-            volumes: (0..components.len()).map(|k| displaced.iter().map(|(_, d)| d[k]).sum::<f64>() * share).collect(),
+            divergences: (0..components.len()).map(|k| displaced.iter().map(|(_, d)| d[k] as f32).collect()).collect(),
         }
     }
 
     /// Number of components.
     pub(crate) fn count(&self) -> usize {
-        self.volumes.len()
+        self.displacements.len()
     }
 
     /// Adds the displacements for `amounts` (standard deviations; those that are missing are zero).
@@ -128,9 +127,15 @@ impl ShapeModes {
         sums
     }
 
-    /// Factor on the body's volume.
-    pub(crate) fn growth(&self, amounts: &[f64]) -> f64 {
-        self.volumes.iter().zip(amounts).map(|(v, a)| v * a).sum::<f64>().exp()
+    /// Factor on each particle's volume, shape [n]; empty where nothing moves. Each stands for the matter around it, which its neighbours'
+    /// displacements stretch or squeeze: the density stays, and where the body loses its skin, the skin's stiffness goes with its mass.
+    pub(crate) fn volume_factors(&self, amounts: &[f64]) -> Vec<f64> {
+        let mut sums = Vec::new();
+        for (field, amount) in self.divergences.iter().zip(amounts) {
+            sums.resize(field.len(), 0.0);
+            sums.iter_mut().zip(field).for_each(|(sum, d)| *sum += f64::from(*d) * amount);
+        }
+        sums.iter().map(|sum: &f64| sum.exp()).collect()
     }
 }
 
@@ -359,12 +364,13 @@ mod tests {
             let surface: Vec<f64> = swelling.iter().filter(|s| **s != 0.0).map(|s| f64::from(*s)).collect();
             let flux = 3.0 / radius * surface.iter().sum::<f64>() / surface.len() as f64;
             let largest = surface.iter().fold(0.0, |m: f64, s| m.max(s.abs()));
-            let growth = modes.growth(&unit(k)).ln();
+            let factors = modes.volume_factors(&unit(k));
+            let growth = (factors.iter().sum::<f64>() / factors.len() as f64).ln();
             assert!((growth - flux).abs() < 0.2 * 3.0 / radius * largest, "mode {k}: {growth} against {flux}");
         }
         let mut moved = input.positions.clone();
         modes.displace(&mut moved, &[]);
         assert_eq!(moved, input.positions);
-        assert_eq!(modes.growth(&[]), 1.0);
+        assert!(modes.volume_factors(&[]).is_empty());
     }
 }

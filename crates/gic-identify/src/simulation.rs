@@ -52,17 +52,22 @@ impl Simulation<'_> {
         let (all, _) = placed(input, self.shape, state);
         let time = from as f64 / input.frame_rate_hz;
         let shift = state.velocity * time + fall(input.gravity_m_s2, time, substep(input));
-        let chosen: Vec<DVec3> = match &self.resolution.thinning {
-            None => all.iter().map(|p| *p + shift).collect(),
-            Some(ids) => ids.iter().map(|i| all[*i] + shift).collect(),
+        let factors = self.shape.volume_factors(&state.shape);
+        let (positions, volume_factors): (Vec<DVec3>, Vec<f64>) = match &self.resolution.thinning {
+            None => (all.iter().map(|p| *p + shift).collect(), factors),
+            Some(ids) => (
+                ids.iter().map(|i| all[*i] + shift).collect(),
+                ids.iter().filter_map(|i| factors.get(*i).copied()).collect(),
+            ),
         };
-        let growth = self.shape.growth(&state.shape) * all.len() as f64 / chosen.len() as f64;
+        let share = all.len() as f64 / positions.len() as f64;
         World {
             bodies: vec![Body {
                 material: self.material(state),
                 density_kg_m3: input.density_kg_m3,
-                particle_volume_m3: input.particle_volume_m3 * growth,
-                positions: chosen,
+                particle_volume_m3: input.particle_volume_m3 * share,
+                volume_factors,
+                positions,
                 velocity_m_s: state.velocity + input.gravity_m_s2 * time,
                 angular_velocity_rad_s: state.angular,
             }],

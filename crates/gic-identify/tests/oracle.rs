@@ -67,6 +67,7 @@ fn observed(material: Material, velocity: DVec3, frames: usize) -> Input {
             material,
             density_kg_m3: 1000.0,
             particle_volume_m3: volume,
+            volume_factors: Vec::new(),
             positions: positions.clone(),
             velocity_m_s: velocity,
             angular_velocity_rad_s: DVec3::ZERO,

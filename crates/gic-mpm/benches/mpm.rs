@@ -60,6 +60,7 @@ fn world(material: Material, particles: usize, substeps: usize) -> World {
             material,
             density_kg_m3: 1000.0,
             particle_volume_m3: 1e-6,
+            volume_factors: Vec::new(),
             positions: (0..side.pow(3)).map(|i| (at(i) + 0.5) * 0.01 + DVec3::Y * 0.03).collect(),
             velocity_m_s: DVec3::new(0.5, -2.0, 0.25),
             angular_velocity_rad_s: DVec3::ZERO,

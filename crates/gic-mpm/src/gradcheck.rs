@@ -107,7 +107,7 @@ pub fn gradcheck_materials() -> [Material; 5] {
 }
 
 /// A small world in which a spinning block of the material hits a slanted sticky floor and a moving ball with friction in its first
-/// frame of 50 substeps, hard enough to yield.
+/// frame of 50 substeps, hard enough to yield; its particles have different volumes.
 pub fn gradcheck_world(material: Material) -> World {
     let spacing = 0.01;
     let count = DVec3::new(7.0, 6.0, 5.0);
@@ -128,6 +128,7 @@ pub fn gradcheck_world(material: Material) -> World {
             material,
             density_kg_m3: 1000.0,
             particle_volume_m3: spacing.powi(3),
+            volume_factors: (0..positions.len()).map(|p| 1.0 + 0.3 * direction(p).x).collect(),
             positions,
             velocity_m_s: DVec3::new(0.4, -3.0, 0.2),
             angular_velocity_rad_s: DVec3::new(1.0, -2.0, 3.0),

@@ -24,7 +24,7 @@ pub struct BodyGradient {
     pub material: Vec<f64>,
     /// With respect to the density [per kg/m^3], at constant particle volume.
     pub density: f64,
-    /// With respect to the rest volume of a particle [per m^3], at constant density.
+    /// With respect to the rest volume of a particle of factor 1 [per m^3], at constant density and factors.
     pub particle_volume: f64,
     /// With respect to the initial velocity [per m/s].
     pub velocity: DVec3,
@@ -232,10 +232,10 @@ fn body_gradient<R: Scalar>(body: &SceneBody, bars: &BodyBars, adjoint: &State<R
         positions.push(double(adjoint.position[p]) - spin.cross(velocity_bar));
         velocities.push(velocity_bar);
     }
-    // The centre is the mean of the positions.
-    let through_centre = spin.cross(velocity) / body.positions.len() as f64;
-    for position in &mut positions {
-        *position += through_centre;
+    // The centre is the mean of the positions, weighted by the masses.
+    let through_centre = spin.cross(velocity) / body.factors.iter().sum::<f64>();
+    for (position, factor) in positions.iter_mut().zip(&body.factors) {
+        *position += through_centre * *factor;
     }
     let density = body.mass / body.volume;
     BodyGradient {

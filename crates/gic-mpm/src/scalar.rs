@@ -1,7 +1,7 @@
 //! The readable engine: one particle at a time, in f64 (the oracle of all checks) or f32 (the scalar twin of the fast engine).
 //!
 //! A substep (paper section 4.3, in the order of the published simulator), with node offsets d = x_i - x_p, D = 4 / dx^2, rest
-//! volume V, particle mass m:
+//! volume V, particle mass m (both with the particle's own factor):
 //!
 //! ```text
 //! law:   F', tau = law(dt, C, F)          A = m C - dt V D tau
@@ -170,13 +170,16 @@ impl<'a, R: Scalar> Substep<'a, R> {
     /// Law and particle-to-grid transfer of one body; F becomes F'.
     fn p2g<L: Law<R>>(&self, body: &SceneBody, state: &mut State<R>, grid: &mut [Node<R>]) {
         let law = L::new(&body.coefficients, self.scene.rules);
-        let (mass, dt) = (R::splat(body.mass), R::splat(self.dt));
-        for p in body.range.clone() {
+        let dt = R::splat(self.dt);
+        for (p, &factor) in body.range.clone().zip(&body.factors) {
+            let factor = R::splat(factor);
+            let mass = R::splat(body.mass) * factor;
             let updated = law.update(dt, &state.affine[p], &state.deformation[p]);
             state.deformation[p] = updated.f;
             let momentum = state.velocity[p].map(|v| v * mass);
             let affine =
                 (state.affine[p] * self.inertia_factor(body)).add_scaled(self.stress_factor(body), &updated.tau);
+            let affine = affine * factor;
             for n in self.stencil(state.position[p]).neighbours(&self.extent) {
                 let carried = add(momentum, affine.times_vec(n.d));
                 let node = &mut grid[n.index];
@@ -286,9 +289,11 @@ impl<'a, R: Scalar> Substep<'a, R> {
         bars: &mut BodyBars,
     ) {
         let law = L::new(&body.coefficients, self.scene.rules);
-        let (mass, dt) = (R::splat(body.mass), R::splat(self.dt));
-        let (stress, inertia) = (self.stress_factor(body), self.inertia_factor(body));
-        for p in body.range.clone() {
+        let dt = R::splat(self.dt);
+        for (p, &factor) in body.range.clone().zip(&body.factors) {
+            let factor = R::splat(factor);
+            let mass = R::splat(body.mass) * factor;
+            let (stress, inertia) = (self.stress_factor(body) * factor, self.inertia_factor(body) * factor);
             let (velocity, c, f) = (before.velocity[p], &before.affine[p], &before.deformation[p]);
             let tau = law.update(dt, c, f).tau;
             let momentum = velocity.map(|v| v * mass);
@@ -321,7 +326,7 @@ impl<'a, R: Scalar> Substep<'a, R> {
                 *sum += bar.lane(0);
             }
             let through_inertia = R::splat(self.scene.spacing) * affine_bar.double_dot(c);
-            bars.mass += (mass_bar + dot(momentum_bar, velocity) + through_inertia).lane(0);
+            bars.mass += (factor * (mass_bar + dot(momentum_bar, velocity) + through_inertia)).lane(0);
             bars.volume += (stress * affine_bar.double_dot(&tau)).lane(0) / body.volume;
         }
     }

@@ -26,6 +26,8 @@ pub(crate) struct SceneBody {
     pub(crate) mass: f64,
     /// Rest volume of a particle [m^3].
     pub(crate) volume: f64,
+    /// Factors on both, one per particle.
+    pub(crate) factors: Vec<f64>,
     pub(crate) positions: Vec<DVec3>,
     pub(crate) velocity: DVec3,
     pub(crate) angular_velocity: DVec3,
@@ -112,6 +114,9 @@ impl Scene {
 
 impl SceneBody {
     fn new(body: &Body, range: Range<usize>) -> Self {
+        let count = body.positions.len();
+        let factors = if body.volume_factors.is_empty() { vec![1.0; count] } else { body.volume_factors.clone() };
+        let moment = body.positions.iter().zip(&factors).map(|(x, w)| *x * *w).sum::<DVec3>();
         Self {
             range,
             material: body.material,
@@ -121,7 +126,8 @@ impl SceneBody {
             positions: body.positions.clone(),
             velocity: body.velocity_m_s,
             angular_velocity: body.angular_velocity_rad_s,
-            centre: body.positions.iter().sum::<DVec3>() / body.positions.len() as f64,
+            centre: moment / factors.iter().sum::<f64>(),
+            factors,
         }
     }
 }
@@ -186,9 +192,9 @@ impl Violation {
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct BodyBars {
     pub(crate) coefficients: [f64; MAX_COEFFICIENTS],
-    /// With respect to the mass of a particle.
+    /// With respect to the mass of a particle of factor 1.
     pub(crate) mass: f64,
-    /// With respect to the rest volume of a particle, at constant mass.
+    /// With respect to the rest volume of a particle of factor 1, at constant mass.
     pub(crate) volume: f64,
 }
 

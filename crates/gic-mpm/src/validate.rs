@@ -66,6 +66,18 @@ impl Body {
         if self.positions.is_empty() {
             return invalid(field("positions"), "[]", "must hold at least one particle");
         }
+        if !self.volume_factors.is_empty() && self.volume_factors.len() != self.positions.len() {
+            return invalid(
+                field("volume_factors"),
+                self.volume_factors.len(),
+                "must hold one for each particle, or none",
+            );
+        }
+        for (particle, &factor) in self.volume_factors.iter().enumerate() {
+            if !(factor > 0.0 && factor.is_finite()) {
+                positive(&field(&format!("volume_factors[{particle}]")), factor)?;
+            }
+        }
         for (particle, &position) in self.positions.iter().enumerate() {
             if !position.is_finite() {
                 finite(&field(&format!("positions[{particle}]")), position)?;

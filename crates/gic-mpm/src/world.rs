@@ -13,12 +13,23 @@ pub struct Body {
     pub density_kg_m3: f64,
     /// Rest volume of one particle [m^3].
     pub particle_volume_m3: f64,
+    /// Rest volume, and so mass, of each particle in units of `particle_volume_m3`, positive, shape [n]; empty where all are 1.
+    pub volume_factors: Vec<f64>,
     /// Initial positions [m], shape [n].
     pub positions: Vec<DVec3>,
     /// Initial linear velocity [m/s].
     pub velocity_m_s: DVec3,
     /// Initial angular velocity [rad/s] about the centre of mass.
     pub angular_velocity_rad_s: DVec3,
+}
+
+impl Body {
+    /// Mass of each particle [kg], shape [n].
+    pub fn masses_kg(&self) -> Vec<f64> {
+        let of = |p: usize| self.volume_factors.get(p).copied().unwrap_or(1.0);
+        let one = self.density_kg_m3 * self.particle_volume_m3;
+        (0..self.positions.len()).map(|p| one * of(p)).collect()
+    }
 }
 
 /// How many substeps a frame takes.

@@ -54,6 +54,7 @@ impl Fixture {
                 material: self.material,
                 density_kg_m3: self.number("/rho"),
                 particle_volume_m3: self.number("/particle_volume"),
+                volume_factors: Vec::new(),
                 positions: self.vectors("x0"),
                 velocity_m_s: DVec3::new(0.5, -2.0, 0.25),
                 angular_velocity_rad_s: DVec3::ZERO,

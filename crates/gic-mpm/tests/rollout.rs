@@ -28,9 +28,11 @@ fn large_world() -> World {
         (0..n).map(|i| corner + DVec3::new((i % 40) as f64, (i / 40 % 20) as f64, (i / 800) as f64) * 0.01).collect()
     };
     world.bodies[0].positions = positions(DVec3::new(0.0, 0.06, 0.0), 36_000);
+    world.bodies[0].volume_factors = (0..36_000).map(|p| 0.7 + 0.1 * f64::from(p % 7)).collect();
     let second = Body {
         material: gradcheck_materials()[3],
         positions: positions(DVec3::new(-0.45, 0.12, 0.0), 5_000),
+        volume_factors: Vec::new(),
         ..world.bodies[0].clone()
     };
     world.bodies.push(second);
@@ -134,12 +136,13 @@ fn a_restored_state_continues_with_the_same_bits() {
 fn contact_forces_balance_the_change_of_momentum() {
     let world = gradcheck_world(gradcheck_materials()[0]);
     let all = frames(&world, &f64_options(), 4);
-    let mass = world.bodies[0].density_kg_m3 * world.bodies[0].particle_volume_m3;
-    let momentum = |frame: &Frame| frame.velocities.iter().sum::<DVec3>() * mass;
+    let body = &world.bodies[0];
+    let masses = body.masses_kg();
+    let momentum = |frame: &Frame| frame.velocities.iter().zip(&masses).map(|(v, mass)| *v * *mass).sum::<DVec3>();
     let mut touched = false;
     for pair in all.windows(2) {
         let contact: DVec3 = pair[1].contacts.iter().map(|c| c.force_n).sum();
-        let weight = world.gravity_m_s2 * mass * pair[1].positions.len() as f64;
+        let weight = world.gravity_m_s2 * masses.iter().sum::<f64>();
         let rate = (momentum(&pair[1]) - momentum(&pair[0])) * world.frame_rate_hz;
         touched |= contact.length() > weight.length();
         assert!(
@@ -148,6 +151,23 @@ fn contact_forces_balance_the_change_of_momentum() {
         );
     }
     assert!(touched);
+}
+
+/// A particle of twice the volume is two particles in one place.
+#[test]
+fn a_volume_factor_counts_particles() {
+    for material in gradcheck_materials() {
+        let mut twice = gradcheck_world(material);
+        let body = &mut twice.bodies[0];
+        body.volume_factors = body.positions.iter().enumerate().map(|(p, _)| 1.0 + (p % 2) as f64).collect();
+        let mut pairs = twice.clone();
+        let odd: Vec<DVec3> = pairs.bodies[0].positions.iter().copied().skip(1).step_by(2).collect();
+        pairs.bodies[0].positions.extend(odd);
+        pairs.bodies[0].volume_factors.clear();
+        let ends = [&twice, &pairs].map(|world| frames(world, &f64_options(), 4).pop().unwrap().positions);
+        let moved = ends[0].iter().zip(&ends[1]).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+        assert!(moved < 1e-9, "{material:?}: {moved}");
+    }
 }
 
 #[test]
@@ -212,6 +232,8 @@ fn bad_worlds_are_refused_by_name() {
         nu,
         SimulationError::Material { body: 0, source: MaterialError::OutOfRange { name: "poisson_ratio", .. } }
     ));
+    assert_eq!(field(&error(|w| w.bodies[0].volume_factors.truncate(3))), "bodies[0].volume_factors");
+    assert_eq!(field(&error(|w| w.bodies[0].volume_factors[3] = 0.0)), "bodies[0].volume_factors[3]");
     let sunk = error(|w| w.bodies[0].positions[3].y = -0.5);
     assert!(matches!(sunk, SimulationError::InsideCollider { particle: 3, collider: 0, .. }), "{sunk}");
 }
@@ -243,12 +265,12 @@ proptest! {
         let mut simulator = Simulator::new(&world, &f64_options()).unwrap();
         let momenta = |snapshot: &Snapshot| {
             let (mut linear, mut angular) = (DVec3::ZERO, DVec3::ZERO);
-            for p in &snapshot.particles {
+            for (p, factor) in snapshot.particles.iter().zip(&world.bodies[0].volume_factors) {
                 let (x, v, c) = (DVec3::from_slice(&p[..3]), DVec3::from_slice(&p[3..6]), &p[6..15]);
-                linear += v;
+                linear += v * *factor;
                 // The affine part of APIC: the second moment of the kernel is dx^2 / 4.
                 let curl = DVec3::new(c[7] - c[5], c[2] - c[6], c[3] - c[1]);
-                angular += x.cross(v) + curl * (world.grid_spacing_m.powi(2) / 4.0);
+                angular += (x.cross(v) + curl * (world.grid_spacing_m.powi(2) / 4.0)) * *factor;
             }
             (linear, angular)
         };

@@ -104,6 +104,7 @@ fn block(material: Material) -> World {
             material,
             density_kg_m3: 1000.0,
             particle_volume_m3: SPACING_M.powi(3),
+            volume_factors: Vec::new(),
             positions,
             velocity_m_s: DVec3::new(0.5, -4.0, 0.25),
             angular_velocity_rad_s: DVec3::new(2.0, -1.0, 3.0),

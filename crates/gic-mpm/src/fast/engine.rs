@@ -10,7 +10,7 @@ use super::block::{BLOCK, Block, SharedState};
 use super::rows::Window;
 use super::transfer::{Chunk, Flags, Forward, G2pAdjoint, P2gAdjoint, Step};
 use crate::grid::{GridBox, GridUpdate, Impulse, Node};
-use crate::scene::{BodyBars, Engine, Scene, Segment, Violation};
+use crate::scene::{BodyBars, Engine, Scene, SceneBody, Segment, Violation};
 use crate::state::{State, map_particles};
 
 /// Particles per chunk, about: few enough for several chunks per core, many enough for a slab to pay.
@@ -331,6 +331,7 @@ impl<T: Machine> Layout<T> {
             Chunk {
                 body,
                 blocks: Block::gather(state, &order),
+                factors: factors(&scene.bodies[body], &order),
                 order,
                 window,
                 first_node,
@@ -347,6 +348,12 @@ impl<T: Machine> Layout<T> {
         };
         Ok(Self { extent, chunks })
     }
+}
+
+/// Factors of particles on their masses and volumes, then ones to fill the last block.
+fn factors<T: Machine>(body: &SceneBody, order: &[u32]) -> Vec<T> {
+    let own = order.iter().map(|p| T::splat(body.factors[*p as usize - body.range.start]));
+    own.chain(core::iter::repeat(T::one())).take(order.len().next_multiple_of(BLOCK)).collect()
 }
 
 /// Particles in the order of their cells; those of a cell in the order of their numbers.

@@ -19,6 +19,8 @@ pub(super) struct Chunk<T> {
     /// The particles, in the order of the blocks.
     pub(super) order: Vec<u32>,
     pub(super) blocks: Vec<Block<T>>,
+    /// Factors on their masses and volumes, as many as the blocks have room for.
+    pub(super) factors: Vec<T>,
     /// The nodes that the chunk may touch: all of the grid's along y and z, some planes along x.
     pub(super) window: Window,
     /// Index in the grid of the window's first node.
@@ -89,12 +91,30 @@ impl Step<'_> {
         })
     }
 
+    /// The mass of particles, and the factors from C and tau to their parts of A dx.
+    #[inline(always)]
+    fn measures<L: Lanes>(&self, factor: L) -> Measures<L> {
+        Measures {
+            mass: L::splat(self.body.mass) * factor,
+            inertia: L::splat(self.inertia_factor()) * factor,
+            stress: L::splat(self.stress_factor()) * factor,
+        }
+    }
+}
+
+/// What a particle's mass and volume weigh.
+struct Measures<L> {
+    mass: L,
+    inertia: L,
+    stress: L,
+}
+
+impl<L: Lanes> Measures<L> {
     /// `m v` and `A dx`.
     #[inline(always)]
-    fn momenta<L: Lanes>(&self, velocity: [L; 3], c: &Mat3<L>, tau: &Mat3<L>) -> ([L; 3], Mat3<L>) {
-        let mass = L::splat(self.body.mass);
-        let affine = (*c * L::splat(self.inertia_factor())).add_scaled(L::splat(self.stress_factor()), tau);
-        (each(velocity, |v| v * mass), affine)
+    fn momenta(&self, velocity: [L; 3], c: &Mat3<L>, tau: &Mat3<L>) -> ([L; 3], Mat3<L>) {
+        let affine = (*c * self.inertia).add_scaled(self.stress, tau);
+        (each(velocity, |v| v * self.mass), affine)
     }
 }
 
@@ -247,7 +267,7 @@ impl<T: Scalar> Forward<'_, T> {
         pending: &mut Pending<L>,
     ) {
         let Scratch { stencils, gift, .. } = scratch;
-        let Chunk { blocks, window, slab, flags, .. } = &mut *self.chunk;
+        let Chunk { blocks, factors, window, slab, flags, .. } = &mut *self.chunk;
         let block = &mut blocks[b];
         let (offset, inside) = stencils.set(block.position::<L>(at), L::splat(1.0 / self.step.spacing), window);
         flags.escaped |= L::any(L::not(inside));
@@ -255,8 +275,9 @@ impl<T: Scalar> Forward<'_, T> {
         let c = block.affine::<L>(at);
         let updated = self.step.law(&c, &block.deformation(at));
         block.set_deformation(at, &updated.f);
-        let (momentum, affine) = self.step.momenta(block.velocity(at), &c, &updated.tau);
-        gift.set(momentum, &affine, L::splat(self.step.body.mass), offset);
+        let measures = self.step.measures(L::load(&factors[b * BLOCK + at..]));
+        let (momentum, affine) = measures.momenta(block.velocity(at), &c, &updated.tau);
+        gift.set(momentum, &affine, measures.mass, offset);
         // SAFETY: the slab holds the window's nodes.
         unsafe { scatter(stencils, gift, count, pending, slab.as_flattened_mut().as_mut_ptr(), window) };
     }
@@ -337,15 +358,16 @@ impl<T: Scalar> Kernel<T> for P2gAdjoint<'_, T> {
         let mut scratch = Scratch::new();
         let mut bars = BodyBars::default();
         let mut lane_bars = LaneBars::<L>::zero();
-        let Chunk { blocks, window, first_node, order, .. } = self.chunk;
+        let Chunk { blocks, factors, window, first_node, order, .. } = self.chunk;
         let grid_bar = self.grid_bar[*first_node..*first_node + window.nodes()].as_flattened();
         for b in 0..blocks.len() {
             prefetch_next(blocks, b);
             prefetch_next(self.before, b);
             for (at, count) in packs::<L>(b, order.len()) {
-                let pack = Pack { step: self.step, before: &self.before[b], at, count };
+                let factor = L::load(&factors[b * BLOCK + at..]);
+                let pack = Pack { step: self.step, before: &self.before[b], factor, at, count };
                 // SAFETY: the slice holds the window's nodes.
-                unsafe { pack.adjoint::<L>(&mut blocks[b], grid_bar.as_ptr(), window, &mut scratch, &mut lane_bars) };
+                unsafe { pack.adjoint(&mut blocks[b], grid_bar.as_ptr(), window, &mut scratch, &mut lane_bars) };
             }
             if b % BLOCKS_PER_SUM == BLOCKS_PER_SUM - 1 {
                 lane_bars.flush(self.step.body.volume, &mut bars);
@@ -357,30 +379,31 @@ impl<T: Scalar> Kernel<T> for P2gAdjoint<'_, T> {
 }
 
 /// The particles of one pack of lanes at the start of a substep.
-struct Pack<'a, T> {
+struct Pack<'a, L: Lanes> {
     step: Step<'a>,
-    before: &'a Block<T>,
+    before: &'a Block<L::Scalar>,
+    factor: L,
     at: usize,
     count: usize,
 }
 
-impl<T: Scalar> Pack<'_, T> {
+impl<L: Lanes> Pack<'_, L> {
     /// # Safety
     /// `grid_bar` must hold the window's nodes, four numbers each.
     #[inline(always)]
-    unsafe fn adjoint<L: Lanes<Scalar = T>>(
+    unsafe fn adjoint(
         &self,
-        adjoint: &mut Block<T>,
-        grid_bar: *const T,
+        adjoint: &mut Block<L::Scalar>,
+        grid_bar: *const L::Scalar,
         window: &Window,
-        scratch: &mut Scratch<T>,
+        scratch: &mut Scratch<L::Scalar>,
         bars: &mut LaneBars<L>,
     ) {
         let Scratch { stencils, gift, received, received_slopes } = scratch;
         let at = self.at;
         let inverse_dx = L::splat(1.0 / self.step.spacing);
-        let (stress, inertia) = (L::splat(self.step.stress_factor()), L::splat(self.step.inertia_factor()));
-        let mass = L::splat(self.step.body.mass);
+        let measures = self.step.measures(self.factor);
+        let Measures { mass, inertia, stress } = measures;
         let (velocity, c, f) =
             (self.before.velocity::<L>(at), self.before.affine::<L>(at), self.before.deformation::<L>(at));
 
@@ -396,7 +419,7 @@ impl<T: Scalar> Pack<'_, T> {
         adjoint.set_velocity(at, each(momentum_bar, |b| b * mass));
 
         // The weights depend on x, and the offsets do.
-        let (momentum, affine) = self.step.momenta(velocity, &c, &law_bar.tau);
+        let (momentum, affine) = measures.momenta(velocity, &c, &law_bar.tau);
         stencils.set_slopes(offset);
         gift.set(momentum, &affine, mass, offset);
         // SAFETY: as the caller says.
@@ -412,7 +435,7 @@ impl<T: Scalar> Pack<'_, T> {
         let by_velocity = px * velocity[0] + py * velocity[1] + pz * velocity[2];
         // Lanes beyond the count repeat a particle that has already been counted.
         let real = L::lane_index().lt(L::splat(self.count as f64));
-        bars.mass += L::select(real, mass_bar + by_velocity + through_inertia, L::zero());
+        bars.mass += L::select(real, self.factor * (mass_bar + by_velocity + through_inertia), L::zero());
         bars.volume_term += L::select(real, stress * affine_bar.double_dot(&law_bar.tau), L::zero());
         for i in 0..MAX_COEFFICIENTS {
             bars.coefficients[i] += L::select(real, law_bar.coefficients[i], L::zero());

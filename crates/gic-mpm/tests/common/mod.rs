@@ -31,6 +31,7 @@ pub(crate) fn body(material: Material, positions: Vec<DVec3>, grid_spacing_m: f6
         material,
         density_kg_m3: DENSITY,
         particle_volume_m3: (0.5 * grid_spacing_m).powi(3),
+        volume_factors: Vec::new(),
         positions,
         velocity_m_s: DVec3::ZERO,
         angular_velocity_rad_s: DVec3::ZERO,

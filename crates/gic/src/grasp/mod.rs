@@ -240,11 +240,7 @@ impl<'a> Grasp<'a> {
 
     fn run(&mut self, widths: &[f64]) -> Result<Report> {
         let body = &self.rig.world.bodies[0];
-        let (mass, material, particles) = (
-            body.positions.len() as f64 * body.density_kg_m3 * body.particle_volume_m3,
-            body.material,
-            self.yielded.len(),
-        );
+        let (mass, material, particles) = (body.masses_kg().iter().sum(), body.material, self.yielded.len());
         let mut state = self.rig.start(0.5 * self.object_width + 2.5 * self.rig.world.grid_spacing_m)?;
         let mut squeezes = Vec::new();
         for (done, &width) in widths.iter().enumerate() {

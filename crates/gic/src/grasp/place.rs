@@ -106,6 +106,7 @@ impl Place {
         Body {
             positions: body.positions.iter().flat_map(|p| parts.iter().map(move |part| local(&(*p + *part)))).collect(),
             particle_volume_m3: body.particle_volume_m3 / parts.len() as f64,
+            volume_factors: body.volume_factors.iter().flat_map(|f| std::iter::repeat_n(*f, parts.len())).collect(),
             velocity_m_s: DVec3::ZERO,
             angular_velocity_rad_s: DVec3::ZERO,
             ..body.clone()

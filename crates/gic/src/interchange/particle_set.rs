@@ -21,17 +21,18 @@ use crate::twin::Twin;
 pub fn write_particle_set(path: &Path, twin: &Twin, world: &World) -> Result<PathBuf> {
     let body = &world.bodies[0];
     let n = body.positions.len();
-    let centre = body.positions.iter().sum::<glam::DVec3>() / n as f64;
+    let masses = body.masses_kg();
+    let moment: glam::DVec3 = body.positions.iter().zip(&masses).map(|(p, mass)| *p * *mass).sum();
+    let centre = moment / masses.iter().sum::<f64>();
     let velocity = |p: &glam::DVec3| body.velocity_m_s + body.angular_velocity_rad_s.cross(*p - centre);
     let flat = |v: glam::DVec3| v.as_vec3().to_array();
     let positions: Vec<f32> = body.positions.iter().flat_map(|p| flat(*p)).collect();
     let velocities: Vec<f32> = body.positions.iter().flat_map(|p| flat(velocity(p))).collect();
-    let volume = body.particle_volume_m3;
     let arrays: [(&str, Vec<f32>, &[u64]); 4] = [
         ("positions", positions, &[n as u64, 3]),
         ("velocities", velocities, &[n as u64, 3]),
-        ("volumes", vec![volume as f32; n], &[n as u64]),
-        ("masses", vec![(volume * body.density_kg_m3) as f32; n], &[n as u64]),
+        ("volumes", masses.iter().map(|mass| (mass / body.density_kg_m3) as f32).collect(), &[n as u64]),
+        ("masses", masses.iter().map(|mass| *mass as f32).collect(), &[n as u64]),
     ];
     atomic::write(path, &archive(&arrays).map_err(Error::write(path))?)?;
     // Not `.json` alone: beside `twin.npz` lies `twin.json`, the twin itself.
@@ -74,7 +75,7 @@ fn describe(path: &Path, twin: &Twin, world: &World) -> serde_json::Value {
         "material": twin.material,
         "elasticity": lame,
         "density_kg_m3": body.density_kg_m3,
-        "particle_volume_m3": body.particle_volume_m3,
+        "mass_kg": body.masses_kg().iter().sum::<f64>(),
         "particle_spacing_m": twin.particle_spacing_m,
         "grid_spacing_m": world.grid_spacing_m,
         "gravity_m_s2": twin.gravity_m_s2,

@@ -16,8 +16,13 @@ use crate::error::{Error, Result};
 
 /// What a file of matter holds.
 pub enum Matter {
-    /// Particles at their positions [m], in the file's order.
-    Particles(Vec<DVec3>),
+    /// Particles, in the file's order.
+    Particles {
+        /// Positions [m], shape [n].
+        positions: Vec<DVec3>,
+        /// Volume of each in units of the cube of their spacing, shape [n]; empty where the file does not say.
+        volume_factors: Vec<f64>,
+    },
     /// A closed surface, to be filled.
     Mesh(Mesh),
 }
@@ -27,7 +32,11 @@ pub fn read(path: &Path) -> Result<Matter> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     let mesh = match extension.as_str() {
         "ply" => match read_ply(path)? {
-            PlyContent::Particles(particles) => return Ok(Matter::Particles(particles.positions)),
+            PlyContent::Particles(particles) => {
+                let said = particles.volume_factors.iter().any(|factor| !factor.is_nan());
+                let volume_factors = if said { particles.volume_factors } else { Vec::new() };
+                return Ok(Matter::Particles { positions: particles.positions, volume_factors });
+            }
             PlyContent::Mesh(mesh) => mesh,
         },
         "obj" => mesh::read_obj(path)?,

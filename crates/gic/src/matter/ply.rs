@@ -21,6 +21,8 @@ pub struct PlyParticles {
     pub surface: Vec<f32>,
     /// The property `doubt`, shape [n]; NaN where the file has none.
     pub doubts: Vec<f32>,
+    /// The property `volume_factor`, shape [n]; NaN where the file has none.
+    pub volume_factors: Vec<f64>,
     /// The properties `vx`, `vy`, `vz` [m/s], shape [n]; NaN where the file has none.
     pub velocities: Vec<DVec3>,
     /// The property `von_mises_pa`, shape [n]; NaN where the file has none.
@@ -41,6 +43,7 @@ struct Row {
     density: f32,
     surface: f32,
     doubt: f32,
+    volume_factor: f64,
     velocity: DVec3,
     von_mises_pa: f32,
     corners: Vec<u32>,
@@ -53,6 +56,7 @@ impl PropertyAccess for Row {
             density: f32::NAN,
             surface: f32::NAN,
             doubt: f32::NAN,
+            volume_factor: f64::NAN,
             velocity: DVec3::NAN,
             von_mises_pa: f32::NAN,
             corners: Vec::new(),
@@ -74,6 +78,7 @@ impl PropertyAccess for Row {
             "density" => self.density = number(&property) as f32,
             "surface" => self.surface = number(&property) as f32,
             "doubt" => self.doubt = number(&property) as f32,
+            "volume_factor" => self.volume_factor = number(&property),
             "von_mises_pa" => self.von_mises_pa = number(&property) as f32,
             "vertex_indices" | "vertex_index" => {
                 // A negative index stays an empty face, which the mesh check then refuses.
@@ -130,9 +135,11 @@ pub fn read_ply(path: &Path) -> Result<PlyContent> {
         let densities = rows.iter().map(|row| row.density).collect();
         let surface = rows.iter().map(|row| row.surface).collect();
         let doubts = rows.iter().map(|row| row.doubt).collect();
+        let volume_factors = rows.iter().map(|row| row.volume_factor).collect();
         let velocities = rows.iter().map(|row| row.velocity).collect();
         let von_mises_pa = rows.iter().map(|row| row.von_mises_pa).collect();
-        let particles = PlyParticles { positions, densities, surface, doubts, velocities, von_mises_pa };
+        let particles =
+            PlyParticles { positions, densities, surface, doubts, volume_factors, velocities, von_mises_pa };
         return Ok(PlyContent::Particles(particles));
     }
     let polygons = faces.into_iter().map(|row| row.corners);

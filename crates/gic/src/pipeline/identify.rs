@@ -4,20 +4,19 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
-use gic_continuum::Particles;
 use gic_identify::{
     Checkpoint, Event, Identification, IdentifyError, Input, Observation, Optimizer, Settings, Stage as IdentifyStage,
     Step, Target, View, identify,
 };
 use serde::{Deserialize, Serialize};
 
-use super::fill::write_body;
 use super::predict::simulated_frame;
 use super::stamp::Stamp;
 use super::{Continuum, Run, Stage};
 use crate::atomic;
 use crate::config::{MaterialChoice, Model, OptimizerChoice, TargetChoice};
 use crate::error::{Error, Result};
+use crate::matter::write_particles;
 use crate::twin::{self, ContactKind, Obstacle, ObstacleShape, Twin};
 
 /// Length of a substep on a grid of [`REFERENCE_GRID_M`]: 200 for a frame at 24 frames a second, as in the published simulator.
@@ -288,13 +287,13 @@ impl Run<'_> {
 
     /// The particles of the continuum where and how large the fit found them, with their attributes.
     fn write_matter(&self, continuum: &Continuum, found: &Identification) -> Result<()> {
-        let fitted = Particles {
-            positions: found.positions.clone(),
-            volume: found.particle_volume_m3,
-            spacing: found.particle_volume_m3.cbrt(),
-            ..continuum.particles.clone()
-        };
-        write_body(&self.path(TWIN_MATTER), &fitted)
+        let particles = &continuum.particles;
+        let rows = found.positions.iter().enumerate().map(|(i, position)| {
+            let [x, y, z] = position.as_vec3().to_array();
+            let factor = found.volume_factors.get(i).map_or(1.0, |factor| *factor as f32);
+            [x, y, z, particles.densities[i], f32::from(particles.surface[i]), factor]
+        });
+        write_particles(&self.path(TWIN_MATTER), ["x", "y", "z", "density", "surface", "volume_factor"], rows)
     }
 
     fn twin(&self, input: &Input, obstacles: Vec<Obstacle>, found: &Identification, record: &IdentifyRecord) -> Twin {

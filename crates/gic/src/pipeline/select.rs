@@ -261,6 +261,7 @@ fn simulate(
             material: found.material,
             density_kg_m3: input.density_kg_m3,
             particle_volume_m3: found.particle_volume_m3,
+            volume_factors: found.volume_factors.clone(),
             positions: found.positions.clone(),
             velocity_m_s: found.velocity_m_s,
             angular_velocity_rad_s: found.angular_velocity_rad_s,

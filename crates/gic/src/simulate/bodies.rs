@@ -62,10 +62,9 @@ impl Cast {
         Ok(Self { twin, companions, world })
     }
 
-    /// Number of particles of each body and the mass of one [kg].
-    pub(super) fn masses(&self) -> Vec<(usize, f64)> {
-        let bodies = self.world.bodies.iter();
-        bodies.map(|body| (body.positions.len(), body.density_kg_m3 * body.particle_volume_m3)).collect()
+    /// Mass of each particle [kg], one body after the other.
+    pub(super) fn masses(&self) -> Vec<f64> {
+        self.world.bodies.iter().flat_map(gic_mpm::Body::masses_kg).collect()
     }
 }
 

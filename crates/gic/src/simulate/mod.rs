@@ -94,7 +94,7 @@ struct Run<'a> {
     identity: [u8; 32],
     frame_rate_hz: f64,
     /// Number of particles of each body and the mass of one [kg].
-    masses: Vec<(usize, f64)>,
+    masses: Vec<f64>,
 }
 
 impl<'a> Run<'a> {

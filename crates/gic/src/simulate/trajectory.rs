@@ -164,11 +164,10 @@ fn physics(twin: &Twin) -> Value {
 }
 
 impl FrameSummary {
-    /// The numbers of a frame; `masses` holds the number of particles of each body and the mass of one [kg].
-    pub(super) fn new(frame: &Frame, file: String, frame_rate_hz: f64, masses: &[(usize, f64)]) -> Self {
-        let each = || masses.iter().flat_map(|&(n, mass)| std::iter::repeat_n(mass, n));
-        let total: f64 = each().sum();
-        let weighted = |v: &[DVec3]| v.iter().zip(each()).map(|(v, mass)| *v * mass).sum::<DVec3>();
+    /// The numbers of a frame; `masses` [kg] are those of the particles.
+    pub(super) fn new(frame: &Frame, file: String, frame_rate_hz: f64, masses: &[f64]) -> Self {
+        let total: f64 = masses.iter().sum();
+        let weighted = |v: &[DVec3]| v.iter().zip(masses).map(|(v, mass)| *v * *mass).sum::<DVec3>();
         let momentum = weighted(&frame.velocities);
         let squares = || frame.velocities.iter().map(|v| v.length_squared());
         let low = frame.positions.iter().fold(DVec3::INFINITY, |low, &p| low.min(p));
@@ -186,7 +185,7 @@ impl FrameSummary {
             low_m: low.to_array(),
             high_m: high.to_array(),
             largest_speed_m_s: squares().fold(0.0, f64::max).sqrt(),
-            kinetic_energy_j: 0.5 * squares().zip(each()).map(|(square, mass)| square * mass).sum::<f64>(),
+            kinetic_energy_j: 0.5 * squares().zip(masses).map(|(square, mass)| square * mass).sum::<f64>(),
             largest_von_mises_pa: frame.von_mises_pa.iter().copied().fold(0.0, f32::max).into(),
             jacobian: jacobian.map(f64::from),
             contact_forces_n: frame.contacts.iter().map(|c| c.force_n.to_array()).collect(),

@@ -24,7 +24,7 @@ impl Twin {
         let mut twin = self.clone();
         let (grid, particle) = self.spacings(matter.as_ref())?;
         (twin.grid_spacing_m, twin.particle_spacing_m) = (Some(grid), Some(particle));
-        let positions = self.particles(matter, particle)?;
+        let (positions, volume_factors) = self.particles(matter, particle)?;
         let stepping = match self.substeps_per_frame {
             Some(substeps_per_frame) => Stepping::Fixed { substeps_per_frame },
             None => Stepping::Bound { courant: COURANT },
@@ -34,6 +34,7 @@ impl Twin {
                 material: self.material,
                 density_kg_m3: self.density_kg_m3,
                 particle_volume_m3: particle.powi(3),
+                volume_factors,
                 positions,
                 velocity_m_s: self.initial_velocity_m_s.into(),
                 angular_velocity_rad_s: self.initial_angular_velocity_rad_s.into(),
@@ -76,7 +77,8 @@ impl Twin {
         }
     }
 
-    fn particles(&self, matter: Option<Matter>, spacing: f64) -> Result<Vec<DVec3>> {
+    /// Positions [m] and factors on the volume of particles; no factors where all have the cube of the spacing.
+    fn particles(&self, matter: Option<Matter>, spacing: f64) -> Result<(Vec<DVec3>, Vec<f64>)> {
         let too_many = |volume: f64| Error::Usage {
             problem: format!(
                 "a particle spacing of {spacing} m asks for about {:.1e} particles",
@@ -92,7 +94,7 @@ impl Twin {
             if volume / spacing.powi(3) < MOST_PARTICLES { Ok(()) } else { Err(too_many(volume)) }
         };
         let positions = match (matter, &self.continuum) {
-            (Some(Matter::Particles(positions)), _) => positions,
+            (Some(Matter::Particles { positions, volume_factors }), _) => return Ok((positions, volume_factors)),
             (Some(Matter::Mesh(mesh)), _) => {
                 let (low, high) = mesh.bounds();
                 within_reason((high - low).element_product())?;
@@ -104,6 +106,6 @@ impl Twin {
             }
             (None, Continuum::File(_)) => Vec::new(),
         };
-        if positions.is_empty() { Err(none()) } else { Ok(positions) }
+        if positions.is_empty() { Err(none()) } else { Ok((positions, Vec::new())) }
     }
 }
