@@ -90,7 +90,10 @@ pub fn write_particles_ply(path: &Path, particles: &Particles) -> Result<(), Exp
         )?;
         for i in 0..particles.positions.len() {
             write_f32(out, &particles.positions[i].as_vec3().to_array())?;
-            write_f32(out, &[particles.densities[i], particles.volume as f32, particles.doubts[i]])?;
+            write_f32(
+                out,
+                &[particles.densities[i], particles.volume as f32 * particles.volume_factors[i], particles.doubts[i]],
+            )?;
             out.write_all(&[u8::from(particles.surface[i])])?;
         }
         Ok(())

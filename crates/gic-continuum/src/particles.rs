@@ -8,6 +8,9 @@ use rayon::prelude::*;
 
 use crate::{ContinuumError, Filling};
 
+/// Points along each axis of a particle's cell that are asked to which particle they belong.
+const SHARE_POINTS: usize = 4;
+
 /// How particles are placed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Placement {
@@ -31,8 +34,10 @@ pub enum Placement {
 pub struct Particles {
     /// Positions [m].
     pub positions: Vec<DVec3>,
-    /// Volume of each particle [m^3]; they sum to the volume of the body.
+    /// Mean volume of a particle [m^3].
     pub volume: f64,
+    /// Volume of each particle in units of that: the part of the body that is nearer to it than to the others. They sum to n.
+    pub volume_factors: Vec<f32>,
     /// Density of the field where each particle is, in [th_min, 1]: sigma_F of eq. 7.
     pub densities: Vec<f32>,
     /// Whether a particle is within about one spacing of the surface.
@@ -51,7 +56,8 @@ impl Particles {
 }
 
 /// Fills the body with particles `spacing` metres apart. A point is inside where the interpolated field is at least th_min, so the
-/// boundary is followed below the size of a voxel; each particle has an equal share of the body's volume.
+/// boundary is followed below the size of a voxel. The particles share the body's volume: each has what is nearest to it, so that a limb
+/// of six and a half layers is as heavy as that, whether six or seven of them fell inside.
 pub fn sample_particles(filling: &Filling, spacing: f64, placement: Placement) -> Result<Particles, ContinuumError> {
     let good = spacing > 0.0 && spacing.is_finite();
     if !good {
@@ -83,6 +89,7 @@ pub fn sample_particles(filling: &Filling, spacing: f64, placement: Placement) -
     if placement == Placement::Layered {
         arrange_in_layers(filling, &mut inside, spacing);
     }
+    let volume_factors = share(filling, &mut inside, spacing);
     let doubt = |p| field.discretize(p).and_then(|i| filling.doubt.get(i)).map_or(0.0, |d| *d);
     let inside: Vec<(DVec3, f32, bool, f32)> = inside
         .into_par_iter()
@@ -92,8 +99,15 @@ pub fn sample_particles(filling: &Filling, spacing: f64, placement: Placement) -
         return Err(ContinuumError::Empty);
     }
     let volume = filling.volume() / inside.len() as f64;
-    let mut particles =
-        Particles { positions: vec![], volume, densities: vec![], surface: vec![], doubts: vec![], spacing };
+    let mut particles = Particles {
+        positions: vec![],
+        volume,
+        volume_factors,
+        densities: vec![],
+        surface: vec![],
+        doubts: vec![],
+        spacing,
+    };
     for (position, density, surface, doubt) in inside {
         particles.positions.push(position);
         particles.densities.push(density.min(1.0));
@@ -101,6 +115,34 @@ pub fn sample_particles(filling: &Filling, spacing: f64, placement: Placement) -
         particles.doubts.push(doubt);
     }
     Ok(particles)
+}
+
+/// Gives each particle what is nearest to it of the points of a finer lattice inside, and moves it to their middle where that is inside.
+/// Returns the shares, in units of their mean.
+fn share(filling: &Filling, positions: &mut [DVec3], spacing: f64) -> Vec<f32> {
+    let step = spacing / SHARE_POINTS as f64;
+    let [nx, ny, nz] = filling.field.size.map(|n| (n as f64 * filling.field.spacing / step).ceil() as usize);
+    let tree = KdTree::new(&positions.iter().map(|p| p.as_vec3().to_array()).collect::<Vec<_>>());
+    let owned_in_slice = |z: usize| -> Vec<(usize, DVec3)> {
+        let point =
+            |i: usize| filling.field.origin + step * (DVec3::new((i % nx) as f64, (i / nx) as f64, z as f64) + 0.5);
+        let inside = (0..nx * ny).map(point).filter(|p| filling.field.sample(*p) >= filling.th_min);
+        inside.filter_map(|p| tree.nearest(p.as_vec3().to_array()).map(|(owner, _)| (owner, p))).collect()
+    };
+    // Its own place counts as one point, so that no particle is without volume.
+    let mut sums: Vec<(f64, DVec3)> = positions.iter().map(|p| (1.0, *p)).collect();
+    for (owner, p) in (0..nz).into_par_iter().map(owned_in_slice).collect::<Vec<_>>().into_iter().flatten() {
+        sums[owner].0 += 1.0;
+        sums[owner].1 += p;
+    }
+    for (position, (count, sum)) in positions.iter_mut().zip(&sums) {
+        let middle = *sum / *count;
+        if filling.field.sample(middle) >= filling.th_min {
+            *position = middle;
+        }
+    }
+    let mean = sums.iter().map(|(count, _)| count).sum::<f64>() / sums.len() as f64;
+    sums.into_iter().map(|(count, _)| (count / mean) as f32).collect()
 }
 
 /// Moves particles of the two outermost layers towards the middle of their layer; one that would leave the body stays.

@@ -293,6 +293,36 @@ fn particles_share_the_volume_and_their_alpha_matches_the_masks() {
     assert!(sample_particles(&filling, 0.0, Placement::Lattice).is_err());
 }
 
+/// Mass and stiffness against bending of a plate, however many layers of particles fall inside.
+#[test]
+fn a_plate_of_broken_layers_has_its_mass_and_its_stiffness() {
+    let (spacing, half_side) = (0.01, 0.1);
+    for half_thickness in [0.0165, 0.0185, 0.022] {
+        let distance = |p: DVec3| (p.x.abs() - half_side).max(p.z.abs() - half_side).max(p.y.abs() - half_thickness);
+        let room = DVec3::new(0.12, 0.0425, 0.12);
+        let filling = Filling::of_body((-room, room), 0.002, 0.004, distance).unwrap();
+        let particles = sample_particles(&filling, spacing, Placement::Lattice).unwrap();
+        let within = |p: &DVec3| p.x.abs() < 0.08 && p.z.abs() < 0.08;
+        let (mut volume, mut second) = (0.0, 0.0);
+        for (p, factor) in particles.positions.iter().zip(&particles.volume_factors).filter(|(p, _)| within(p)) {
+            let own = f64::from(*factor) * particles.volume;
+            // A particle is spread over its share, a slice as high as its volume over that of a cell's base.
+            second += own * (p.y * p.y + (own / spacing.powi(2)).powi(2) / 12.0);
+            volume += own;
+        }
+        let thickness = volume / 0.16f64.powi(2);
+        let stiffness = second / volume / ((2.0 * half_thickness).powi(2) / 12.0);
+        println!(
+            "half thickness {half_thickness}: {:.4} of its mass, {stiffness:.4} of its stiffness",
+            0.5 * thickness / half_thickness
+        );
+        assert!((0.5 * thickness / half_thickness - 1.0).abs() < 0.02);
+        assert!((stiffness - 1.0).abs() < 0.05);
+        let mean = particles.volume_factors.iter().sum::<f32>() / particles.positions.len() as f32;
+        assert!((mean - 1.0).abs() < 1e-3);
+    }
+}
+
 #[test]
 fn a_finer_drawing_agrees_better_with_the_masks_and_follows_the_particles() {
     let body = torus();

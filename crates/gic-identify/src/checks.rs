@@ -140,6 +140,7 @@ mod tests {
         let mut input = Input {
             positions,
             particle_volume_m3: 0.02f64.powi(3),
+            volume_factors: Vec::new(),
             opacities: vec![0.95; n],
             scales: vec![0.01; n],
             on_surface: vec![false; n],

@@ -7,7 +7,7 @@ use nalgebra::DMatrix;
 
 use crate::checkpoint::Event;
 use crate::checks;
-use crate::flight::{Flight, placed};
+use crate::flight::{Flight, placed, volume_factors};
 use crate::interval::{self, half_width};
 use crate::levenberg::Tangents;
 use crate::loss::mean_loss;
@@ -177,7 +177,7 @@ impl Job<'_> {
             splat_factor: state.splat.exp(),
             positions: placed(self.input, &self.shape, state).0,
             particle_volume_m3: self.input.particle_volume_m3,
-            volume_factors: self.shape.volume_factors(&state.shape),
+            volume_factors: volume_factors(self.input, &self.shape, state),
         }
     }
 }

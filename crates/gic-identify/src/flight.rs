@@ -16,6 +16,14 @@ pub(crate) fn fall(gravity: DVec3, time: f64, dt: f64) -> DVec3 {
     gravity * (0.5 * time * (time + dt))
 }
 
+/// Volumes of the particles of `input` as `state` shapes them, in units of the input's particle volume, shape [n].
+pub(crate) fn volume_factors(input: &Input, shape: &ShapeModes, state: &State) -> Vec<f64> {
+    let mut factors = input.volume_factors.clone();
+    factors.resize(input.positions.len(), 1.0);
+    shape.stretch(&mut factors, &state.shape);
+    factors
+}
+
 /// Particles of `input` as `state` places and shapes them at time 0 [m], and the centre about which they turn.
 pub(crate) fn placed(input: &Input, shape: &ShapeModes, state: &State) -> (Vec<DVec3>, DVec3) {
     let mut positions = input.positions.clone();

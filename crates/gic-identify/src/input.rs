@@ -33,6 +33,8 @@ pub struct Input {
     pub positions: Vec<DVec3>,
     /// Rest volume of one particle [m^3].
     pub particle_volume_m3: f64,
+    /// Rest volume of each particle in units of that, shape [n]; empty where all are 1.
+    pub volume_factors: Vec<f64>,
     /// Opacity of each particle's Gaussian (the density attribute of paper eq. 7), in [0, 1), shape [n].
     pub opacities: Vec<f32>,
     /// Standard deviation of each particle's Gaussian [m], shape [n].
@@ -75,6 +77,18 @@ impl Input {
             if length != n {
                 return Err(IdentifyError::input(field, format!("{length} values for {n} particles"), "give one each"));
             }
+        }
+        if !self.volume_factors.is_empty() && self.volume_factors.len() != n {
+            let count = self.volume_factors.len();
+            return Err(IdentifyError::input(
+                "volume_factors",
+                format!("{count} values for {n} particles"),
+                "give one each, or none",
+            ));
+        }
+        if let Some(i) = self.volume_factors.iter().position(|f| !(*f > 0.0 && f.is_finite())) {
+            let problem = format!("that of particle {i} is {}", self.volume_factors[i]);
+            return Err(IdentifyError::input("volume_factors", problem, "they must be positive"));
         }
         if let Some(i) = self.positions.iter().position(|p| !p.is_finite()) {
             return Err(IdentifyError::input("particles", format!("particle {i} is not finite"), "check the filling"));
@@ -158,6 +172,12 @@ impl Input {
 
     /// Centre of mass of the particles [m].
     pub(crate) fn centre(&self) -> DVec3 {
-        self.positions.iter().sum::<DVec3>() / self.positions.len() as f64
+        let factor = |i: usize| self.volume_factors.get(i).copied().unwrap_or(1.0);
+        let (moment, volume) = self
+            .positions
+            .iter()
+            .enumerate()
+            .fold((DVec3::ZERO, 0.0), |(moment, volume), (i, p)| (moment + *p * factor(i), volume + factor(i)));
+        moment / volume
     }
 }

@@ -103,6 +103,6 @@ pub struct Identification {
     pub positions: Vec<DVec3>,
     /// Rest volume of one of them [m^3].
     pub particle_volume_m3: f64,
-    /// Rest volume of each in units of that, shape [n]; empty where all are 1.
+    /// Rest volume of each in units of that, shape [n].
     pub volume_factors: Vec<f64>,
 }

@@ -127,15 +127,13 @@ impl ShapeModes {
         sums
     }
 
-    /// Factor on each particle's volume, shape [n]; empty where nothing moves. Each stands for the matter around it, which its neighbours'
-    /// displacements stretch or squeeze: the density stays, and where the body loses its skin, the skin's stiffness goes with its mass.
-    pub(crate) fn volume_factors(&self, amounts: &[f64]) -> Vec<f64> {
-        let mut sums = Vec::new();
-        for (field, amount) in self.divergences.iter().zip(amounts) {
-            sums.resize(field.len(), 0.0);
-            sums.iter_mut().zip(field).for_each(|(sum, d)| *sum += f64::from(*d) * amount);
+    /// Changes each particle's volume; `factors` has shape [n]. Each stands for the matter around it, which its neighbours' displacements
+    /// stretch or squeeze: the density stays, and where the body loses its skin, the skin's stiffness goes with its mass.
+    pub(crate) fn stretch(&self, factors: &mut [f64], amounts: &[f64]) {
+        for (i, factor) in factors.iter_mut().enumerate() {
+            let change: f64 = self.divergences.iter().zip(amounts).map(|(d, amount)| f64::from(d[i]) * amount).sum();
+            *factor *= change.exp();
         }
-        sums.iter().map(|sum: &f64| sum.exp()).collect()
     }
 }
 
@@ -304,6 +302,7 @@ mod tests {
         Input {
             positions,
             particle_volume_m3: SPACING.powi(3),
+            volume_factors: Vec::new(),
             opacities: vec![0.9; n],
             scales: vec![0.005; n],
             on_surface: vec![false; n],
@@ -364,13 +363,16 @@ mod tests {
             let surface: Vec<f64> = swelling.iter().filter(|s| **s != 0.0).map(|s| f64::from(*s)).collect();
             let flux = 3.0 / radius * surface.iter().sum::<f64>() / surface.len() as f64;
             let largest = surface.iter().fold(0.0, |m: f64, s| m.max(s.abs()));
-            let factors = modes.volume_factors(&unit(k));
+            let mut factors = vec![1.0; input.positions.len()];
+            modes.stretch(&mut factors, &unit(k));
             let growth = (factors.iter().sum::<f64>() / factors.len() as f64).ln();
             assert!((growth - flux).abs() < 0.2 * 3.0 / radius * largest, "mode {k}: {growth} against {flux}");
         }
         let mut moved = input.positions.clone();
         modes.displace(&mut moved, &[]);
         assert_eq!(moved, input.positions);
-        assert!(modes.volume_factors(&[]).is_empty());
+        let mut factors = vec![0.7; moved.len()];
+        modes.stretch(&mut factors, &[]);
+        assert!(factors.iter().all(|factor| *factor == 0.7));
     }
 }

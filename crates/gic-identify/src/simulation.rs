@@ -7,7 +7,7 @@ use glam::DVec3;
 
 use crate::data::Data;
 use crate::dilution::Dilution;
-use crate::flight::{fall, placed, substep};
+use crate::flight::{fall, placed, substep, volume_factors};
 use crate::objective::{Forward, Level, Motion};
 use crate::shape::ShapeModes;
 use crate::state::State;
@@ -52,15 +52,15 @@ impl Simulation<'_> {
         let (all, _) = placed(input, self.shape, state);
         let time = from as f64 / input.frame_rate_hz;
         let shift = state.velocity * time + fall(input.gravity_m_s2, time, substep(input));
-        let factors = self.shape.volume_factors(&state.shape);
-        let (positions, volume_factors): (Vec<DVec3>, Vec<f64>) = match &self.resolution.thinning {
-            None => (all.iter().map(|p| *p + shift).collect(), factors),
-            Some(ids) => (
-                ids.iter().map(|i| all[*i] + shift).collect(),
-                ids.iter().filter_map(|i| factors.get(*i).copied()).collect(),
-            ),
+        let factors = volume_factors(input, self.shape, state);
+        let (positions, volume_factors, share): (Vec<DVec3>, Vec<f64>, f64) = match &self.resolution.thinning {
+            None => (all.iter().map(|p| *p + shift).collect(), factors, 1.0),
+            Some(ids) => {
+                // Whose own volumes say little about the cells that they stand for.
+                let share = factors.iter().sum::<f64>() / ids.len() as f64;
+                (ids.iter().map(|i| all[*i] + shift).collect(), Vec::new(), share)
+            }
         };
-        let share = all.len() as f64 / positions.len() as f64;
         World {
             bodies: vec![Body {
                 material: self.material(state),

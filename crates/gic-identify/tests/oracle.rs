@@ -88,6 +88,7 @@ fn observed(material: Material, velocity: DVec3, frames: usize) -> Input {
     Input {
         positions,
         particle_volume_m3: volume,
+        volume_factors: Vec::new(),
         opacities: vec![0.9; n],
         scales: vec![0.5 * 0.01; n],
         on_surface,

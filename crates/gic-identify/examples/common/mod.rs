@@ -111,6 +111,7 @@ pub(crate) fn input(scene: &Path, positions: Vec<DVec3>, volume: f64) -> Input {
     Input {
         positions,
         particle_volume_m3: volume,
+        volume_factors: Vec::new(),
         opacities: vec![0.9; n],
         scales: vec![0.006; n],
         on_surface: vec![false; n],

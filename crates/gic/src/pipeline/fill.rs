@@ -237,6 +237,7 @@ impl Run<'_> {
         let particles = Particles {
             positions: ply.positions,
             volume: summary.particle_volume_m3,
+            volume_factors: ply.volume_factors.iter().map(|f| if f.is_nan() { 1.0 } else { *f as f32 }).collect(),
             densities: ply.densities,
             surface: ply.surface.iter().map(|s| *s > 0.5).collect(),
             // Older runs do not say.
@@ -284,12 +285,13 @@ where
 }
 
 /// Writes the particles of a body at time 0 with their attributes.
-pub(super) fn write_body(path: &Path, particles: &Particles) -> Result<()> {
+fn write_body(path: &Path, particles: &Particles) -> Result<()> {
     let rows = (0..particles.positions.len()).map(|i| {
         let [x, y, z] = particles.positions[i].as_vec3().to_array();
-        [x, y, z, particles.densities[i], f32::from(particles.surface[i]), particles.doubts[i]]
+        let [density, factor, doubt] = [particles.densities[i], particles.volume_factors[i], particles.doubts[i]];
+        [x, y, z, density, f32::from(particles.surface[i]), factor, doubt]
     });
-    write_particles(path, ["x", "y", "z", "density", "surface", "doubt"], rows)
+    write_particles(path, ["x", "y", "z", "density", "surface", "volume_factor", "doubt"], rows)
 }
 
 /// Overlaps of the views that have a mask.

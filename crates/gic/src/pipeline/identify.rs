@@ -245,6 +245,7 @@ impl Run<'_> {
         Ok(Input {
             positions: particles.positions.clone(),
             particle_volume_m3: particles.volume,
+            volume_factors: particles.volume_factors.iter().map(|factor| f64::from(*factor)).collect(),
             opacities: particles.densities.iter().map(|d| continuum.appearance.opacity * d).collect(),
             scales: vec![scale; particles.positions.len()],
             on_surface: particles.surface.clone(),
