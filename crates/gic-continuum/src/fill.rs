@@ -10,7 +10,7 @@
 //!    small part of a voxel.
 //! 2. *Certainly empty is reassigned too.* Where a mask or several depth maps say empty, reassigning writes zero as well as
 //!    writing one inside. What is left to the interpolated and filtered field is what is in doubt: where only one depth map
-//!    sees past the surface, as it does through a gap between Gaussians.
+//!    sees past the surface and another one sees matter, as it does through a gap between Gaussians.
 //! 3. *Undersides.* What no view sees is filled, but not down to the last ray that grazes the body: the boundary that no view sees is
 //!    smooth, and the body keeps its volume (see [`crate::Unseen`]).
 
@@ -114,10 +114,10 @@ pub fn fill(gaussians: &Gaussians, views: &[MaskedView], settings: &FillSettings
             needed: MIN_GAUSSIANS,
         });
     }
-    let scale = median_scale(&usable);
+    let [small, scale] = [1, 2].map(|quarter| quartile_of_scale(&usable, quarter));
     let evidence = Evidence::gather(views, Some((&usable, scale)))?;
     let grid = initialize_field(&usable, settings)?;
-    let inset = settings.depth_inset * scale;
+    let inset = settings.depth_inset * small + settings.depth_offset;
     let particles = internal_particles(&grid, &evidence, inset, settings);
     let mut field = coarse_to_fine(&particles, &usable, settings);
     let doubt = place_unseen(&mut field, &evidence, inset, settings);
@@ -213,10 +213,11 @@ fn scale(gaussians: &Gaussians, i: usize) -> f32 {
     }
 }
 
-fn median_scale(gaussians: &Gaussians) -> f64 {
+/// A quartile of the scales [m]: the lower one, the median, or the upper one for `quarter` 1, 2, 3.
+fn quartile_of_scale(gaussians: &Gaussians, quarter: usize) -> f64 {
     let mut scales: Vec<f32> = (0..gaussians.positions.len()).map(|i| scale(gaussians, i)).collect();
     scales.sort_by(f32::total_cmp);
-    f64::from(scales[scales.len() / 2])
+    f64::from(scales[quarter * scales.len() / 4])
 }
 
 /// Line 7: a field of zeros over the bounding box of the Gaussians, at the spacing of the last level; coarser levels pool its
@@ -228,7 +229,7 @@ fn initialize_field(gaussians: &Gaussians, settings: &FillSettings) -> Result<De
         low = low.min(point);
         high = high.max(point);
     }
-    let margin = 3.0 * median_scale(gaussians) + 3.0 * settings.finest_spacing();
+    let margin = 3.0 * quartile_of_scale(gaussians, 2) + 3.0 * settings.finest_spacing();
     DensityField::covering(low - margin, high + margin, settings.finest_spacing(), 1 << (settings.levels - 1))
 }
 

@@ -10,6 +10,10 @@ use crate::{DensityField, FillSettings};
 /// Side of the boxes that the views are asked about first [voxels]; each is halved as long as some view is undecided about it.
 const BOX: usize = 8;
 
+/// A view sees matter at a point that lies less than this behind its surface [voxels of the first level]; what lies deeper may be hidden by
+/// something else.
+const MATTER_WITHIN: f64 = 0.1;
+
 /// The shares of each voxel of the finest level that are certainly inside and in doubt; the rest is certainly empty.
 pub(crate) struct InternalParticles {
     pub(crate) inside: DensityField,
@@ -29,7 +33,7 @@ pub(crate) fn internal_particles(
     settings: &FillSettings,
 ) -> InternalParticles {
     let overviews: Vec<Overview> = views.par_iter().map(Overview::new).collect();
-    let sampling = Sampling { grid, inset, settings, width: 0.5 * grid.spacing, votes: votes(settings, views.len()) };
+    let sampling = Sampling::new(grid, inset, settings, views.len());
     let all: Vec<&Overview> = overviews.iter().collect();
     let mut inside = DensityField { values: vec![0.0; grid.len()], ..*grid };
     let mut doubtful = inside.clone();
@@ -39,17 +43,12 @@ pub(crate) fn internal_particles(
             let mut shares = Slab { first: BOX * i, inside, doubtful };
             for y in (0..grid.size[1]).step_by(BOX) {
                 for x in (0..grid.size[0]).step_by(BOX) {
-                    sampling.fill_box(Block { low: [x, y, BOX * i], side: BOX }, &all, 0, &mut shares);
+                    sampling.fill_box(Block { low: [x, y, BOX * i], side: BOX }, &all, Tally::default(), &mut shares);
                 }
             }
         },
     );
     InternalParticles { inside, doubtful }
-}
-
-/// Views that must see in front of the surface where a point is certainly empty.
-fn votes(settings: &FillSettings, views: usize) -> usize {
-    settings.depth_votes.min(MOST_VOTES).min(views.div_ceil(3))
 }
 
 /// More votes are not counted.
@@ -69,18 +68,38 @@ struct Slab<'a> {
     doubtful: &'a mut [f32],
 }
 
+/// What views say about all points of a box.
+#[derive(Clone, Copy, Default)]
+struct Tally {
+    /// How many see it in front of the surface.
+    empty: usize,
+    /// Whether one of these sees that surface through no hole.
+    clear: bool,
+    /// Whether one sees matter there.
+    matter: bool,
+}
+
 struct Sampling<'a> {
     grid: &'a DensityField,
     inset: f64,
     settings: &'a FillSettings,
     /// Width of a particle [m].
     width: f64,
+    /// Views that must see in front of the surface where a point is certainly empty although another one sees matter there.
     votes: usize,
+    /// See [`MATTER_WITHIN`] [m].
+    reach: f64,
 }
 
 impl Sampling<'_> {
-    /// Fills the voxels of a box, which `views` are undecided about and `empty` others see in front of the surface.
-    fn fill_box(&self, block: Block, views: &[&Overview], mut empty: usize, shares: &mut Slab) {
+    fn new<'a>(grid: &'a DensityField, inset: f64, settings: &'a FillSettings, views: usize) -> Sampling<'a> {
+        let votes = settings.depth_votes.min(MOST_VOTES).min(views.div_ceil(3));
+        let reach = MATTER_WITHIN * settings.grid_spacing;
+        Sampling { grid, inset, settings, width: 0.5 * grid.spacing, votes, reach }
+    }
+
+    /// Fills the voxels of a box, which `views` are undecided about; others said what is in `tally`.
+    fn fill_box(&self, block: Block, views: &[&Overview], mut tally: Tally, shares: &mut Slab) {
         let size = self.grid.size;
         if (0..3).any(|axis| block.low[axis] >= size[axis]) {
             return;
@@ -99,30 +118,42 @@ impl Sampling<'_> {
             match view.survey(centre, 0.5 * side) {
                 Survey::Unseen => {}
                 Survey::Seen { coverage, .. } if coverage[1] <= 0.0 => return,
-                Survey::Seen { coverage, behind } if coverage[0] >= 1.0 && self.is_solid(behind) => {}
-                Survey::Seen { coverage, behind } if coverage[0] >= 1.0 && self.is_empty(behind) => empty += 1,
+                Survey::Seen { coverage, behind, .. } if coverage[0] >= 1.0 && self.is_hidden(behind) => {}
+                Survey::Seen { coverage, behind, .. } if coverage[0] >= 1.0 && self.is_matter(behind) => {
+                    tally.matter = true
+                }
+                Survey::Seen { coverage, behind, through_hole } if coverage[0] >= 1.0 && self.is_empty(behind) => {
+                    tally.empty += 1;
+                    tally.clear |= !through_hole;
+                }
                 _ => undecided.push(*view),
             }
         }
-        if empty >= self.votes {
+        let decided = undecided.is_empty();
+        if tally.empty >= self.votes || decided && tally.clear && !tally.matter {
             return;
         }
-        if undecided.is_empty() && height - reach >= 0.5 * self.width {
-            self.set(block, if empty == 0 { (1.0, 0.0) } else { (0.0, 1.0) }, shares);
+        if decided && height - reach >= 0.5 * self.width {
+            self.set(block, if tally.empty == 0 { (1.0, 0.0) } else { (0.0, 1.0) }, shares);
         } else if block.side == 1 {
-            self.set(block, self.sample(centre, &undecided, empty), shares);
+            self.set(block, self.sample(centre, &undecided, tally), shares);
         } else {
             let half = block.side / 2;
             for k in 0..8 {
                 let low = [0, 1, 2].map(|axis| block.low[axis] + half * (k >> axis & 1));
-                self.fill_box(Block { low, side: half }, &undecided, empty, shares);
+                self.fill_box(Block { low, side: half }, &undecided, tally, shares);
             }
         }
     }
 
-    /// Whether no particle between two distances behind the surface [m] is empty at all.
-    fn is_solid(&self, behind: [f64; 2]) -> bool {
-        behind[0] + self.inset >= 0.5 * self.width
+    /// Whether all particles between two distances behind the surface [m] are too deep for a view to see anything there.
+    fn is_hidden(&self, behind: [f64; 2]) -> bool {
+        behind[0] + self.inset >= self.reach.max(0.5 * self.width)
+    }
+
+    /// Whether a view sees matter at all particles between two distances behind the surface [m].
+    fn is_matter(&self, behind: [f64; 2]) -> bool {
+        behind[0] + self.inset >= 0.5 * self.width && behind[1] + self.inset < self.reach
     }
 
     /// Whether all particles between two distances behind the surface [m] are empty.
@@ -143,33 +174,39 @@ impl Sampling<'_> {
     }
 
     /// The shares (inside, in doubt) of the voxel around `centre`: means over its particles.
-    fn sample(&self, centre: DVec3, views: &[&Overview], empty: usize) -> (f32, f32) {
+    fn sample(&self, centre: DVec3, views: &[&Overview], tally: Tally) -> (f32, f32) {
         let (mut inside, mut doubtful) = (0.0, 0.0);
         for k in 0..8u32 {
             let corner = DVec3::new(f64::from(k & 1), f64::from(k >> 1 & 1), f64::from(k >> 2)) - 0.5;
-            let weight = self.filter_by_views(centre + self.width * corner, views, empty);
+            let weight = self.filter_by_views(centre + self.width * corner, views, tally);
             inside += weight.0 / 8.0;
             doubtful += weight.1 / 8.0;
         }
         (inside, doubtful)
     }
 
-    /// Line 5 for one particle: its weights (inside, doubtful), where `empty` views more than those given see in front of the surface.
-    fn filter_by_views(&self, point: DVec3, views: &[&Overview], empty: usize) -> (f32, f32) {
+    /// Line 5 for one particle: its weights (inside, doubtful). Views that are not given said what is in `tally`.
+    fn filter_by_views(&self, point: DVec3, views: &[&Overview], tally: Tally) -> (f32, f32) {
         let mut covered = match self.settings.ground {
             Some(ground) => (0.5 + ground.height(point) / self.width).clamp(0.0, 1.0) as f32,
             None => 1.0,
         };
         // The emptiest few views, emptiest first.
         let mut emptiest = [0.0f32; MOST_VOTES];
-        emptiest[..empty].fill(1.0);
+        emptiest[..tally.empty].fill(1.0);
+        let (mut matter, mut clear) = (tally.matter, f32::from(u8::from(tally.clear)));
         for overview in views {
             if covered <= 0.0 {
                 return (0.0, 0.0);
             }
             let Some(seen) = overview.view.look(point) else { continue };
             covered = covered.min(seen.coverage);
-            let mut empty = (0.5 - (f64::from(seen.behind) + self.inset) / self.width).clamp(0.0, 1.0) as f32;
+            let behind = f64::from(seen.behind) + self.inset;
+            matter |= behind > 0.0 && behind < self.reach;
+            let mut empty = (0.5 - behind / self.width).clamp(0.0, 1.0) as f32;
+            if !seen.through_hole {
+                clear = clear.max(empty);
+            }
             for slot in &mut emptiest {
                 if empty > *slot {
                     std::mem::swap(slot, &mut empty);
@@ -177,7 +214,8 @@ impl Sampling<'_> {
             }
         }
         let inside = covered.min(1.0 - emptiest[0]);
-        let empty = (1.0 - covered).max(emptiest[self.votes - 1]);
+        let alone = if matter { 0.0 } else { clear };
+        let empty = (1.0 - covered).max(emptiest[self.votes - 1]).max(alone);
         (inside, (1.0 - inside - empty).max(0.0))
     }
 }
@@ -228,11 +266,10 @@ mod tests {
             let found = internal_particles(&grid, &views, 0.002, &settings);
             let overviews: Vec<Overview> = views.iter().map(Overview::new).collect();
             let all: Vec<&Overview> = overviews.iter().collect();
-            let votes = votes(&settings, views.len());
-            let sampling = Sampling { grid: &grid, inset: 0.002, settings: &settings, width: 0.005, votes };
+            let sampling = Sampling::new(&grid, 0.002, &settings, views.len());
             let (mut whole, mut parts) = (0, 0);
             for i in 0..grid.len() {
-                let (inside, doubtful) = sampling.sample(grid.centre(grid.voxel(i)), &all, 0);
+                let (inside, doubtful) = sampling.sample(grid.centre(grid.voxel(i)), &all, Tally::default());
                 let off = (found.inside.values[i] - inside).abs().max((found.doubtful.values[i] - doubtful).abs());
                 assert!(
                     off < 1e-5,
@@ -244,6 +281,27 @@ mod tests {
                 parts += u32::from(inside > 0.0 && inside < 1.0);
             }
             assert!(whole > 500 && parts > 500, "{whole} {parts}");
+        }
+    }
+
+    #[test]
+    fn one_view_empties_a_voxel_unless_another_sees_matter_there() {
+        let (size, rotation) = (32, DMat3::IDENTITY);
+        let (focal, principal) = (DVec2::splat(200.0), DVec2::splat(16.0));
+        let camera = Camera { width: size, height: size, focal, principal, rotation, centre: -DVec3::Z };
+        let mask = vec![1.0; size * size];
+        let wall = |depth: f32| Evidence::with_depth(&camera, &mask, vec![depth; size * size]);
+        let settings = FillSettings { grid_spacing: 0.2, ..FillSettings::for_size(1.0) };
+        let grid = DensityField { origin: DVec3::splat(-0.005), spacing: 0.01, size: [1; 3], values: vec![0.0] };
+        // The voxel is 1 m away. One view sees past it, the others a wall in front of it, so near that it may be this wall or not.
+        for (other, inside, doubtful) in [(0.5, 0.0, 0.0), (0.9925, 0.0, 1.0)] {
+            let mut views: Vec<Evidence> = (0..6).map(|_| wall(0.5)).collect();
+            views.push(wall(other));
+            let without = internal_particles(&grid, &views, 0.0, &settings);
+            assert_eq!((without.inside.values[0], without.doubtful.values[0]), (1.0, 0.0));
+            views.push(wall(1.2));
+            let found = internal_particles(&grid, &views, 0.0, &settings);
+            assert_eq!((found.inside.values[0], found.doubtful.values[0]), (inside, doubtful), "{other}");
         }
     }
 }

@@ -18,6 +18,8 @@ struct Texel {
     cosine: f32,
     /// Whether there is a pixel without depth.
     hole: bool,
+    /// Whether something is seen through a small hole.
+    through: bool,
 }
 
 impl Texel {
@@ -27,6 +29,7 @@ impl Texel {
         depth: [f32::INFINITY, f32::NEG_INFINITY],
         cosine: 1.0,
         hole: false,
+        through: false,
     };
 
     fn pixel(view: &Evidence, i: usize) -> Texel {
@@ -37,6 +40,7 @@ impl Texel {
             depth: if solid { [depth; 2] } else { Texel::NONE.depth },
             cosine: view.cosine[i],
             hole: !solid,
+            through: view.hole[i],
         }
     }
 
@@ -47,6 +51,7 @@ impl Texel {
             depth: widen(self.depth, other.depth),
             cosine: self.cosine.min(other.cosine),
             hole: self.hole || other.hole,
+            through: self.through || other.through,
         }
     }
 }
@@ -88,8 +93,9 @@ impl Level {
 pub(crate) enum Survey {
     /// Nothing: the view sees no part of the box.
     Unseen,
-    /// The view sees all of the box: least and largest coverage, and distance behind the surface [m].
-    Seen { coverage: [f32; 2], behind: [f64; 2] },
+    /// The view sees all of the box: least and largest coverage, and distance behind the surface [m]; whether parts of that surface may be
+    /// seen through small holes.
+    Seen { coverage: [f32; 2], behind: [f64; 2], through_hole: bool },
     /// The box reaches out of the image.
     Partly,
 }
@@ -146,7 +152,7 @@ impl<'a> Overview<'a> {
         let first = |c: f64| c.max(0.0) as usize;
         let last = |c: f64, n: usize| ((c + 1.0) as usize).min(n - 1);
         let texel = self.texel([first(left), first(top)], [last(right, camera.width), last(bottom, camera.height)]);
-        Survey::Seen { coverage: texel.coverage, behind: self.behind(&texel, near, far) }
+        Survey::Seen { coverage: texel.coverage, behind: self.behind(&texel, near, far), through_hole: texel.through }
     }
 
     /// The pixels from `low` to `high`, both included, and perhaps a few around them.
@@ -223,7 +229,7 @@ mod tests {
                 match survey {
                     Survey::Unseen => panic!("{point} is seen"),
                     Survey::Partly => {}
-                    Survey::Seen { coverage, behind } => {
+                    Survey::Seen { coverage, behind, .. } => {
                         let within = look.coverage >= coverage[0] - 1e-6 && look.coverage <= coverage[1] + 1e-6;
                         let depth = f64::from(look.behind);
                         assert!(within && depth >= behind[0] && depth <= behind[1], "{look:?} in {survey:?}");

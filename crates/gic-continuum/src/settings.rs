@@ -44,14 +44,20 @@ pub struct FillSettings {
     pub th_max: f64,
     /// Gaussians with less opacity do not count.
     pub min_opacity: f32,
-    /// How far the centres of the Gaussians lie below the true surface, in units of their median standard deviation. What
-    /// `gic-motion` trains has its centres about 2.4 standard deviations down: the alpha of overlapping Gaussians at an outline
-    /// falls to one half there, and the emptiest of several noisy depth maps takes away a little more. A constant, because
+    /// How far the centres of the Gaussians lie below the true surface, in units of the lower quartile of their standard deviations, and see
+    /// `depth_offset`. The alpha of overlapping Gaussians at an outline falls to one half 1.3 to 1.5 standard deviations above their
+    /// centres, and the emptiest of several noisy depth maps takes away more. Large Gaussians lie behind faces, where there is room for
+    /// them, small ones decide where the surface is; so the lower quartile tells more than the median. A constant, because
     /// silhouettes cannot tell it better: the inset at which the re-rendered area equals the masks' depends on the scale the
     /// particles are drawn with, and errs in volume by as much, in opposite directions for solid bodies and rings.
     pub depth_inset: f64,
-    /// How many views must see in front of the surface at a point before it counts as empty for certain. A point that fewer
-    /// views (but at least one) call empty is left to the density field: a hole between Gaussians in one view does not dig a tunnel.
+    /// The part of that distance which does not depend on the Gaussians [m]: pictures of particles are drawn a little smaller than the
+    /// room that the particles take up.
+    pub depth_offset: f64,
+    /// How many views must see in front of the surface at a point before it counts as empty for certain although another view sees
+    /// matter there. A point that fewer views (but at least one) call empty is then left to the density field: a hole between Gaussians
+    /// in one view does not dig a tunnel. Where no view sees matter, one is enough: of surfaces that only one or two cameras face, no more
+    /// can be had.
     pub depth_votes: usize,
     /// Mean filtering and reassigning is repeated so often on each level.
     pub filter_rounds: usize,
@@ -76,7 +82,8 @@ impl FillSettings {
             th_min: 0.5,
             th_max: 0.8,
             min_opacity: 0.02,
-            depth_inset: 2.4,
+            depth_inset: 2.45,
+            depth_offset: size / 220.0,
             depth_votes: 3,
             filter_rounds: 2,
             unseen: Unseen::Smooth,

@@ -15,6 +15,9 @@ const MIN_SAMPLES: usize = 30;
 /// Centres further than this from the rendered surface, in median standard deviations, are hidden or stray: no samples.
 const VISIBLE_WITHIN: f32 = 2.5;
 
+/// Half of the width of a hole that may be a gap between Gaussians, in median standard deviations.
+const HOLE_SCALES: f64 = 3.0;
+
 /// A camera and the mask of the object in its image.
 #[derive(Clone, Copy, Debug)]
 pub struct MaskedView<'a> {
@@ -33,6 +36,8 @@ pub(crate) struct Evidence<'a> {
     pub(crate) depth: Vec<f32>,
     /// Cosine between the ray and the normal of the rendered surface; 1 where there is no depth.
     pub(crate) cosine: Vec<f32>,
+    /// Where the rendered surface has a hole no wider than a few Gaussians, through which something behind it is drawn.
+    pub(crate) hole: Vec<bool>,
     pub(crate) bias: DepthBias,
 }
 
@@ -100,6 +105,8 @@ pub(crate) struct Seen {
     /// Distance behind the surface on which the centres of the rendered Gaussians lie, about perpendicular to it [m]; negative
     /// in front of it; infinite where the view renders no surface there.
     pub(crate) behind: f32,
+    /// Whether that surface is seen through a small hole in another one.
+    pub(crate) through_hole: bool,
 }
 
 impl<'a> Evidence<'a> {
@@ -119,7 +126,11 @@ impl<'a> Evidence<'a> {
                 Some((gaussians, _)) => depth_map(gaussians, camera, mask),
                 None => vec![f32::INFINITY; mask.len()],
             };
-            gathered.push(Evidence::with_depth(camera, mask, depth));
+            let mut view = Evidence::with_depth(camera, mask, depth);
+            if let Some((_, scale)) = gaussians {
+                view.hole = small_holes(&view.depth, camera, scale);
+            }
+            gathered.push(view);
         }
         if gathered.is_empty() {
             return Err(ContinuumError::NoMasks { views: views.len() });
@@ -134,7 +145,8 @@ impl<'a> Evidence<'a> {
     /// A view with a depth map [m], infinite where there is no surface; its bias is not measured yet.
     pub(crate) fn with_depth(camera: &'a Camera, mask: &'a [f32], depth: Vec<f32>) -> Evidence<'a> {
         let cosine = cosines(&depth, camera);
-        Evidence { camera, mask, depth, cosine, bias: DepthBias::default() }
+        let hole = vec![false; depth.len()];
+        Evidence { camera, mask, depth, cosine, hole, bias: DepthBias::default() }
     }
 
     /// The pixel that holds image coordinates; `None` outside the image.
@@ -178,7 +190,8 @@ impl<'a> Evidence<'a> {
             depth = corners.iter().zip(weights).map(|(&i, w)| self.depth[i] * w).sum();
         }
         let behind = if depth.is_finite() { (z as f32 - depth) * cosine - self.bias.at(cosine) } else { f32::INFINITY };
-        Some(Seen { coverage, behind })
+        let through_hole = corners.iter().any(|&i| self.hole[i]);
+        Some(Seen { coverage, behind, through_hole })
     }
 }
 
@@ -193,6 +206,35 @@ fn depth_map(gaussians: &Gaussians, camera: &Camera, mask: &[f32]) -> Vec<f32> {
         .zip(mask)
         .map(|((&depth, &alpha), &mask)| if alpha >= SOLID && mask > 0.0 { depth / alpha } else { f32::INFINITY })
         .collect()
+}
+
+/// Pixels where the surface [m] lies more than the Gaussians' median scale [m] behind its morphological opening: that fills every hole
+/// narrower than its window, and leaves slopes and steps as they are.
+fn small_holes(depth: &[f32], camera: &Camera, scale: f64) -> Vec<bool> {
+    let solid = depth.iter().filter(|d| d.is_finite());
+    let mean = solid.clone().map(|&d| f64::from(d)).sum::<f64>() / solid.count().max(1) as f64;
+    let reach =
+        (HOLE_SCALES * scale * camera.focal.x / mean.max(f64::MIN_POSITIVE)).ceil().min(camera.width as f64) as usize;
+    let nearest = window(depth, camera.width, reach, |a, b| if b < a { b } else { a });
+    let opened = window(&nearest, camera.width, reach, |a, b| if b > a { b } else { a });
+    depth.iter().zip(&opened).map(|(&d, &o)| d - o > scale as f32).collect()
+}
+
+/// The least or largest value in a square of `reach` pixels around each pixel.
+fn window(values: &[f32], width: usize, reach: usize, of: impl Fn(f32, f32) -> f32) -> Vec<f32> {
+    let join = |joined: &mut [f32], others: &[f32]| {
+        joined.iter_mut().zip(others).for_each(|(j, &other)| *j = of(*j, other));
+    };
+    let widen = |values: &[f32], stride: usize| {
+        let (mut joined, count) = (values.to_vec(), values.len());
+        for shift in (1..=reach).map(|k| k * stride).filter(|&shift| shift < count) {
+            join(&mut joined[shift..], &values[..count - shift]);
+            join(&mut joined[..count - shift], &values[shift..]);
+        }
+        joined
+    };
+    let rows: Vec<f32> = values.chunks_exact(width).flat_map(|row| widen(row, 1)).collect();
+    widen(&rows, width)
 }
 
 /// Cosine between ray and surface normal from the slope of the depth map: a pixel is z / f wide at depth z.

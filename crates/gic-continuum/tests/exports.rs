@@ -166,7 +166,7 @@ fn particles_ply_is_read_back() {
         let at = start + 25 * i;
         assert!((point(&bytes, at) - particles.positions[i]).length() < 1e-7);
         assert_eq!(float(&bytes, at + 12), f64::from(particles.densities[i]));
-        assert_eq!(float(&bytes, at + 16), f64::from(particles.volume as f32));
+        assert_eq!(float(&bytes, at + 16), f64::from(particles.volume as f32 * particles.volume_factors[i]));
         assert_eq!(float(&bytes, at + 20), f64::from(particles.doubts[i]));
         assert_eq!(bytes[at + 24], u8::from(particles.surface[i]));
     }

@@ -51,6 +51,7 @@ fn settings_for(body: &Body) -> FillSettings {
     FillSettings {
         grid_spacing: body.size / 6.0,
         depth_inset: common::INSET + 0.7,
+        depth_offset: 0.0,
         ..FillSettings::for_size(body.size)
     }
 }
