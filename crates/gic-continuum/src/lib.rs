@@ -21,7 +21,7 @@ pub use export::{ExportError, write_mesh_ply, write_msh, write_obj, write_partic
 pub use field::{DensityField, MAX_VOXELS};
 pub use fill::{Filling, fill};
 pub use informed::{Agreement, Appearance, Drawing, agreement, calibrate, compare_with_masks, informed_gaussians};
-pub use particles::{Particles, Placement, sample_particles};
+pub use particles::{Particles, Placement, sample_particles, sample_points};
 pub use settings::{FillSettings, GroundPlane, Unseen};
 pub use surface::{SurfacePoint, TriangleMesh};
 pub use tetrahedra::TetMesh;

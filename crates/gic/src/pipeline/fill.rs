@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use gic_continuum::{
     Agreement, Appearance, Drawing, FillSettings, Filling, GroundPlane, MaskedView, Particles, Placement, Unseen,
-    calibrate, compare_with_masks, fill, sample_particles,
+    calibrate, compare_with_masks, fill, sample_particles, sample_points,
 };
 use gic_scene::{Hull, HullSettings, HullView, Mask};
 use glam::DVec3;
@@ -110,15 +110,17 @@ impl Run<'_> {
             let views = source.masked_views(frame, &masks);
             let filling = filling(&source, frame, &views, &settings)?;
             let spacing = *spacing.get_or_insert_with(|| self.particle_spacing(size, &filling));
-            let particles = sample_particles(&filling, spacing, Placement::Layered).map_err(failed(frame))?;
+            // Only the first frame's particles are simulated and need volumes of their own.
+            let place = if frame == 0 { sample_particles } else { sample_points };
+            let particles = place(&filling, spacing, Placement::Layered).map_err(failed(frame))?;
+            let points = place(&filling, DRAWING_SPACING * spacing, Placement::Layered).map_err(failed(frame))?;
             let surface_points = self.write_frame(frame, &filling, &particles)?;
-            let drawing = Drawing::new(&filling, &particles, DRAWING_SPACING * spacing).map_err(failed(frame))?;
             let drawn = match &first {
                 Some((_, _, drawn, _)) => *drawn,
-                None => calibrate(&drawing.particles, &views, OPACITY).map_err(failed(frame))?,
+                None => calibrate(&points, &views, OPACITY).map_err(failed(frame))?,
             };
             let volume_m3 = filling.volume();
-            let ious = overlaps(&compare_with_masks(&drawing.particles, &drawn, &views));
+            let ious = overlaps(&compare_with_masks(&points, &drawn, &views));
             frames.push(FrameFilling {
                 frame,
                 time_s,
