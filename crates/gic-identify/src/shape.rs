@@ -25,6 +25,16 @@ const SEEN: f64 = 0.2;
 const UNSEEN: f64 = 0.5;
 const COMMON: f64 = 0.2;
 
+/// Standard deviation of how much a reconstruction is rounded: edges cut and notches filled at once, in particle spacings per unit of
+/// bluntness (1/2 at a right-angled edge). The bodies we measure on lose 2 to 4 mm of their edges, and their notches have 5 to 10 too many.
+const ROUNDING: f64 = 0.6;
+
+/// Radius of the ball around a place, in particle spacings, whose emptiness tells whether it is an edge or a notch, and the share that is full
+/// at a flat face, where the outermost particles lie half a spacing deep: 1/2 + 15/16 of that depth over the radius. A point counts by
+/// 1 - (d / radius)^2, so that the ball has no rim.
+const VICINITY: f64 = 4.0;
+const FULL_AT_FLAT: f64 = 0.62;
+
 /// What no camera sees is less certain the further it is from what one sees: by this much per distance, up to so many particle spacings.
 const FADING: f64 = 0.25;
 const MOST_UNSEEN: f64 = 2.0;
@@ -65,6 +75,8 @@ struct Anchor {
     normal: DVec3,
     seen: bool,
     deviation: f64,
+    /// How much emptier its vicinity is than that of a flat face, twice the share of a ball: positive at edges, negative in notches.
+    bluntness: f64,
 }
 
 impl ShapeModes {
@@ -171,12 +183,21 @@ fn anchors(input: &Input, normals: &[Option<DVec3>], spacing: f64) -> Vec<Anchor
         .collect();
     let seen: Vec<DVec3> = places.iter().filter(|(.., seen)| *seen).map(|(p, ..)| *p).collect();
     let to_seen = |p: DVec3| seen.iter().map(|q| q.distance(p)).fold(f64::INFINITY, f64::min);
+    let ball = 8.0 / 15.0 * std::f64::consts::PI * VICINITY.powi(3);
+    let bluntness = |p: DVec3| {
+        let (radius, mut full) = (VICINITY * spacing, 0.0);
+        tree.within(p, radius, |squared, _, _| full += 1.0 - squared / (radius * radius));
+        2.0 * (FULL_AT_FLAT - full / ball)
+    };
     let deviation = |p: DVec3, is_seen: bool| {
         if is_seen { SEEN * spacing } else { UNSEEN * spacing + (FADING * to_seen(p)).min(MOST_UNSEEN * spacing) }
     };
     places
         .into_iter()
-        .map(|(position, normal, seen)| Anchor { position, normal, seen, deviation: deviation(position, seen) })
+        .map(|(position, normal, seen)| {
+            let (deviation, bluntness) = (deviation(position, seen), bluntness(position));
+            Anchor { position, normal, seen, deviation, bluntness }
+        })
         .collect()
 }
 
@@ -203,7 +224,8 @@ fn covariance(anchors: &[Anchor], spacing: f64) -> DMatrix<f64> {
         let (a, b) = (&anchors[i], &anchors[j]);
         let near = (-0.5 * a.position.distance_squared(b.position) / (CORRELATION * spacing).powi(2)).exp();
         let alike = 0.5 * (1.0 + a.normal.dot(b.normal));
-        a.deviation * b.deviation * near * alike + (COMMON * spacing).powi(2)
+        let common = COMMON.powi(2) + ROUNDING.powi(2) * a.bluntness * b.bluntness;
+        a.deviation * b.deviation * near * alike + common * spacing.powi(2)
     })
 }
 
@@ -242,7 +264,7 @@ fn functionals(anchors: &[Anchor], spacing: f64, up: DVec3) -> DMatrix<f64> {
             let moments = [d.x * d.x, d.y * d.y, d.z * d.z, d.x * d.y, d.y * d.z, d.x * d.z];
             let contact = [tip, foot, foot * d.dot(east), foot * d.dot(north)];
             let unseen = f64::from(u8::from(!anchor.seen));
-            [1.0, d.x, d.y, d.z].into_iter().chain(moments).chain(contact).chain([unseen]).collect()
+            [1.0, d.x, d.y, d.z].into_iter().chain(moments).chain(contact).chain([unseen, anchor.bluntness]).collect()
         })
         .collect();
     DMatrix::from_fn(n, rows[0].len(), |i, k| rows[i][k])
@@ -278,13 +300,18 @@ mod tests {
 
     /// A ball of particles, seen by one camera from above.
     fn ball() -> Input {
+        body(|p| p.length() < 0.1)
+    }
+
+    /// A body of particles, seen by one camera from above.
+    fn body(is_inside: impl Fn(DVec3) -> bool) -> Input {
         let range = -12..=12;
         let mut positions = Vec::new();
         for x in range.clone() {
             for y in range.clone() {
                 for z in range.clone() {
                     let p = DVec3::new(f64::from(x), f64::from(y), f64::from(z)) * SPACING;
-                    if p.length() < 0.1 {
+                    if is_inside(p) {
                         positions.push(p);
                     }
                 }
@@ -332,6 +359,23 @@ mod tests {
         assert_eq!(at(-0.9), (UNSEEN + MOST_UNSEEN) * SPACING, "the far side");
         assert!(at(-0.9) > anchors.iter().find(|a| a.normal.y < 0.15 && a.normal.y > 0.0).unwrap().deviation);
         assert!(anchors.iter().filter(|a| a.normal.y > 0.35).count() > 10);
+    }
+
+    /// A reconstruction that is rounded has lost its edges and filled its notches.
+    #[test]
+    fn edges_are_blunt_and_notches_are_not() {
+        let input = body(|p| p.abs().max_element() < 0.105 && p.x.min(p.y) < 0.0);
+        let anchors = anchors(&input, &normals(&input), SPACING);
+        let mean = |is: &dyn Fn(DVec3) -> bool| {
+            let chosen: Vec<f64> = anchors.iter().filter(|a| is(a.position)).map(|a| a.bluntness).collect();
+            chosen.iter().sum::<f64>() / chosen.len() as f64
+        };
+        let off_ends = |p: DVec3| p.z.abs() < 0.07;
+        let edge = mean(&|p| off_ends(p) && p.x < -0.08 && p.y < -0.08);
+        let notch = mean(&|p| off_ends(p) && p.x.abs() < 0.015 && p.y.abs() < 0.015);
+        let face = mean(&|p| off_ends(p) && p.x < -0.08 && p.y.abs() < 0.06);
+        println!("edge {edge:.2}, face {face:.2}, notch {notch:.2}");
+        assert!(edge > 0.15 && notch < -0.08 && face.abs() < 0.04);
     }
 
     /// The components carry all of the prior's variance of what the motion depends on, and are independent.

@@ -28,8 +28,8 @@ use crate::{IdentifyError, Input, MaterialKind, Optimizer, Parameter, Settings};
 
 /// Steps from each start, from the best of them, and with sharper masks.
 const SHORT_FIT: usize = 3;
-const LONG_FIT: usize = 6;
-const SHARP_FIT: usize = 4;
+const LONG_FIT: usize = 14;
+const SHARP_FIT: usize = 8;
 
 /// Extra pooling of the masks while the outlines may still be far apart: Gauss-Newton steps reach about as far as the pictures are
 /// blurred, and a sharp outline would let it creep.
