@@ -62,8 +62,7 @@ pub fn sample_particles(filling: &Filling, spacing: f64, placement: Placement) -
     sample(filling, spacing, placement, share)
 }
 
-/// As [`sample_particles`], but each particle stays where it is placed and has the mean volume: enough to compare shapes and outlines with,
-/// for a fifth of the time.
+/// As [`sample_particles`], but each particle stays where it is placed and has the mean volume: enough to compare shapes and outlines with.
 ///
 /// # Errors
 /// Those of [`sample_particles`].
