@@ -11,7 +11,7 @@ use crate::objective::{Forward, Level, Objective};
 use crate::result::Stage;
 use crate::simulation::{Resolution, Simulation};
 use crate::stages::{BLUR, Job};
-use crate::state::State;
+use crate::state::{State, Unknown};
 use crate::velocity::Launch;
 
 /// Factor between the grid of the search and that of the estimate.
@@ -28,7 +28,8 @@ const COARSE_STEPS: usize = 5;
 const FULL_GRID_PARTICLES: usize = 40_000;
 const FULL_GRID_POINTS: (usize, usize) = (4, 16);
 
-/// Starts from which the material is fitted on the full grid.
+/// Starts from which the material is fitted on the full grid: as many as it has unknowns, but at least these. The more unknowns, the more
+/// valleys.
 const FULL_GRID_FITS: usize = 2;
 
 /// Rollouts between two looks at whether to stop.
@@ -58,9 +59,12 @@ impl Job<'_> {
             costs.iter().zip(&candidates).filter_map(|(cost, state)| Some((*cost.as_ref().ok()?, state))).collect();
         ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut found: Vec<(f64, State)> = Vec::new();
-        for (_, start) in ranked.iter().take(COARSE_FITS) {
-            let unknowns = self.free_materials();
-            let (start, level) = ((*start).clone(), level.clone());
+        // The coarse grid would only distort what the grid of starts does not vary.
+        let varied = |u: &Unknown| matches!(u, Unknown::Material(i) if self.parameters()[*i].grid > 1);
+        let unknowns: Vec<Unknown> = self.free_materials().into_iter().filter(varied).collect();
+        let coarse_fits = if unknowns.is_empty() { 0 } else { COARSE_FITS };
+        for (_, start) in ranked.iter().take(coarse_fits) {
+            let (start, level, unknowns) = ((*start).clone(), level.clone(), unknowns.clone());
             if let Ok(fit) = self.minimise(Stage::Search, &simulation, objective, unknowns, level, start, COARSE_STEPS)
             {
                 found.push((fit.cost, fit.state));
@@ -101,7 +105,12 @@ impl Job<'_> {
         found.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut distinct: Vec<State> = Vec::new();
         for (_, state) in found {
-            let near = |other: &State| other.material.iter().zip(&state.material).all(|(a, b)| (a - b).abs() < 0.2);
+            let near = |other: &State| {
+                let pairs = other.material.iter().zip(&state.material);
+                // What has one start only does not tell valleys apart.
+                let mut told = self.parameters().iter().zip(pairs).filter(|(p, _)| p.grid > 1);
+                told.all(|(_, (a, b))| (a - b).abs() < 0.2)
+            };
             if !distinct.iter().any(near) {
                 distinct.push(state);
             }
@@ -121,7 +130,7 @@ impl Job<'_> {
         Ok(ranked
             .into_iter()
             .filter(|(cost, _)| *cost < 3.0 * best)
-            .take(FULL_GRID_FITS)
+            .take(self.free_materials().len().max(FULL_GRID_FITS))
             .map(|(_, state)| state)
             .collect())
     }

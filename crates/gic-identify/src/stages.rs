@@ -27,7 +27,7 @@ use crate::velocity::{Launch, clearance, launch};
 use crate::{IdentifyError, Input, MaterialKind, Optimizer, Parameter, Settings};
 
 /// Steps from each start, from the best of them, and with sharper masks.
-const SHORT_FIT: usize = 3;
+const SHORT_FIT: usize = 6;
 const LONG_FIT: usize = 14;
 const SHARP_FIT: usize = 8;
 
@@ -356,7 +356,7 @@ impl Job<'_> {
             let (unknowns, level) = (self.free_materials(), self.touched_frames(launched, pooling));
             self.minimise(Stage::Material, &simulation, self.base_objective(), unknowns, level, start, iterations)
         };
-        // A few steps from each start tell which basin is worth the rest.
+        // Some steps from each start tell which valley is worth the rest; those that have arrived stop earlier.
         let done = self.checkpoint.borrow().fits.len();
         let mut reason = String::new();
         for start in starts.into_iter().skip(done) {
