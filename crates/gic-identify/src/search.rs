@@ -105,13 +105,7 @@ impl Job<'_> {
         found.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut distinct: Vec<State> = Vec::new();
         for (_, state) in found {
-            let near = |other: &State| {
-                let pairs = other.material.iter().zip(&state.material);
-                // What has one start only does not tell valleys apart.
-                let mut told = self.parameters().iter().zip(pairs).filter(|(p, _)| p.grid > 1);
-                told.all(|(_, (a, b))| (a - b).abs() < 0.2)
-            };
-            if !distinct.iter().any(near) {
+            if !distinct.iter().any(|other| self.same_valley(other, &state)) {
                 distinct.push(state);
             }
         }

@@ -27,9 +27,12 @@ use crate::velocity::{Launch, clearance, launch};
 use crate::{IdentifyError, Input, MaterialKind, Optimizer, Parameter, Settings};
 
 /// Steps from each start, from the best of them, and with sharper masks.
-const SHORT_FIT: usize = 6;
+const SHORT_FIT: usize = 5;
 const LONG_FIT: usize = 14;
 const SHARP_FIT: usize = 8;
+
+/// How much more than the best a start may cost after its short fit to be fitted on.
+const CONTENDS: f64 = 1.3;
 
 /// Extra pooling of the masks while the outlines may still be far apart: Gauss-Newton steps reach about as far as the pictures are
 /// blurred, and a sharp outline would let it creep.
@@ -367,13 +370,42 @@ impl Job<'_> {
             self.reach(None, |checkpoint| checkpoint.fits.push(found))?;
         }
         let fits = self.checkpoint.borrow().fits.clone();
-        let best = fits.into_iter().flatten().min_by(|a, b| a.0.total_cmp(&b.0));
-        let (_, state) = best.ok_or_else(|| failed(reason))?;
-        let state = fit(state, BLUR, LONG_FIT).map_err(&failed)?.state;
+        // Valleys that are about as deep so far are walked to their ends.
+        let mut best: Option<Fit> = None;
+        for state in self.contenders(fits.into_iter().flatten().collect()) {
+            match fit(state, BLUR, LONG_FIT) {
+                Ok(found) if best.as_ref().is_none_or(|best| found.cost < best.cost) => best = Some(found),
+                Ok(_) => {}
+                Err(e) => reason = e,
+            }
+            if self.stopped.get() {
+                return Err(IdentifyError::Interrupted);
+            }
+        }
+        let state = best.ok_or_else(|| failed(reason))?.state;
         if !self.settings.target.masks() {
             return Ok(state);
         }
         fit(state, SHARP, SHARP_FIT).map(|fit| fit.state).map_err(failed)
+    }
+
+    /// Distinct states that cost little more than the cheapest of `fits`, cheapest first.
+    fn contenders(&self, mut fits: Vec<(f64, State)>) -> Vec<State> {
+        fits.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let most = CONTENDS * fits.first().map_or(0.0, |(cost, _)| *cost);
+        let mut distinct: Vec<State> = Vec::new();
+        for (_, state) in fits.into_iter().filter(|(cost, _)| *cost <= most) {
+            if !distinct.iter().any(|other| self.same_valley(other, &state)) {
+                distinct.push(state);
+            }
+        }
+        distinct
+    }
+
+    /// Whether two states differ little in what tells valleys apart: not in what has one start only.
+    pub(crate) fn same_valley(&self, a: &State, b: &State) -> bool {
+        let pairs = a.material.iter().zip(&b.material);
+        self.parameters().iter().zip(pairs).filter(|(p, _)| p.grid > 1).all(|(_, (a, b))| (a - b).abs() < 0.2)
     }
 
     /// Material, velocity, rotation where there is one, the Gaussians' size, and the shape. The position stays that of free flight: free, it
