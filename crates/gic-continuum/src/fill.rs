@@ -114,7 +114,7 @@ pub fn fill(gaussians: &Gaussians, views: &[MaskedView], settings: &FillSettings
             needed: MIN_GAUSSIANS,
         });
     }
-    let [small, scale] = [1, 2].map(|quarter| quartile_of_scale(&usable, quarter));
+    let [small, scale] = quartiles_of_scale(&usable);
     let evidence = Evidence::gather(views, Some((&usable, scale)))?;
     let grid = initialize_field(&usable, settings)?;
     let inset = settings.depth_inset * small + settings.depth_offset;
@@ -213,11 +213,11 @@ fn scale(gaussians: &Gaussians, i: usize) -> f32 {
     }
 }
 
-/// A quartile of the scales [m]: the lower one, the median, or the upper one for `quarter` 1, 2, 3.
-fn quartile_of_scale(gaussians: &Gaussians, quarter: usize) -> f64 {
+/// The lower quartile and the median of the scales [m].
+fn quartiles_of_scale(gaussians: &Gaussians) -> [f64; 2] {
     let mut scales: Vec<f32> = (0..gaussians.positions.len()).map(|i| scale(gaussians, i)).collect();
     scales.sort_by(f32::total_cmp);
-    f64::from(scales[quarter * scales.len() / 4])
+    [scales.len() / 4, scales.len() / 2].map(|i| f64::from(scales[i]))
 }
 
 /// Line 7: a field of zeros over the bounding box of the Gaussians, at the spacing of the last level; coarser levels pool its
@@ -229,7 +229,8 @@ fn initialize_field(gaussians: &Gaussians, settings: &FillSettings) -> Result<De
         low = low.min(point);
         high = high.max(point);
     }
-    let margin = 3.0 * quartile_of_scale(gaussians, 2) + 3.0 * settings.finest_spacing();
+    let [_, scale] = quartiles_of_scale(gaussians);
+    let margin = 3.0 * scale + 3.0 * settings.finest_spacing();
     DensityField::covering(low - margin, high + margin, settings.finest_spacing(), 1 << (settings.levels - 1))
 }
 

@@ -59,7 +59,9 @@ impl Particles {
 /// boundary is followed below the size of a voxel. The particles share the body's volume: each has what is nearest to it, so that a limb
 /// of six and a half layers is as heavy as that, whether six or seven of them fell inside.
 pub fn sample_particles(filling: &Filling, spacing: f64, placement: Placement) -> Result<Particles, ContinuumError> {
-    sample(filling, spacing, placement, share)
+    let mut positions = place(filling, spacing, placement)?;
+    let volume_factors = share(filling, &mut positions, spacing);
+    Ok(describe(filling, positions, volume_factors, spacing))
 }
 
 /// As [`sample_particles`], but each particle stays where it is placed and has the mean volume: enough to compare shapes and outlines with.
@@ -67,16 +69,13 @@ pub fn sample_particles(filling: &Filling, spacing: f64, placement: Placement) -
 /// # Errors
 /// Those of [`sample_particles`].
 pub fn sample_points(filling: &Filling, spacing: f64, placement: Placement) -> Result<Particles, ContinuumError> {
-    sample(filling, spacing, placement, |_, positions, _| vec![1.0; positions.len()])
+    let positions = place(filling, spacing, placement)?;
+    let volume_factors = vec![1.0; positions.len()];
+    Ok(describe(filling, positions, volume_factors, spacing))
 }
 
-/// Places particles; `share` says the volume of each in units of their mean, and may move them.
-fn sample(
-    filling: &Filling,
-    spacing: f64,
-    placement: Placement,
-    share: impl Fn(&Filling, &mut [DVec3], f64) -> Vec<f32>,
-) -> Result<Particles, ContinuumError> {
+/// Points inside the body [m]; at least one.
+fn place(filling: &Filling, spacing: f64, placement: Placement) -> Result<Vec<DVec3>, ContinuumError> {
     let good = spacing > 0.0 && spacing.is_finite();
     if !good {
         return Err(ContinuumError::Setting { setting: "particle spacing", value: spacing, must: "above 0 m" });
@@ -107,32 +106,22 @@ fn sample(
     if placement == Placement::Layered {
         arrange_in_layers(filling, &mut inside, spacing);
     }
-    let volume_factors = share(filling, &mut inside, spacing);
-    let doubt = |p| field.discretize(p).and_then(|i| filling.doubt.get(i)).map_or(0.0, |d| *d);
-    let inside: Vec<(DVec3, f32, bool, f32)> = inside
-        .into_par_iter()
-        .map(|p| (p, field.sample(p) as f32, near_surface(filling, p, spacing), doubt(p)))
-        .collect();
-    if inside.is_empty() {
-        return Err(ContinuumError::Empty);
-    }
-    let volume = filling.volume() / inside.len() as f64;
-    let mut particles = Particles {
-        positions: vec![],
-        volume,
+    if inside.is_empty() { Err(ContinuumError::Empty) } else { Ok(inside) }
+}
+
+/// The particles at `positions` with their attributes.
+fn describe(filling: &Filling, positions: Vec<DVec3>, volume_factors: Vec<f32>, spacing: f64) -> Particles {
+    let field = &filling.field;
+    let doubt = |p: &DVec3| field.discretize(*p).and_then(|i| filling.doubt.get(i)).map_or(0.0, |d| *d);
+    Particles {
+        volume: filling.volume() / positions.len() as f64,
         volume_factors,
-        densities: vec![],
-        surface: vec![],
-        doubts: vec![],
+        densities: positions.par_iter().map(|p| (field.sample(*p) as f32).min(1.0)).collect(),
+        surface: positions.par_iter().map(|p| near_surface(filling, *p, spacing)).collect(),
+        doubts: positions.iter().map(doubt).collect(),
         spacing,
-    };
-    for (position, density, surface, doubt) in inside {
-        particles.positions.push(position);
-        particles.densities.push(density.min(1.0));
-        particles.surface.push(surface);
-        particles.doubts.push(doubt);
+        positions,
     }
-    Ok(particles)
 }
 
 /// Gives each particle what is nearest to it of the points of a finer lattice inside, and moves it to their middle where that is inside.

@@ -103,12 +103,7 @@ impl Job<'_> {
     /// The coarse grid is biased: the last word between basins belongs to the full one.
     fn rank_on_full_grid(&self, launched: &Launch, mut found: Vec<(f64, State)>) -> Result<Vec<State>, IdentifyError> {
         found.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut distinct: Vec<State> = Vec::new();
-        for (_, state) in found {
-            if !distinct.iter().any(|other| self.same_valley(other, &state)) {
-                distinct.push(state);
-            }
-        }
+        let distinct = self.distinct(found.into_iter().map(|(_, state)| state));
         if distinct.len() == 1 {
             return Ok(distinct);
         }

@@ -393,17 +393,21 @@ impl Job<'_> {
     fn contenders(&self, mut fits: Vec<(f64, State)>) -> Vec<State> {
         fits.sort_by(|a, b| a.0.total_cmp(&b.0));
         let most = CONTENDS * fits.first().map_or(0.0, |(cost, _)| *cost);
-        let mut distinct: Vec<State> = Vec::new();
-        for (_, state) in fits.into_iter().filter(|(cost, _)| *cost <= most) {
+        self.distinct(fits.into_iter().filter(|(cost, _)| *cost <= most).map(|(_, state)| state))
+    }
+
+    /// The first of `states` in each valley, in their order.
+    pub(crate) fn distinct(&self, states: impl Iterator<Item = State>) -> Vec<State> {
+        states.fold(Vec::new(), |mut distinct, state| {
             if !distinct.iter().any(|other| self.same_valley(other, &state)) {
                 distinct.push(state);
             }
-        }
-        distinct
+            distinct
+        })
     }
 
     /// Whether two states differ little in what tells valleys apart: not in what has one start only.
-    pub(crate) fn same_valley(&self, a: &State, b: &State) -> bool {
+    fn same_valley(&self, a: &State, b: &State) -> bool {
         let pairs = a.material.iter().zip(&b.material);
         self.parameters().iter().zip(pairs).filter(|(p, _)| p.grid > 1).all(|(_, (a, b))| (a - b).abs() < 0.2)
     }

@@ -289,10 +289,10 @@ impl Run<'_> {
     /// The particles of the continuum where and how large the fit found them, with their attributes.
     fn write_matter(&self, continuum: &Continuum, found: &Identification) -> Result<()> {
         let particles = &continuum.particles;
-        let rows = found.positions.iter().enumerate().map(|(i, position)| {
-            let [x, y, z] = position.as_vec3().to_array();
-            let factor = found.volume_factors.get(i).map_or(1.0, |factor| *factor as f32);
-            [x, y, z, particles.densities[i], f32::from(particles.surface[i]), factor]
+        let rows = (0..found.positions.len()).map(|i| {
+            let [x, y, z] = found.positions[i].as_vec3().to_array();
+            let (density, surface) = (particles.densities[i], f32::from(particles.surface[i]));
+            [x, y, z, density, surface, found.volume_factors[i] as f32]
         });
         write_particles(&self.path(TWIN_MATTER), ["x", "y", "z", "density", "surface", "volume_factor"], rows)
     }

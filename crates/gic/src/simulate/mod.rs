@@ -93,7 +93,7 @@ struct Run<'a> {
     trajectory: Trajectory,
     identity: [u8; 32],
     frame_rate_hz: f64,
-    /// Number of particles of each body and the mass of one [kg].
+    /// Mass of each particle [kg].
     masses: Vec<f64>,
 }
 
