@@ -308,7 +308,7 @@ impl TrainSettings {
             half_size: 0.5,
             initial_spacing_px: 6.0,
             gaussians_per_pixel: 0.3,
-            network: Architecture { width: 128, ..Architecture::default() },
+            network: Architecture { width: 128, node_spacing: 1.0 / 64.0, ..Architecture::default() },
             rates: LearningRates { network: (1.6e-3, 5.0e-5), ..still.rates },
             density: DensitySettings { from: 900, every: 200, ..still.density },
             ..still

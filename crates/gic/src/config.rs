@@ -134,7 +134,7 @@ pub struct IdentifyConfig {
     /// Side of a cell of the simulation grid [m]; by default twice the particle spacing.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub grid_spacing_m: Option<f64>,
-    /// Substeps per frame; by default 200 for 24 frames a second on a grid of 0.02 m, and in proportion.
+    /// Substeps per frame; by default 200 on a grid of 0.02 m, and in proportion.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub substeps_per_frame: Option<usize>,
     /// Which observations take part.

@@ -2,6 +2,7 @@
 
 mod encoding;
 mod mlp;
+mod nodes;
 mod scalar;
 
 use rand::Rng;
@@ -10,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use encoding::{Encoding, encode_backward};
 use mlp::{Activations, Mlp};
+use nodes::Nodes;
 pub use scalar::Scalar;
 
 /// Numbers per basis: displacement (x, y, z) and change of the scale.
@@ -30,6 +32,9 @@ pub struct Architecture {
     /// Amplitude of each frequency relative to the one below, for time and for positions; 1 is the paper's formula. Below 1
     /// neighbours in space and time start to move alike, and details of the motion are learned later.
     pub falloff: f64,
+    /// Distance of the nodes at which the network is asked, in its units; what lies between is trilinear. 0 asks it at each
+    /// point, the paper's way.
+    pub node_spacing: f64,
     /// Motion bases, N_m.
     pub bases: usize,
     /// Channels of every hidden layer.
@@ -48,6 +53,7 @@ impl Default for Architecture {
             time_frequencies: 10,
             position_frequencies: 10,
             falloff: 0.5,
+            node_spacing: 0.0,
             bases: 8,
             width: 256,
             backbone_layers: 8,
@@ -87,6 +93,8 @@ pub struct Deformation<T> {
     time_encoded: Vec<T>,
     time_activations: Activations<T>,
     blocks: Vec<Block<T>>,
+    /// The nodes that the network was asked at, if not at the points, and its residuals there.
+    nodes: Option<(Nodes<T>, Vec<[T; 4]>)>,
 }
 
 struct Block<T> {
@@ -142,17 +150,24 @@ impl<T: Scalar> MotionNetwork<T> {
         let mut time_encoded = vec![T::of(0.0); encoding.len()];
         encoding.encode(time, &mut time_encoded);
         let (bases, time_activations) = self.backbone.forward(&self.parameters, &time_encoded, 1);
-        let blocks: Vec<(Vec<[T; 4]>, Block<T>)> = positions
-            .par_chunks(block_rows(positions.len()))
+        let spacing = self.architecture.node_spacing;
+        let nodes = (spacing > 0.0).then(|| Nodes::around(positions, spacing));
+        let asked = nodes.as_ref().map_or(positions, |nodes| &nodes.positions);
+        let blocks: Vec<(Vec<[T; 4]>, Block<T>)> = asked
+            .par_chunks(block_rows(asked.len()))
             .map(|rows| self.forward_block(rows, &time_encoded, &bases))
             .collect();
-        let mut residuals = Vec::with_capacity(positions.len());
+        let mut residuals = Vec::with_capacity(asked.len());
         let mut kept = Vec::with_capacity(blocks.len());
         for (rows, block) in blocks {
             residuals.extend(rows);
             kept.push(block);
         }
-        Deformation { residuals, bases, time_encoded, time_activations, blocks: kept }
+        let (residuals, nodes) = match nodes {
+            Some(nodes) => (nodes.spread(&residuals), Some((nodes, residuals))),
+            None => (residuals, None),
+        };
+        Deformation { residuals, bases, time_encoded, time_activations, blocks: kept, nodes }
     }
 
     fn forward_block(&self, positions: &[[T; 3]], time_encoded: &[T], bases: &[T]) -> (Vec<[T; 4]>, Block<T>) {
@@ -185,6 +200,14 @@ impl<T: Scalar> MotionNetwork<T> {
     /// Gradient of a loss from its derivative with respect to the residuals, shape [n, 4].
     pub fn backward(&self, deformation: &Deformation<T>, d_residuals: &[[T; 4]]) -> NetworkGradient<T> {
         assert_eq!(d_residuals.len(), deformation.residuals.len(), "one derivative per residual");
+        let Some((nodes, values)) = &deformation.nodes else { return self.backward_asked(deformation, d_residuals) };
+        let (d_values, positions) = nodes.pull_back(values, d_residuals);
+        // Nodes stay where they are, so what the network says of their positions goes no further.
+        NetworkGradient { positions, ..self.backward_asked(deformation, &d_values) }
+    }
+
+    /// The same with respect to the residuals and positions of the points that the network was asked at.
+    fn backward_asked(&self, deformation: &Deformation<T>, d_residuals: &[[T; 4]]) -> NetworkGradient<T> {
         let parts: Vec<BlockGradient<T>> = d_residuals
             .par_chunks(block_rows(d_residuals.len()))
             .zip(&deformation.blocks)
@@ -296,7 +319,16 @@ mod tests {
 
     #[test]
     fn every_gradient_agrees_with_finite_differences() {
-        let mut network = network::<f64>(small(), 3);
+        check_gradients(small());
+    }
+
+    #[test]
+    fn every_gradient_agrees_with_finite_differences_between_nodes() {
+        check_gradients(Architecture { node_spacing: 0.3, ..small() });
+    }
+
+    fn check_gradients(architecture: Architecture) {
+        let mut network = network::<f64>(architecture, 3);
         let mut points = points(MIN_BLOCK_ROWS + 3, 4);
         let weights: Vec<[f64; 4]> =
             (0..points.len()).map(|i| core::array::from_fn(|j| ((i * 4 + j) as f64 * 0.7).sin())).collect();
@@ -360,10 +392,24 @@ mod tests {
 
     #[test]
     fn no_points_is_no_error() {
-        let network = network::<f32>(small(), 1);
-        let out = network.forward(&[], 0.0);
-        assert!(out.residuals.is_empty());
-        assert!(network.backward(&out, &[]).parameters.iter().all(|g| *g == 0.0));
+        for node_spacing in [0.0, 0.1] {
+            let network = network::<f32>(Architecture { node_spacing, ..small() }, 1);
+            let out = network.forward(&[], 0.0);
+            assert!(out.residuals.is_empty());
+            assert!(network.backward(&out, &[]).parameters.iter().all(|g| *g == 0.0));
+        }
+    }
+
+    #[test]
+    fn close_nodes_are_as_good_as_none() {
+        let plain = network::<f64>(small(), 6);
+        let fine = MotionNetwork { architecture: Architecture { node_spacing: 1e-3, ..small() }, ..plain.clone() };
+        let points = points(50, 8);
+        let (expected, got) = (plain.forward(&points, 0.6).residuals, fine.forward(&points, 0.6).residuals);
+        let largest = expected.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
+        for (e, g) in expected.iter().flatten().zip(got.iter().flatten()) {
+            assert!((e - g).abs() < 1e-4 * largest, "{g} against {e}");
+        }
     }
 
     #[test]

@@ -129,7 +129,7 @@ pub(crate) struct IdentifyFlags {
     #[arg(long, value_name = "M")]
     #[serde(skip_serializing_if = "Option::is_none")]
     grid_spacing_m: Option<f64>,
-    /// Substeps per frame [default: 200 for 24 frames a second on a grid of 0.02 m]
+    /// Substeps per frame [default: 200 on a grid of 0.02 m, and in proportion]
     #[arg(long, value_name = "N")]
     #[serde(skip_serializing_if = "Option::is_none")]
     substeps_per_frame: Option<usize>,
