@@ -47,7 +47,7 @@ impl Case {
             widths_m: widths_m.to_vec(),
             axis: AxisChoice::World(0),
             gripper,
-            refine: 1,
+            refine: None,
             out: self.path("grasp"),
             pictures: false,
             size: [64, 64],
@@ -252,6 +252,15 @@ fn the_program_writes_a_table_numbers_pictures_and_a_film() {
     let first = fs::read(case.path("grasp/grasp.json")).unwrap();
     assert!(case.run(&twin, &[&args[..], &["--no-pictures"]].concat()).status.success());
     assert_eq!(first, fs::read(case.path("grasp/grasp.json")).unwrap(), "the same numbers again");
+}
+
+/// The default pads are the fingertips of a real gripper, which a grid for a whole object is too coarse to feel.
+#[test]
+fn fingertips_refine_the_grid_until_it_feels_them() {
+    let case = Case::new();
+    let report = case.squeeze(&twin(block([0.06, 0.06, 0.06]), 0.02), &[0.057], Gripper::default());
+    assert!((report.grid_spacing_m - 0.01).abs() < 1e-12, "{}", report.grid_spacing_m);
+    assert!(report.widths[0].force_n > 0.0, "{}", report.widths[0].force_n);
 }
 
 #[test]

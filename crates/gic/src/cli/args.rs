@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
 use gic::config::Model;
+use gic::grasp::MAX_REFINEMENT;
 use gic::twin::Setting;
 
 use super::flags::{AppearanceFlags, FillFlags, IdentifyFlags, ReconstructFlags, SceneFlags, SettingsFlags};
@@ -358,9 +359,9 @@ pub(crate) struct GraspArgs {
     /// How far to lift [m]
     #[arg(long, value_name = "HEIGHT", default_value = "0.05", value_parser = length)]
     pub(crate) lift_m: f64,
-    /// Cut each particle into N^3 on a grid N times finer
-    #[arg(long, value_name = "N", default_value = "1", value_parser = refinement)]
-    pub(crate) refine: usize,
+    /// Cut each particle into N^3 on a grid N times finer [default: the least with which the grid feels the pads]
+    #[arg(long, value_name = "N", value_parser = refinement)]
+    pub(crate) refine: Option<usize>,
     /// Change a value of the twin, as in `gic simulate`
     #[arg(long, value_name = "KEY=VALUE")]
     pub(crate) set: Vec<Setting>,
@@ -431,8 +432,8 @@ fn coefficient(text: &str) -> Result<f64, String> {
 
 fn refinement(text: &str) -> Result<usize, String> {
     match text.parse() {
-        Ok(n) if (1..=8).contains(&n) => Ok(n),
-        _ => Err("must be a whole number from 1 to 8".into()),
+        Ok(n) if (1..=MAX_REFINEMENT).contains(&n) => Ok(n),
+        _ => Err(format!("must be a whole number from 1 to {MAX_REFINEMENT}")),
     }
 }
 

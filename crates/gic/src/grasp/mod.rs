@@ -48,6 +48,8 @@ const MOST_WINDOWS: usize = 40;
 const FEWEST_CELLS: f64 = 2.0;
 /// Grid cells along a side of the pad below which forces are coarse.
 const GOOD_CELLS: f64 = 4.0;
+/// The finest grid that is worth its time, relative to the twin's.
+pub const MAX_REFINEMENT: usize = 8;
 /// Length of a frame while lifting [s].
 const LIFT_FRAME_S: f64 = 0.01;
 /// Frames in which weight sets in, in which the gripper rises, and in which it stands again.
@@ -86,8 +88,9 @@ pub struct Request {
     pub axis: AxisChoice,
     /// The gripper.
     pub gripper: Gripper,
-    /// Each particle is cut into this number cubed, on a grid as many times finer.
-    pub refine: usize,
+    /// Each particle is cut into this number cubed, on a grid as many times finer; `None` takes the least that lets the grid feel the
+    /// pads.
+    pub refine: Option<usize>,
     /// Folder for grasp.json and the pictures.
     pub out: PathBuf,
     /// Whether to make pictures.
@@ -188,7 +191,8 @@ impl<'a> Grasp<'a> {
     ) -> Result<Self> {
         let body = &world.bodies[0];
         let coarse = twin.particle_spacing_m.unwrap_or(body.particle_volume_m3.cbrt());
-        let (grid, spacing) = (world.grid_spacing_m / request.refine as f64, coarse / request.refine as f64);
+        let refine = request.refine.unwrap_or_else(|| least_refinement(&request.gripper, world.grid_spacing_m));
+        let (grid, spacing) = (world.grid_spacing_m / refine as f64, coarse / refine as f64);
         check_pads(&request.gripper, grid, events)?;
         let up = (-world.gravity_m_s2).normalize_or(DVec3::Y);
         let mut place = Place::choose(request.axis, &body.positions, coarse, up, &request.gripper, widest)?;
@@ -196,7 +200,7 @@ impl<'a> Grasp<'a> {
         let pads = Pads { size_m: [long, short], thickness_m: 6.0 * grid, friction: request.gripper.friction };
         let mut rig = Rig {
             world: World {
-                bodies: vec![place.body(body, coarse, request.refine)],
+                bodies: vec![place.body(body, coarse, refine)],
                 colliders: Vec::new(),
                 gravity_m_s2: DVec3::ZERO,
                 grid_spacing_m: grid,
@@ -445,8 +449,18 @@ fn is_steady(forces: &[[f64; 2]]) -> bool {
     })
 }
 
+/// Grid cells across a pad.
+fn cells_across(gripper: &Gripper, grid: f64) -> f64 {
+    gripper.pad_m[0].min(gripper.pad_m[1]) / grid
+}
+
+/// How many times finer than `grid` a grid must be to feel the pads, within reason.
+fn least_refinement(gripper: &Gripper, grid: f64) -> usize {
+    ((FEWEST_CELLS / cells_across(gripper, grid)).ceil() as usize).clamp(1, MAX_REFINEMENT)
+}
+
 fn check_pads(gripper: &Gripper, grid: f64, events: &Events) -> Result<()> {
-    let cells = gripper.pad_m[0].min(gripper.pad_m[1]) / grid;
+    let cells = cells_across(gripper, grid);
     if cells < FEWEST_CELLS {
         return Err(Error::Usage {
             problem: format!(
@@ -460,7 +474,7 @@ fn check_pads(gripper: &Gripper, grid: f64, events: &Events) -> Result<()> {
         });
     }
     if cells < GOOD_CELLS {
-        let text = format!("a pad is only {cells:.1} grid cells across, so forces are coarse: add --refine 2");
+        let text = format!("a pad is only {cells:.1} grid cells across, so forces are coarse: give a higher --refine");
         events.warn(STAGE, text);
     }
     Ok(())
