@@ -2,11 +2,14 @@
 
 use gic_metrics::{MetricError, ssim_with_gradient};
 use gic_splat::{ImageGradients, Rendered};
+use rayon::prelude::*;
 
 use crate::LossWeights;
 
 /// Smallest area that picture terms are divided by, as a fraction of the window: an almost empty mask must not dominate.
 const MIN_AREA: f64 = 0.02;
+/// Pixels per parallel task.
+const SPAN: usize = 1 << 13;
 
 /// Loss of one picture.
 pub(crate) struct PictureLoss {
@@ -28,26 +31,37 @@ pub(crate) fn picture_loss(
 ) -> Result<PictureLoss, MetricError> {
     let pixels = width * height;
     let area = area.max(MIN_AREA * pixels as f64).max(1.0);
-    let (mut absolute, mut squared, mut silhouette) = (0.0f64, 0.0f64, 0.0f64);
     let step = (weights.color / (3.0 * area)) as f32;
-    let mut d_color: Vec<[f32; 3]> = Vec::with_capacity(pixels);
-    for (got, wanted) in rendered.color.iter().zip(color) {
-        let difference: [f32; 3] = core::array::from_fn(|c| got[c] - wanted[c]);
-        absolute += f64::from(difference.iter().map(|d| d.abs()).sum::<f32>());
-        squared += f64::from(difference.iter().map(|d| d * d).sum::<f32>());
-        d_color.push(difference.map(|d| step * sign(d)));
-    }
+    let mut d_color = vec![[0.0f32; 3]; pixels];
+    let sums: Vec<(f64, f64)> = d_color
+        .par_chunks_mut(SPAN)
+        .zip(rendered.color.par_chunks(SPAN))
+        .zip(color.par_chunks(SPAN))
+        .map(|((slopes, got), wanted)| {
+            let mut sums = (0.0, 0.0);
+            for ((slope, got), wanted) in slopes.iter_mut().zip(got).zip(wanted) {
+                let difference: [f32; 3] = core::array::from_fn(|c| got[c] - wanted[c]);
+                sums.0 += f64::from(difference.iter().map(|d| d.abs()).sum::<f32>());
+                sums.1 += f64::from(difference.iter().map(|d| d * d).sum::<f32>());
+                *slope = difference.map(|d| step * sign(d));
+            }
+            sums
+        })
+        .collect();
+    let (absolute, squared) = sums.iter().fold((0.0, 0.0), |(a, b), (c, d)| (a + c, b + d));
     let mut value = weights.color * absolute / (3.0 * area);
     if weights.ssim > 0.0 {
         let (ssim, d_ssim) = ssim_with_gradient(&rendered.color, color, width, height, None)?;
         // The metric is a mean over the window; ours is a sum over its pixels divided by the object's area.
         let scale = weights.ssim * pixels as f64 / area;
         value += scale * (1.0 - ssim);
-        for (d, s) in d_color.iter_mut().flatten().zip(d_ssim.iter().flatten()) {
-            *d -= scale as f32 * s;
-        }
+        d_color.par_chunks_mut(SPAN).zip(d_ssim.par_chunks(SPAN)).for_each(|(d, s)| {
+            let pairs = d.as_flattened_mut().iter_mut().zip(s.as_flattened());
+            pairs.for_each(|(d, s)| *d -= scale as f32 * s);
+        });
     }
     let step = (weights.mask / area) as f32;
+    let mut silhouette = 0.0;
     let mut d_alpha = Vec::with_capacity(pixels);
     for (got, wanted) in rendered.alpha.iter().zip(mask) {
         let difference = got - wanted;

@@ -3,9 +3,13 @@
 use gic_splat::{GaussianGradients, Gaussians, Shape};
 use glam::{Quat, Vec3};
 use rand::{Rng, RngExt};
+use rayon::prelude::*;
 
 use crate::adam::Moments;
 use crate::{DensitySettings, LearningRates};
+
+/// Gaussians per parallel task, at least.
+const PER_TASK: usize = 1024;
 
 /// Gaussians with opacity as a logit and scales as logarithms.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -70,11 +74,11 @@ impl Parameters {
     pub(crate) fn gaussians(&self, residuals: Option<&[[f32; 4]]>) -> Gaussians {
         let residual = |i: usize| residuals.map_or([0.0; 4], |r| r[i]);
         let details = details_per_gaussian(self.sh_degree);
-        let mut sh = Vec::with_capacity(self.len() * (details + 1));
-        for i in 0..self.len() {
-            sh.push(self.features[i]);
-            sh.extend_from_slice(&self.details[i * details..(i + 1) * details]);
-        }
+        let mut sh = vec![[0.0; 3]; self.len() * (details + 1)];
+        sh.par_chunks_mut(details + 1).with_min_len(PER_TASK).enumerate().for_each(|(i, sh)| {
+            sh[0] = self.features[i];
+            sh[1..].copy_from_slice(&self.details[i * details..(i + 1) * details]);
+        });
         Gaussians {
             positions: (0..self.len())
                 .map(|i| core::array::from_fn(|axis| self.positions[i][axis] + residual(i)[axis]))
@@ -125,13 +129,16 @@ impl Parameters {
             }
             let opacity = drawn.opacities[i];
             gradient.opacity_logits[i] += slope.opacities[i] * opacity * (1.0 - opacity);
-            let sh = &slope.sh[i * (details + 1)..(i + 1) * (details + 1)];
             for c in 0..3 {
-                gradient.features[i][c] += sh[0][c];
-                for k in 0..details {
-                    gradient.details[i * details + k][c] += sh[k + 1][c];
-                }
+                gradient.features[i][c] += slope.sh[i * (details + 1)][c];
             }
+        }
+        if details > 0 {
+            let rows = gradient.details.par_chunks_mut(details).zip(slope.sh.par_chunks(details + 1));
+            rows.with_min_len(PER_TASK).for_each(|(sums, sh)| {
+                let pairs = sums.as_flattened_mut().iter_mut().zip(sh[1..].as_flattened());
+                pairs.for_each(|(sum, d)| *sum += d);
+            });
         }
     }
 

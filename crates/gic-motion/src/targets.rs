@@ -3,6 +3,9 @@
 use gic_scene::{Camera, Mask, Picture, Scene, SceneError, Split, View};
 use rayon::prelude::*;
 
+/// Rows of a picture per parallel task, at least.
+const ROWS_PER_TASK: usize = 32;
+
 /// One training or test picture.
 #[derive(Clone, Debug)]
 pub(crate) struct Target {
@@ -125,8 +128,17 @@ impl Target {
     /// Colour over black and coverage inside `window`, row-major.
     pub(crate) fn crop(&self, window: Bounds) -> (Vec<[f32; 3]>, Vec<f32>) {
         let unit = |v: u8| f32::from(v) / 255.0;
-        let pixels = (window.y0..window.y1).flat_map(|y| (window.x0..window.x1).map(move |x| self.pixel(x, y)));
-        pixels.map(|[r, g, b, a]| ([unit(r), unit(g), unit(b)], unit(a))).unzip()
+        let pixels = window.width() * window.height();
+        let (mut color, mut coverage) = (vec![[0.0; 3]; pixels], vec![0.0; pixels]);
+        let width = window.width().max(1);
+        let rows = color.par_chunks_mut(width).zip(coverage.par_chunks_mut(width)).enumerate();
+        rows.with_min_len(ROWS_PER_TASK).for_each(|(row, (color, coverage))| {
+            for (x, (color, coverage)) in (window.x0..window.x1).zip(color.iter_mut().zip(coverage)) {
+                let [r, g, b, a] = self.pixel(x, window.y0 + row);
+                (*color, *coverage) = ([unit(r), unit(g), unit(b)], unit(a));
+            }
+        });
+        (color, coverage)
     }
 
     fn pixel(&self, x: usize, y: usize) -> [u8; 4] {

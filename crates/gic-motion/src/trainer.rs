@@ -257,7 +257,8 @@ impl<'a> Trainer<'a> {
         let (started, first) = (Instant::now(), state.step);
         let mut saved = Instant::now();
         while state.step < steps {
-            let psnr = self.step(state)?;
+            // As one of the pool's own threads: from outside, each of the dozens of parallel loops of a step would put this thread to sleep.
+            let psnr = rayon::scope(|_| self.step(state))?;
             let held_out = self.judge(state)?;
             let seconds = started.elapsed().as_secs_f64();
             let progress = Progress {

@@ -3,7 +3,9 @@
 
 use std::collections::HashMap;
 
-use super::{RESIDUALS, Scalar};
+use rayon::prelude::*;
+
+use super::{MIN_BLOCK_ROWS, RESIDUALS, Scalar};
 
 /// Cells further from the origin than this are no places (and would not fit the numbers of cells).
 const MAX_CELL: f64 = 1e6;
@@ -62,7 +64,7 @@ impl<T: Scalar> Nodes<T> {
             }
             sum
         };
-        self.places.iter().map(at).collect()
+        self.places.par_iter().with_min_len(MIN_BLOCK_ROWS).map(at).collect()
     }
 
     /// Derivatives with respect to the nodes' values and the points' positions from those with respect to the points' values.
