@@ -41,6 +41,8 @@ mod runtime {
     use std::sync::{Arc, Mutex, PoisonError};
 
     use tract_onnx::prelude::*;
+    use tract_onnx::tract_hir::infer::Factoid;
+    use tract_onnx::tract_hir::internal::DimLike;
 
     use crate::error::SceneError;
     use crate::picture::{Mask, Picture};
