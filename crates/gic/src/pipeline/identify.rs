@@ -20,7 +20,7 @@ use crate::matter::write_particles;
 use crate::twin::{self, ContactKind, Obstacle, ObstacleShape, Twin};
 
 /// Substeps of a frame on a grid of [`REFERENCE_GRID_M`], whatever the frame rate, as in the published simulations. Every substep's
-/// transfers damp the motion a little, so other numbers of them find other parameters: 144 instead of 200 cost 4 % of a bouncing
+/// transfers damp the motion a little, so other numbers of them find other parameters: 144 instead of 200 cost 5 % of a bouncing
 /// solid's stiffness.
 const REFERENCE_SUBSTEPS: f64 = 200.0;
 const REFERENCE_GRID_M: f64 = 0.02;
