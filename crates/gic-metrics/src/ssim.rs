@@ -9,6 +9,9 @@
 //! and the metric is the mean of `S` over pixels and channels. The window is separable; rows run in parallel and are summed in
 //! order, so the value does not depend on the number of threads.
 
+use std::ops::Range;
+
+use gic_simd::{Kernel, Lanes, Level, MAX_LANES, Real, dispatch};
 use rayon::prelude::*;
 
 use crate::error::same_length;
@@ -20,10 +23,10 @@ const RADIUS: usize = 5;
 const TAPS: usize = 2 * RADIUS + 1;
 /// Standard deviation of the window [pixels].
 const SIGMA: f64 = 1.5;
-const C1: f32 = 1e-4;
-const C2: f32 = 9e-4;
-/// Numbers worked on at once: eight accumulators of four quantities fit the registers of AVX2.
-const CHUNK: usize = 8;
+const C1: f64 = 1e-4;
+const C2: f64 = 9e-4;
+/// Rows of the gradient per task. Each also compares the rows around its own that windows reach, and needs no room for more.
+const BAND: usize = 48;
 
 /// Mean structural similarity of two RGB images over the pixels of `region` (the whole image if `None`).
 ///
@@ -36,15 +39,10 @@ pub fn ssim(
     region: Option<Rectangle>,
 ) -> Result<f64, MetricError> {
     let pair = Pair::new(image, reference, width, height, region)?;
+    let level = Level::active();
     let row_sums: Vec<f64> = (pair.region.top..pair.region.bottom)
         .into_par_iter()
-        .map_init(
-            || pair.scratch(),
-            |scratch, y| {
-                pair.window_means(y, scratch);
-                (0..pair.row_length()).map(|i| f64::from(similarity(scratch.means(i)).value)).sum()
-            },
-        )
+        .map_init(|| pair.scratch(), |scratch, y| dispatch(level, Compare { pair: &pair, y, scratch, slopes: None }))
         .collect();
     pair.mean(&row_sums)
 }
@@ -57,57 +55,80 @@ pub fn ssim_with_gradient(
     height: usize,
     region: Option<Rectangle>,
 ) -> Result<(f64, Vec<[f32; 3]>), MetricError> {
-    let pair = Pair::new(image, reference, width, height, region)?;
-    let length = pair.row_length();
-    // Derivatives of S with respect to the three window means that depend on the first image.
-    let mut slopes: [Vec<f32>; 3] = std::array::from_fn(|_| vec![0.0; length * pair.region.height()]);
-    let mut row_sums = vec![0.0; pair.region.height()];
-    let [mean, square, product] = &mut slopes;
-    mean.par_chunks_exact_mut(length)
-        .zip(square.par_chunks_exact_mut(length))
-        .zip(product.par_chunks_exact_mut(length))
-        .zip(&mut row_sums)
+    gradient_at(Level::active(), &Pair::new(image, reference, width, height, region)?)
+}
+
+fn gradient_at(level: Level, pair: &Pair<'_>) -> Result<(f64, Vec<[f32; 3]>), MetricError> {
+    let reached = pair.reached();
+    let mut gradient = vec![[0.0f32; 3]; pair.width * pair.height];
+    let row_sums: Vec<Vec<f64>> = gradient[reached.top * pair.width..reached.bottom * pair.width]
+        .par_chunks_mut(BAND * pair.width)
         .enumerate()
-        .for_each_init(
-            || pair.scratch(),
-            |scratch, (row, (((mean, square), product), sum))| {
-                pair.window_means(pair.region.top + row, scratch);
-                for i in 0..length {
-                    let s = similarity(scratch.means(i));
-                    *sum += f64::from(s.value);
-                    (mean[i], square[i], product[i]) = (s.to_mean, s.to_square, s.to_product);
-                }
-            },
-        );
-    let value = pair.mean(&row_sums)?;
-    Ok((value, pair.pull_back(&slopes)))
+        .map_init(|| Band::new(pair), |band, (i, out)| band.run(level, pair, reached.top + i * BAND, out))
+        .collect();
+    Ok((pair.mean(&row_sums.concat())?, gradient))
+}
+
+/// What one task needs for its rows of the gradient: the slopes of S in them and as far around as windows reach.
+struct Band {
+    /// Derivatives of S with respect to the three window means that depend on the first image, rows of the region.
+    slopes: [Vec<f32>; 3],
+    /// One each to compare and to pull back: they leave different numbers zero.
+    scratch: [Scratch; 2],
+}
+
+impl Band {
+    fn new(pair: &Pair<'_>) -> Band {
+        let rows = (BAND + 2 * RADIUS).min(pair.region.height());
+        Band {
+            slopes: std::array::from_fn(|_| vec![0.0; rows * pair.row_length()]),
+            scratch: [pair.scratch(), pair.scratch()],
+        }
+    }
+
+    /// Writes image rows of the gradient from row `top` on; the sums of S along those of them that are in the region.
+    fn run(&mut self, level: Level, pair: &Pair<'_>, top: usize, out: &mut [[f32; 3]]) -> Vec<f64> {
+        let Band { slopes, scratch: [compared, pulled] } = self;
+        let (region, reached, length) = (pair.region, pair.reached(), pair.row_length());
+        let bottom = top + out.len() / pair.width;
+        let rows = top.saturating_sub(RADIUS).max(region.top)..(bottom + RADIUS).min(region.bottom);
+        let mut sums = Vec::with_capacity(BAND);
+        for y in rows.clone() {
+            let at = (y - rows.start) * length;
+            let slopes = slopes.each_mut().map(|slopes| &mut slopes[at..at + length]);
+            let sum = dispatch(level, Compare { pair, y, scratch: compared, slopes: Some(slopes) });
+            if (top..bottom).contains(&y) {
+                sums.push(sum);
+            }
+        }
+        for (row, out) in out.chunks_exact_mut(pair.width).enumerate() {
+            let out = out[reached.left..reached.right].as_flattened_mut();
+            dispatch(level, PullBack { pair, slopes, rows: rows.clone(), y: top + row, scratch: pulled, out });
+        }
+        sums
+    }
 }
 
 /// S at one pixel and channel, and its derivatives with respect to window means of the first image.
-struct Similarity {
-    value: f32,
-    /// d S / d E[a]
-    to_mean: f32,
-    /// d S / d E[a^2]
-    to_square: f32,
-    /// d S / d E[a b]
-    to_product: f32,
+struct Similarity<R> {
+    value: R,
+    /// d S / d E[a], d S / d E[a^2], d S / d E[a b]
+    slopes: [R; 3],
 }
 
 /// S from the window means `E[a], E[b], E[a^2 + b^2], E[a b]`.
 #[inline(always)]
-fn similarity([a, b, squares, product]: [f32; 4]) -> Similarity {
-    let mean_squares = a * a + b * b;
-    let (n1, n2) = (2.0 * a * b + C1, 2.0 * (product - a * b) + C2);
-    let (d1, d2) = (mean_squares + C1, squares - mean_squares + C2);
-    let inverse = 1.0 / (d1 * d2);
+fn similarity<R: Real>([a, b, squares, product]: [R; 4]) -> Similarity<R> {
+    let (c1, c2, one, two) = (R::splat(C1), R::splat(C2), R::one(), R::splat(2.0));
+    let (mean_squares, mean_product) = (a * a + b * b, a * b);
+    let (n1, n2) = (two * mean_product + c1, two * (product - mean_product) + c2);
+    let (d1, d2) = (mean_squares + c1, squares - mean_squares + c2);
+    let inverse = one / (d1 * d2);
+    // 1 / d1 and 1 / d2 without two more divisions.
+    let (by_d1, by_d2) = (inverse * d2, inverse * d1);
     let value = n1 * n2 * inverse;
-    Similarity {
-        value,
-        to_mean: 2.0 * (b * (n2 - n1) * inverse - value * a * (1.0 / d1 - 1.0 / d2)),
-        to_square: -value / d2,
-        to_product: 2.0 * n1 * inverse,
-    }
+    let to_mean = two * (b * (n2 - n1) * inverse - value * a * (by_d1 - by_d2));
+    Similarity { value, slopes: [to_mean, R::zero() - value * by_d2, two * n1 * inverse] }
 }
 
 /// One-dimensional Gaussian window; its outer product with itself is the 11x11 window.
@@ -127,7 +148,8 @@ struct Pair<'a> {
     window: [f32; TAPS],
 }
 
-/// Rows of four quantities after the vertical pass (with room for the window at both ends) and after the horizontal one.
+/// Rows of up to four quantities after the vertical pass (with room for the window at both ends) and after the horizontal one, both
+/// with room for lanes that start at the last number.
 struct Scratch {
     vertical: [Vec<f32>; 4],
     means: [Vec<f32>; 4],
@@ -135,16 +157,10 @@ struct Scratch {
 
 impl Scratch {
     fn new(length: usize) -> Scratch {
-        let rounded = length.next_multiple_of(CHUNK);
         Scratch {
-            vertical: std::array::from_fn(|_| vec![0.0; rounded + 6 * RADIUS + CHUNK]),
-            means: std::array::from_fn(|_| vec![0.0; rounded]),
+            vertical: std::array::from_fn(|_| vec![0.0; length + 6 * RADIUS + MAX_LANES]),
+            means: std::array::from_fn(|_| vec![0.0; length + MAX_LANES]),
         }
-    }
-
-    #[inline(always)]
-    fn means(&self, i: usize) -> [f32; 4] {
-        [self.means[0][i], self.means[1][i], self.means[2][i], self.means[3][i]]
     }
 }
 
@@ -167,7 +183,8 @@ impl<'a> Pair<'a> {
     }
 
     fn scratch(&self) -> Scratch {
-        Scratch::new(self.row_length())
+        let reached = self.reached();
+        Scratch::new(3 * (reached.right - reached.left))
     }
 
     fn mean(&self, row_sums: &[f64]) -> Result<f64, MetricError> {
@@ -175,112 +192,167 @@ impl<'a> Pair<'a> {
         if mean.is_finite() { Ok(mean) } else { Err(MetricError::NotFinite { what: "SSIM of the images", index: 0 }) }
     }
 
-    /// Window means of a, b, a^2 + b^2 and a b along image row `y`, columns of the region, into `scratch.means`.
-    fn window_means(&self, y: usize, scratch: &mut Scratch) {
-        // Columns that the windows reach, clipped to the image; what is clipped stays zero in the scratch rows.
-        let first = self.region.left.saturating_sub(RADIUS);
-        let last = (self.region.right + RADIUS).min(self.width);
-        let shift = 3 * (first + RADIUS - self.region.left);
-        let (start, length) = (3 * first, 3 * (last - first));
-        let rows = y.saturating_sub(RADIUS)..(y + RADIUS + 1).min(self.height);
-        let stride = 3 * self.width;
-        let [va, vb, vs, vp] = &mut scratch.vertical;
-        let mut at = 0;
-        while at < length {
-            let n = CHUNK.min(length - at);
-            let mut sums = [[0.0f32; CHUNK]; 4];
-            for row in rows.clone() {
-                let w = self.window[row + RADIUS - y];
-                let offset = row * stride + start + at;
-                if n == CHUNK {
-                    add_moments(&mut sums, w, &self.a[offset..offset + CHUNK], &self.b[offset..offset + CHUNK]);
-                } else {
-                    let (mut a, mut b) = ([0.0; CHUNK], [0.0; CHUNK]);
-                    a[..n].copy_from_slice(&self.a[offset..offset + n]);
-                    b[..n].copy_from_slice(&self.b[offset..offset + n]);
-                    add_moments(&mut sums, w, &a, &b);
-                }
-            }
-            let to = shift + at..shift + at + n;
-            va[to.clone()].copy_from_slice(&sums[0][..n]);
-            vb[to.clone()].copy_from_slice(&sums[1][..n]);
-            vs[to.clone()].copy_from_slice(&sums[2][..n]);
-            vp[to].copy_from_slice(&sums[3][..n]);
-            at += n;
-        }
-        for (vertical, means) in scratch.vertical.iter().zip(&mut scratch.means) {
-            blur_along(vertical, &self.window, means);
+    /// The pixels that windows of the region see.
+    fn reached(&self) -> Rectangle {
+        let region = self.region;
+        Rectangle {
+            left: region.left.saturating_sub(RADIUS),
+            top: region.top.saturating_sub(RADIUS),
+            right: (region.right + RADIUS).min(self.width),
+            bottom: (region.bottom + RADIUS).min(self.height),
         }
     }
+}
 
-    /// The gradient from the slopes of S: the window is symmetric, so the transpose of a window mean is a window mean.
-    fn pull_back(&self, slopes: &[Vec<f32>; 3]) -> Vec<[f32; 3]> {
-        let mut gradient = vec![[0.0f32; 3]; self.width * self.height];
-        let region = self.region;
-        let left = region.left.saturating_sub(RADIUS);
-        let right = (region.right + RADIUS).min(self.width);
-        let top = region.top.saturating_sub(RADIUS);
-        let bottom = (region.bottom + RADIUS).min(self.height);
-        let length = self.row_length();
+/// One row of the region: the sum of S along it, and its slopes.
+struct Compare<'a> {
+    pair: &'a Pair<'a>,
+    y: usize,
+    scratch: &'a mut Scratch,
+    slopes: Option<[&'a mut [f32]; 3]>,
+}
+
+impl Kernel for Compare<'_> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<L: Lanes<Scalar = f32>>(self) -> f64 {
+        let Compare { pair, y, scratch, mut slopes } = self;
+        window_means::<L>(pair, y, scratch);
+        let length = pair.row_length();
+        let (mut sum, mut at) = (0.0, 0);
+        while at < length {
+            let [m0, m1, m2, m3] = &scratch.means;
+            let s = similarity([L::load(&m0[at..]), L::load(&m1[at..]), L::load(&m2[at..]), L::load(&m3[at..])]);
+            let mut values = [0.0; MAX_LANES];
+            s.value.store(&mut values);
+            let end = (at + L::LANES).min(length);
+            sum += f64::from(values[..end - at].iter().sum::<f32>());
+            if let Some(slopes) = &mut slopes {
+                for k in 0..3 {
+                    store_in(s.slopes[k], &mut slopes[k][at..end]);
+                }
+            }
+            at = end;
+        }
+        sum
+    }
+}
+
+/// Window means of a, b, a^2 + b^2 and a b along image row `y`, columns of the region, into `scratch.means`.
+#[inline(always)]
+fn window_means<L: Lanes<Scalar = f32>>(pair: &Pair<'_>, y: usize, scratch: &mut Scratch) {
+    let region = pair.region;
+    // Columns that the windows reach, clipped to the image; what is clipped stays zero in the scratch rows.
+    let first = region.left.saturating_sub(RADIUS);
+    let last = (region.right + RADIUS).min(pair.width);
+    let shift = 3 * (first + RADIUS - region.left);
+    let (start, length) = (3 * first, 3 * (last - first));
+    let rows = y.saturating_sub(RADIUS)..(y + RADIUS + 1).min(pair.height);
+    let mut at = 0;
+    while at < length {
+        let end = (at + L::LANES).min(length);
+        let mut sums = [L::zero(); 4];
+        for row in rows.clone() {
+            let w = L::of(pair.window[row + RADIUS - y]);
+            let span = row * 3 * pair.width + start + at..row * 3 * pair.width + start + end;
+            let (a, b) = (load_from(&pair.a[span.clone()]), load_from(&pair.b[span]));
+            let (wa, wb): (L, L) = (w * a, w * b);
+            sums[0] += wa;
+            sums[1] += wb;
+            sums[2] = wa.mul_add(a, wb.mul_add(b, sums[2]));
+            sums[3] = wa.mul_add(b, sums[3]);
+        }
+        for k in 0..4 {
+            store_in(sums[k], &mut scratch.vertical[k][shift + at..shift + end]);
+        }
+        at = end;
+    }
+    for k in 0..4 {
+        blur_along::<L>(&scratch.vertical[k], &pair.window, &mut scratch.means[k], pair.row_length());
+    }
+}
+
+/// Image row `y` of the gradient, from the slopes of S in `rows`: the window is symmetric, so the transpose of a window mean is a
+/// window mean.
+struct PullBack<'a> {
+    pair: &'a Pair<'a>,
+    slopes: &'a [Vec<f32>; 3],
+    rows: Range<usize>,
+    y: usize,
+    scratch: &'a mut Scratch,
+    out: &'a mut [f32],
+}
+
+impl Kernel for PullBack<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes<Scalar = f32>>(self) {
+        let PullBack { pair, slopes, rows, y, scratch, out } = self;
+        let (region, length, left) = (pair.region, pair.row_length(), pair.reached().left);
         // In the scratch row the region starts RADIUS pixels after the first pixel that gets a gradient, `left`, at least
         // virtually: `shift` numbers further to the right when the image border is nearer than that.
         let shift = 3 * (RADIUS + region.left - left);
-        let scale = 1.0 / (length * region.height()) as f32;
-        gradient[top * self.width..bottom * self.width].par_chunks_exact_mut(self.width).enumerate().for_each_init(
-            || Scratch::new(3 * (right - left)),
-            |scratch, (row, out)| {
-                let y = top + row;
-                let rows = y.saturating_sub(RADIUS).max(region.top)..(y + RADIUS + 1).min(region.bottom);
-                for (slope, vertical) in slopes.iter().zip(&mut scratch.vertical) {
-                    let to = &mut vertical[shift..shift + length];
-                    to.fill(0.0);
-                    for source in rows.clone() {
-                        let w = self.window[source + RADIUS - y];
-                        let from = (source - region.top) * length;
-                        for (t, s) in to.iter_mut().zip(&slope[from..from + length]) {
-                            *t += w * s;
-                        }
-                    }
+        let seen = y.saturating_sub(RADIUS).max(rows.start)..(y + RADIUS + 1).min(rows.end);
+        for k in 0..3 {
+            let mut at = 0;
+            while at < length {
+                let end = (at + L::LANES).min(length);
+                let mut sum = L::zero();
+                for row in seen.clone() {
+                    let from = (row - rows.start) * length;
+                    let slope: L = load_from(&slopes[k][from + at..from + end]);
+                    sum = slope.mul_add(L::of(pair.window[row + RADIUS - y]), sum);
                 }
-                for (vertical, means) in scratch.vertical.iter().zip(&mut scratch.means).take(3) {
-                    blur_along(vertical, &self.window, means);
-                }
-                let [to_mean, to_square, to_product, _] = &scratch.means;
-                let at = 3 * (y * self.width + left);
-                for (i, g) in out[left..right].as_flattened_mut().iter_mut().enumerate() {
-                    *g = scale * (to_mean[i] + 2.0 * self.a[at + i] * to_square[i] + self.b[at + i] * to_product[i]);
-                }
-            },
-        );
-        gradient
-    }
-}
-
-/// Adds `w` times a, b, a^2 + b^2 and a b.
-#[inline(always)]
-fn add_moments(sums: &mut [[f32; CHUNK]; 4], w: f32, a: &[f32], b: &[f32]) {
-    for l in 0..CHUNK {
-        let (wa, wb) = (w * a[l], w * b[l]);
-        sums[0][l] += wa;
-        sums[1][l] += wb;
-        sums[2][l] += wa * a[l] + wb * b[l];
-        sums[3][l] += wa * b[l];
-    }
-}
-
-/// Window means along a row of interleaved RGB: `out[i] = sum_k window[k] row[i + 3 k]`; the length of `out` is a whole number
-/// of chunks and `row` reaches far enough.
-fn blur_along(row: &[f32], window: &[f32; TAPS], out: &mut [f32]) {
-    for (chunk, out) in out.chunks_exact_mut(CHUNK).enumerate() {
-        let from = &row[chunk * CHUNK..chunk * CHUNK + CHUNK + 6 * RADIUS];
-        let mut sum = [0.0f32; CHUNK];
-        for (k, w) in window.iter().enumerate() {
-            for l in 0..CHUNK {
-                sum[l] += w * from[3 * k + l];
+                store_in(sum, &mut scratch.vertical[k][shift + at..shift + end]);
+                at = end;
             }
+            blur_along::<L>(&scratch.vertical[k], &pair.window, &mut scratch.means[k], out.len());
         }
-        out.copy_from_slice(&sum);
+        let scale = L::splat(1.0 / (length * region.height()) as f64);
+        let first = 3 * (y * pair.width + left);
+        let mut at = 0;
+        while at < out.len() {
+            let end = (at + L::LANES).min(out.len());
+            let [to_mean, to_square, to_product, _] = &scratch.means;
+            let a: L = load_from(&pair.a[first + at..first + end]);
+            let b: L = load_from(&pair.b[first + at..first + end]);
+            let products = b.mul_add(L::load(&to_product[at..]), L::load(&to_mean[at..]));
+            let slope = (a + a).mul_add(L::load(&to_square[at..]), products);
+            store_in(scale * slope, &mut out[at..end]);
+            at = end;
+        }
     }
+}
+
+/// Window means along a row of interleaved RGB: `out[i] = sum_k window[k] row[i + 3 k]` for i below `length`; both have room for
+/// lanes that start there.
+#[inline(always)]
+fn blur_along<L: Lanes<Scalar = f32>>(row: &[f32], window: &[f32; TAPS], out: &mut [f32], length: usize) {
+    let mut at = 0;
+    while at < length {
+        let mut sum = L::zero();
+        let mut tap = 0;
+        while tap < TAPS {
+            sum = L::load(&row[at + 3 * tap..]).mul_add(L::of(window[tap]), sum);
+            tap += 1;
+        }
+        sum.store(&mut out[at..]);
+        at += L::LANES;
+    }
+}
+
+/// As many lanes as the slice has numbers, zero in the others.
+#[inline(always)]
+fn load_from<L: Lanes<Scalar = f32>>(from: &[f32]) -> L {
+    if from.len() >= L::LANES { L::load(from) } else { L::load_partial(from, 0.0) }
+}
+
+/// As many lanes as the slice has room for.
+#[inline(always)]
+fn store_in<L: Lanes<Scalar = f32>>(lanes: L, to: &mut [f32]) {
+    if to.len() >= L::LANES { lanes.store(to) } else { lanes.store_partial(to) }
 }
 
 #[cfg(test)]
@@ -358,23 +430,30 @@ mod tests {
             let whole = Rectangle::whole(width, height);
             let part = Rectangle { left: width / 3, top: height / 4, right: width, bottom: height - height / 5 };
             for region in [whole, part] {
-                let fast = ssim(&a, &b, width, height, Some(region)).unwrap();
                 let slow = ssim_f64(&wide(&a), &wide(&b), width, height, region);
-                assert!((fast - slow).abs() < 2e-5, "{width}x{height} {region:?}: {fast} {slow}");
-                assert_eq!(fast, ssim_with_gradient(&a, &b, width, height, Some(region)).unwrap().0);
+                for level in Level::supported() {
+                    let pair = Pair::new(&a, &b, width, height, Some(region)).unwrap();
+                    let fast = gradient_at(level, &pair).unwrap().0;
+                    assert!((fast - slow).abs() < 2e-5, "{level} {width}x{height} {region:?}: {fast} {slow}");
+                }
+                let (alone, _) = ssim_with_gradient(&a, &b, width, height, Some(region)).unwrap();
+                assert_eq!(ssim(&a, &b, width, height, Some(region)).unwrap(), alone);
             }
         }
     }
 
     #[test]
     fn gradient_agrees_with_finite_differences() {
-        for (width, height) in [(5, 4), (26, 19)] {
+        // The last is higher than a band.
+        for (width, height) in [(5, 4), (26, 19), (7, BAND + 9)] {
             let (a, b) = pictures(width, height);
             let part = Rectangle { left: width / 3, top: 1, right: width - 1, bottom: height - height / 4 };
             for region in [Rectangle::whole(width, height), part] {
-                let (_, gradient) = ssim_with_gradient(&a, &b, width, height, Some(region)).unwrap();
+                let pair = Pair::new(&a, &b, width, height, Some(region)).unwrap();
+                let gradients: Vec<Vec<[f32; 3]>> =
+                    Level::supported().map(|level| gradient_at(level, &pair).unwrap().1).collect();
                 let (wide_a, wide_b) = (wide(&a), wide(&b));
-                let largest = gradient.iter().flatten().fold(0.0f32, |m, g| m.max(g.abs()));
+                let largest = gradients[0].iter().flatten().fold(0.0f32, |m, g| m.max(g.abs()));
                 assert!(largest > 1e-4);
                 for pixel in (0..width * height).step_by(if width < 10 { 1 } else { 7 }) {
                     for c in 0..3 {
@@ -384,11 +463,13 @@ mod tests {
                             ssim_f64(&moved, &wide_b, width, height, region)
                         };
                         let difference = (at(1e-5) - at(-1e-5)) / 2e-5;
-                        let error = (f64::from(gradient[pixel][c]) - difference).abs();
-                        assert!(
-                            error < 1e-3 * f64::from(largest),
-                            "pixel {pixel} channel {c}: {error:e} of {largest:e}"
-                        );
+                        for gradient in &gradients {
+                            let error = (f64::from(gradient[pixel][c]) - difference).abs();
+                            assert!(
+                                error < 1e-3 * f64::from(largest),
+                                "pixel {pixel} channel {c}: {error:e} of {largest:e}"
+                            );
+                        }
                     }
                 }
             }

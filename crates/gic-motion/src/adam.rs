@@ -1,5 +1,7 @@
 //! Adam (Kingma and Ba 2015) and the decay of learning rates.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 const BETA1: f32 = 0.9;
@@ -24,21 +26,33 @@ impl Moments {
     /// One step: `step` counts from 1 and corrects the bias of the moments.
     pub(crate) fn update(&mut self, parameters: &mut [f32], gradient: &[f32], rate: f64, step: usize) {
         assert!(parameters.len() == gradient.len() && self.first.len() == gradient.len(), "one gradient per parameter");
-        let correction1 = 1.0 - f64::from(BETA1).powf(step as f64);
-        let correction2 = 1.0 - f64::from(BETA2).powf(step as f64);
-        let rate = (rate / correction1) as f32;
-        let spread = (1.0 / correction2.sqrt()) as f32;
-        let first = self.first.par_chunks_mut(SPAN);
-        let second = self.second.par_chunks_mut(SPAN);
-        parameters.par_chunks_mut(SPAN).zip(gradient.par_chunks(SPAN)).zip(first).zip(second).for_each(
-            |(((parameters, gradient), first), second)| {
-                for (((p, g), m), v) in parameters.iter_mut().zip(gradient).zip(first).zip(second) {
-                    *m = BETA1 * *m + (1.0 - BETA1) * g;
-                    *v = BETA2 * *v + (1.0 - BETA2) * g * g;
-                    *p -= rate * *m / (spread * v.sqrt() + EPSILON);
-                }
-            },
-        );
+        let step = Step::new(rate, step);
+        let moments = self.first.par_chunks_mut(SPAN).zip(self.second.par_chunks_mut(SPAN));
+        let spans = parameters.par_chunks_mut(SPAN).zip(gradient.par_chunks(SPAN)).zip(moments);
+        spans.for_each(|((parameters, gradient), (first, second))| step.take(parameters, gradient, first, second));
+    }
+
+    /// The same where the gradient has rows of `width` numbers, of which `columns` are the parameters' own.
+    pub(crate) fn update_columns(
+        &mut self,
+        parameters: &mut [f32],
+        (gradient, width): (&[f32], usize),
+        columns: Range<usize>,
+        rate: f64,
+        step: usize,
+    ) {
+        let own = columns.len();
+        if own == 0 {
+            return;
+        }
+        let rows = parameters.len() / own;
+        assert!(gradient.len() == rows * width && self.first.len() == parameters.len(), "one gradient per parameter");
+        let step = Step::new(rate, step);
+        let moments = self.first.par_chunks_mut(own).zip(self.second.par_chunks_mut(own));
+        let rows = parameters.par_chunks_mut(own).zip(gradient.par_chunks(width)).zip(moments);
+        rows.with_min_len(SPAN / width).for_each(|((parameters, gradient), (first, second))| {
+            step.take(parameters, &gradient[columns.clone()], first, second);
+        });
     }
 
     /// One step of Adam that scales all parameters alike, by the root of the mean second moment: the direction that was smoothed
@@ -66,6 +80,31 @@ impl Moments {
                 .flat_map(|row| (0..width).map(move |i| (row, i)))
                 .map(|(row, i)| row.map_or(0.0, |row| moments[row * width + i]))
                 .collect();
+        }
+    }
+}
+
+/// What is the same for all parameters in a step.
+struct Step {
+    /// Rate over the correction of the first moment's bias.
+    rate: f32,
+    /// Correction of the root of the second moment.
+    spread: f32,
+}
+
+impl Step {
+    fn new(rate: f64, step: usize) -> Step {
+        let correction1 = 1.0 - f64::from(BETA1).powf(step as f64);
+        let correction2 = 1.0 - f64::from(BETA2).powf(step as f64);
+        Step { rate: (rate / correction1) as f32, spread: (1.0 / correction2.sqrt()) as f32 }
+    }
+
+    #[inline]
+    fn take(&self, parameters: &mut [f32], gradient: &[f32], first: &mut [f32], second: &mut [f32]) {
+        for (((p, g), m), v) in parameters.iter_mut().zip(gradient).zip(first).zip(second) {
+            *m = BETA1 * *m + (1.0 - BETA1) * g;
+            *v = BETA2 * *v + (1.0 - BETA2) * g * g;
+            *p -= self.rate * *m / (self.spread * v.sqrt() + EPSILON);
         }
     }
 }
@@ -98,6 +137,20 @@ mod tests {
         let mut x = [1.0f32, 1.0];
         Moments::zeros(2).update(&mut x, &[5.0, -1e-6], 0.01, 1);
         assert!((x[0] - 0.99).abs() < 1e-6 && (x[1] - 1.01).abs() < 1e-6, "{x:?}");
+    }
+
+    #[test]
+    fn columns_move_as_a_list_of_their_own() {
+        let gradient: Vec<f32> = (0..12).map(|i| (i as f32 * 0.7).sin()).collect();
+        let own: Vec<f32> = gradient.chunks_exact(4).flat_map(|row| &row[1..3]).copied().collect();
+        let (mut a, mut b) = ([0.5f32; 6], [0.5f32; 6]);
+        let (mut of_a, mut of_b) = (Moments::zeros(6), Moments::zeros(6));
+        for step in 1..4 {
+            of_a.update(&mut a, &own, 0.01, step);
+            of_b.update_columns(&mut b, (&gradient, 4), 1..3, 0.01, step);
+        }
+        assert_eq!((a, of_a), (b, of_b));
+        Moments::zeros(0).update_columns(&mut [], (&gradient, 4), 4..4, 0.01, 1);
     }
 
     #[test]

@@ -61,14 +61,21 @@ pub(crate) fn picture_loss(
         });
     }
     let step = (weights.mask / area) as f32;
-    let mut silhouette = 0.0;
-    let mut d_alpha = Vec::with_capacity(pixels);
-    for (got, wanted) in rendered.alpha.iter().zip(mask) {
-        let difference = got - wanted;
-        silhouette += f64::from(difference.abs());
-        d_alpha.push(step * sign(difference));
-    }
-    value += weights.mask * silhouette / area;
+    let mut d_alpha = vec![0.0f32; pixels];
+    let sums: Vec<f64> = d_alpha
+        .par_chunks_mut(SPAN)
+        .zip(rendered.alpha.par_chunks(SPAN))
+        .zip(mask.par_chunks(SPAN))
+        .map(|((slopes, got), wanted)| {
+            let mut sum = 0.0;
+            for ((slope, got), wanted) in slopes.iter_mut().zip(got).zip(wanted) {
+                sum += f64::from((got - wanted).abs());
+                *slope = step * sign(got - wanted);
+            }
+            sum
+        })
+        .collect();
+    value += weights.mask * sums.iter().sum::<f64>() / area;
     let gradient = ImageGradients { color: d_color, alpha: d_alpha, depth: Vec::new() };
     Ok(PictureLoss { value, squared: (squared, 3 * pixels), gradient })
 }

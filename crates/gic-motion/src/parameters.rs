@@ -1,5 +1,7 @@
 //! The canonical Gaussians in the coordinates that Adam works in, with their moments and density control.
 
+use std::mem;
+
 use gic_splat::{GaussianGradients, Gaussians, Shape};
 use glam::{Quat, Vec3};
 use rand::{Rng, RngExt};
@@ -10,6 +12,8 @@ use crate::{DensitySettings, LearningRates};
 
 /// Gaussians per parallel task, at least.
 const PER_TASK: usize = 1024;
+/// Coefficients per parallel task.
+const SPAN: usize = 1 << 14;
 
 /// Gaussians with opacity as a logit and scales as logarithms.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -29,15 +33,15 @@ pub(crate) struct Parameters {
     pub(crate) sh_degree: usize,
 }
 
-/// Gradient with respect to [`Parameters`], same shapes.
+/// Gradient with respect to [`Parameters`], same shapes; features and details lie together as in [`Gaussians::sh`].
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Gradient {
     pub(crate) positions: Vec<[f32; 3]>,
     pub(crate) log_scales: Vec<f32>,
     pub(crate) rotations: Vec<[f32; 4]>,
     pub(crate) opacity_logits: Vec<f32>,
-    pub(crate) features: Vec<[f32; 3]>,
-    pub(crate) details: Vec<[f32; 3]>,
+    /// Shape [n, (degree + 1)^2, 3]; empty before the first view.
+    pub(crate) sh: Vec<[f32; 3]>,
 }
 
 /// Coefficients beyond the first, per Gaussian.
@@ -51,6 +55,11 @@ pub(crate) fn logit(opacity: f64) -> f64 {
 
 fn sigmoid(x: f32) -> f32 {
     1.0 / (1.0 + (-x).exp())
+}
+
+/// One attribute of all Gaussians, in parallel.
+fn each<T: Sync>(attribute: &[T]) -> impl IndexedParallelIterator<Item = (usize, &T)> {
+    attribute.par_iter().with_min_len(PER_TASK).enumerate()
 }
 
 impl Parameters {
@@ -80,22 +89,22 @@ impl Parameters {
             sh[1..].copy_from_slice(&self.details[i * details..(i + 1) * details]);
         });
         Gaussians {
-            positions: (0..self.len())
-                .map(|i| core::array::from_fn(|axis| self.positions[i][axis] + residual(i)[axis]))
+            positions: each(&self.positions)
+                .map(|(i, x)| core::array::from_fn(|axis| x[axis] + residual(i)[axis]))
                 .collect(),
-            opacities: self.opacity_logits.iter().map(|&x| sigmoid(x)).collect(),
+            opacities: each(&self.opacity_logits).map(|(_, &x)| sigmoid(x)).collect(),
             shape: self.shape(residual),
             sh_degree: self.sh_degree,
             sh,
         }
     }
 
-    fn shape(&self, residual: impl Fn(usize) -> [f32; 4]) -> Shape {
+    fn shape(&self, residual: impl Fn(usize) -> [f32; 4] + Sync) -> Shape {
         let scale = |i: usize, log_scale: f32| (log_scale + residual(i)[3]).exp();
         if self.rotations.is_empty() {
-            return Shape::Isotropic { scales: (0..self.len()).map(|i| scale(i, self.log_scales[i])).collect() };
+            return Shape::Isotropic { scales: each(&self.log_scales).map(|(i, &s)| scale(i, s)).collect() };
         }
-        let scales = self.log_scales.chunks_exact(3).enumerate();
+        let scales = self.log_scales.par_chunks_exact(3).with_min_len(PER_TASK).enumerate();
         Shape::Anisotropic {
             scales: scales.map(|(i, s)| core::array::from_fn(|axis| scale(i, s[axis]))).collect(),
             rotations: self.rotations.clone(),
@@ -103,11 +112,12 @@ impl Parameters {
     }
 
     /// Adds the gradient of drawn Gaussians to `gradient` and to the residuals' gradient, by the chain rule. The residuals' stands
-    /// for the drawn positions as well; how those follow from the canonical ones is the motion's business.
+    /// for the drawn positions as well; how those follow from the canonical ones is the motion's business. Takes the harmonics'
+    /// gradient out of `slope`: it is most of all numbers.
     pub(crate) fn pull_back(
         &self,
         drawn: &Gaussians,
-        slope: &GaussianGradients,
+        slope: &mut GaussianGradients,
         gradient: &mut Gradient,
         d_residuals: &mut [[f32; 4]],
     ) {
@@ -117,27 +127,25 @@ impl Parameters {
             sums.zip(rotations.as_flattened()).for_each(|(sum, d)| *sum += d);
         }
         let axes = self.axes();
-        let details = details_per_gaussian(self.sh_degree);
-        for i in 0..self.len() {
-            for k in i * axes..(i + 1) * axes {
-                let d_log_scale = d_scales[k] * scales[k];
-                gradient.log_scales[k] += d_log_scale;
-                d_residuals[i][3] += d_log_scale;
+        let sums = (gradient.log_scales.par_chunks_mut(axes), d_residuals.par_iter_mut(), &mut gradient.opacity_logits);
+        sums.into_par_iter().with_min_len(PER_TASK).enumerate().for_each(|(i, (log_scales, residual, logit))| {
+            for (axis, sum) in log_scales.iter_mut().enumerate() {
+                let d_log_scale = d_scales[i * axes + axis] * scales[i * axes + axis];
+                *sum += d_log_scale;
+                residual[3] += d_log_scale;
             }
             for axis in 0..3 {
-                d_residuals[i][axis] += slope.positions[i][axis];
+                residual[axis] += slope.positions[i][axis];
             }
             let opacity = drawn.opacities[i];
-            gradient.opacity_logits[i] += slope.opacities[i] * opacity * (1.0 - opacity);
-            for c in 0..3 {
-                gradient.features[i][c] += slope.sh[i * (details + 1)][c];
-            }
-        }
-        if details > 0 {
-            let rows = gradient.details.par_chunks_mut(details).zip(slope.sh.par_chunks(details + 1));
-            rows.with_min_len(PER_TASK).for_each(|(sums, sh)| {
-                let pairs = sums.as_flattened_mut().iter_mut().zip(sh[1..].as_flattened());
-                pairs.for_each(|(sum, d)| *sum += d);
+            *logit += slope.opacities[i] * opacity * (1.0 - opacity);
+        });
+        if gradient.sh.is_empty() {
+            gradient.sh = mem::take(&mut slope.sh);
+        } else {
+            let pairs = gradient.sh.par_chunks_mut(SPAN).zip(slope.sh.par_chunks(SPAN));
+            pairs.for_each(|(sums, d)| {
+                sums.as_flattened_mut().iter_mut().zip(d.as_flattened()).for_each(|(sum, d)| *sum += d);
             });
         }
     }
@@ -170,8 +178,7 @@ impl Gradient {
             log_scales: vec![0.0; p.log_scales.len()],
             rotations: vec![[0.0; 4]; p.rotations.len()],
             opacity_logits: vec![0.0; p.len()],
-            features: vec![[0.0; 3]; p.len()],
-            details: vec![[0.0; 3]; p.details.len()],
+            sh: Vec::new(),
         }
     }
 }
@@ -222,8 +229,9 @@ impl ParameterMoments {
         let (rotations, d_rotations) = (p.rotations.as_flattened_mut(), g.rotations.as_flattened());
         self.rotations.update(rotations, d_rotations, rate(rates.rotation), step);
         self.opacity_logits.update(&mut p.opacity_logits, &g.opacity_logits, rate(rates.opacity), step);
-        self.features.update(p.features.as_flattened_mut(), g.features.as_flattened(), feature, step);
-        self.details.update(p.details.as_flattened_mut(), g.details.as_flattened(), feature / 20.0, step);
+        let (sh, width) = (g.sh.as_flattened(), 3 * (details_per_gaussian(p.sh_degree) + 1));
+        self.features.update_columns(p.features.as_flattened_mut(), (sh, width), 0..3, feature, step);
+        self.details.update_columns(p.details.as_flattened_mut(), (sh, width), 3..width, feature / 20.0, step);
     }
 
     /// The history of `rows` of parameters that have `axes` scales and the degree `sh_degree`.
@@ -405,7 +413,11 @@ mod tests {
                 + dot(g.sh.as_flattened(), slope.sh.as_flattened())
         };
         let (mut gradient, mut d_residuals) = (Gradient::zeros(&p), vec![[0.0; 4]; n]);
-        p.pull_back(&drawn, &slope, &mut gradient, &mut d_residuals);
+        p.pull_back(&drawn, &mut slope.clone(), &mut gradient, &mut d_residuals);
+        let mut twice = gradient.clone();
+        p.pull_back(&drawn, &mut slope.clone(), &mut twice, &mut d_residuals.clone());
+        assert!(twice.sh.iter().flatten().zip(gradient.sh.iter().flatten()).all(|(twice, once)| *twice == 2.0 * once));
+        let width = details_per_gaussian(p.sh_degree) + 1;
         let h = 1e-2f32;
         let mut check = |got: &[f32], name: &str, field: &Nudge| {
             for (i, got) in got.iter().enumerate() {
@@ -421,8 +433,10 @@ mod tests {
         check(&gradient.log_scales, "scale", &|p, _, i, h| p.log_scales[i] += h);
         check(gradient.rotations.as_flattened(), "rotation", &|p, _, i, h| p.rotations.as_flattened_mut()[i] += h);
         check(&gradient.opacity_logits, "opacity", &|p, _, i, h| p.opacity_logits[i] += h);
-        check(gradient.features.as_flattened(), "feature", &|p, _, i, h| p.features.as_flattened_mut()[i] += h);
-        check(gradient.details.as_flattened(), "detail", &|p, _, i, h| p.details.as_flattened_mut()[i] += h);
+        let features: Vec<[f32; 3]> = gradient.sh.iter().copied().step_by(width).collect();
+        let details: Vec<[f32; 3]> = gradient.sh.chunks_exact(width).flat_map(|sh| &sh[1..]).copied().collect();
+        check(features.as_flattened(), "feature", &|p, _, i, h| p.features.as_flattened_mut()[i] += h);
+        check(details.as_flattened(), "detail", &|p, _, i, h| p.details.as_flattened_mut()[i] += h);
         check(d_residuals.as_flattened(), "residual", &|_, r, i, h| r.as_flattened_mut()[i] += h);
     }
 

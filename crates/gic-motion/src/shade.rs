@@ -34,12 +34,12 @@ impl BaseMotion {
         let mut d_shade = vec![[0.0; 3]; pose.shade.len()];
         for (i, &x) in p.positions.iter().enumerate() {
             let shade = self.lattice.value(&pose.shade, x);
-            let own = i * details..(i + 1) * details;
+            let sh = &mut gradient.sh[i * (details + 1)..(i + 1) * (details + 1)];
             let mut d = [0.0; 3];
             for c in 0..3 {
-                d[c] = gradient.features[i][c] * (p.features[i][c] + 0.5 / SH0);
-                gradient.features[i][c] *= 1.0 + shade[c];
-                for (slope, detail) in gradient.details[own.clone()].iter_mut().zip(&p.details[own.clone()]) {
+                d[c] = sh[0][c] * (p.features[i][c] + 0.5 / SH0);
+                sh[0][c] *= 1.0 + shade[c];
+                for (slope, detail) in sh[1..].iter_mut().zip(&p.details[i * details..(i + 1) * details]) {
                     d[c] += slope[c] * detail[c];
                     slope[c] *= 1.0 + shade[c];
                 }
@@ -91,8 +91,7 @@ mod tests {
             sh.iter().flatten().zip(slopes.iter().flatten()).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum()
         };
         let mut gradient = Gradient::zeros(&p);
-        gradient.features = slopes.chunks_exact(4).map(|sh| sh[0]).collect();
-        gradient.details = slopes.chunks_exact(4).flat_map(|sh| sh[1..].to_vec()).collect();
+        gradient.sh.clone_from(&slopes);
         let d_shade = motion.shade_back(&pose, &p, &mut gradient);
 
         let h = 1e-3f32;
@@ -120,8 +119,8 @@ mod tests {
             let feature: fn(&mut Parameters, usize) -> &mut f32 = |p, i| &mut p.features[i][0];
             let detail: fn(&mut Parameters, usize) -> &mut f32 = |p, i| &mut p.details[3 * i + 1][2];
             agree(gradient.positions[i][1], at(position, h), at(position, -h));
-            agree(gradient.features[i][0], at(feature, h), at(feature, -h));
-            agree(gradient.details[3 * i + 1][2], at(detail, h), at(detail, -h));
+            agree(gradient.sh[4 * i][0], at(feature, h), at(feature, -h));
+            agree(gradient.sh[4 * i + 2][2], at(detail, h), at(detail, -h));
         }
     }
 }

@@ -309,15 +309,15 @@ impl<'a> Trainer<'a> {
         }
         let degree = state.step / self.settings.sh_interval.max(1);
 
-        let rendered: Vec<ViewGradient> =
+        let mut rendered: Vec<ViewGradient> =
             views.par_iter().map(|view| self.view_gradient(view, &gaussians, degree)).collect::<Result<_, _>>()?;
         let mut gradient = Gradient::zeros(&state.parameters);
         let mut d_residuals = vec![[0.0f32; 4]; gaussians.len()];
         let (mut loss, mut squared) = (0.0, (0.0, 0));
-        for view in &rendered {
+        for view in &mut rendered {
             loss += view.loss;
             squared = (squared.0 + view.squared.0, squared.1 + view.squared.1);
-            state.parameters.pull_back(&gaussians, &view.slope, &mut gradient, &mut d_residuals);
+            state.parameters.pull_back(&gaussians, &mut view.slope, &mut gradient, &mut d_residuals);
             state.screen.add(&view.slope.screen, view.screen_unit);
         }
         loss += self.regularise_scales(state, &gaussians, rendered.len(), &mut gradient, &mut d_residuals);

@@ -6,7 +6,7 @@ use gic_scene::Camera;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
 use crate::render::{ALPHA_MIN, FRUSTUM_MARGIN};
-use crate::{Channels, Gaussians, RenderSettings, Shape, sh};
+use crate::{Gaussians, RenderSettings, Shape, sh};
 
 /// A Gaussian as one camera sees it. With `d = pixel - mean`,
 /// ln alpha = `log_opacity + quadratic[0] dx^2 + quadratic[1] dx dy + quadratic[2] dy^2`.
@@ -192,7 +192,7 @@ impl<'a> View<'a> {
             to_camera: camera.rotation.transpose(),
             low: (-FRUSTUM_MARGIN * size - camera.principal) / camera.focal,
             high: ((1.0 + FRUSTUM_MARGIN) * size - camera.principal) / camera.focal,
-            with_color: settings.channels == Channels::ColorAlphaDepth,
+            with_color: settings.channels.color(),
             sh_degree: gaussians.sh_degree.min(settings.max_sh_degree),
         }
     }
@@ -201,14 +201,18 @@ impl<'a> View<'a> {
         DVec3::from_array(gaussians.positions[i].map(f64::from))
     }
 
+    fn root(&self, gaussians: &Gaussians, i: usize) -> Root {
+        Root::new(gaussians, i, self.to_camera)
+    }
+
     /// The Jacobian's rows without their factor focal / z.
     fn rows(limited: DVec2) -> [DVec3; 2] {
         [DVec3::new(1.0, 0.0, -limited.x), DVec3::new(0.0, 1.0, -limited.y)]
     }
 
     /// `None` where the Gaussian cannot be projected: not in front of the near plane, without extent, or boundless.
-    fn geometry(&self, gaussians: &Gaussians, i: usize) -> Option<Geometry> {
-        let p = self.to_camera * (Self::position(gaussians, i) - self.camera.centre);
+    fn geometry(&self, position: DVec3, root: Root) -> Option<Geometry> {
+        let p = self.to_camera * (position - self.camera.centre);
         let in_front = p.z >= self.settings.near.into() && p.z > 0.0;
         if !in_front {
             return None;
@@ -216,7 +220,6 @@ impl<'a> View<'a> {
         let uv = DVec2::new(p.x, p.y) / p.z;
         let limited = uv.clamp(self.low, self.high);
         let slope = DVec2::new(f64::from(limited.x == uv.x), f64::from(limited.y == uv.y));
-        let root = Root::new(gaussians, i, self.to_camera);
         let f = self.camera.focal / p.z;
         let [r0, r1] = Self::rows(limited);
         let a = [root.apply(r0) * f.x, root.apply(r1) * f.y];
@@ -236,11 +239,12 @@ impl<'a> View<'a> {
 
     /// Projects Gaussian `i`.
     pub(crate) fn project(&self, gaussians: &Gaussians, i: usize) -> Outcome {
-        if !self.is_valid(gaussians, i) {
+        let (position, opacity, root) = (Self::position(gaussians, i), gaussians.opacities[i], self.root(gaussians, i));
+        if !(position.is_finite() && opacity >= 0.0 && opacity.is_finite() && root.is_valid()) {
             return Outcome::Rejected;
         }
-        let Some(g) = self.geometry(gaussians, i) else { return Outcome::Hidden };
-        let opacity = f64::from(gaussians.opacities[i]) * g.compensation;
+        let Some(g) = self.geometry(position, root) else { return Outcome::Hidden };
+        let opacity = f64::from(opacity) * g.compensation;
         // alpha >= 1/255 inside the ellipse d^T conic d <= level; its box has half-sizes sqrt(level * variance).
         let level = 2.0 * (opacity / ALPHA_MIN).ln();
         let reaches = level >= 0.0;
@@ -280,14 +284,6 @@ impl<'a> View<'a> {
         used.as_flattened().iter().all(|c| f64::from(c.abs()) < VALUE_MAX)
     }
 
-    fn is_valid(&self, gaussians: &Gaussians, i: usize) -> bool {
-        let (position, opacity) = (gaussians.positions[i], gaussians.opacities[i]);
-        position.iter().all(|v| v.is_finite())
-            && opacity >= 0.0
-            && opacity.is_finite()
-            && Root::new(gaussians, i, self.to_camera).is_valid()
-    }
-
     /// Gradient with respect to the attributes of the Gaussian that was drawn as `splat`.
     pub(crate) fn project_backward(
         &self,
@@ -296,7 +292,9 @@ impl<'a> View<'a> {
         gradient: &SplatGradient,
     ) -> AttributeGradient {
         let i = splat.index as usize;
-        let Some(g) = self.geometry(gaussians, i) else { return AttributeGradient::default() };
+        let Some(g) = self.geometry(Self::position(gaussians, i), self.root(gaussians, i)) else {
+            return AttributeGradient::default();
+        };
         let [s, sx, sy, sxx, sxy, syy] = gradient.moments;
 
         // ln alpha = ln(opacity compensation) - d^T conic d / 2
@@ -362,7 +360,7 @@ impl<'a> View<'a> {
         moves: impl Iterator<Item = [f32; 3]>,
         out: &mut [LogAlphaTangent],
     ) {
-        let Some(g) = self.geometry(gaussians, i) else { return };
+        let Some(g) = self.geometry(Self::position(gaussians, i), self.root(gaussians, i)) else { return };
         let f = self.camera.focal / g.p.z;
         let dot = |m: Sym2, d: Sym2| m.xx * d.xx + 2.0 * m.xy * d.xy + m.yy * d.yy;
         for (out, motion) in out.iter_mut().zip(moves) {

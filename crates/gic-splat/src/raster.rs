@@ -128,6 +128,7 @@ impl<L: Lanes<Scalar = f32>> Local<L> {
 pub(crate) fn draw(level: Level, input: TileInput<'_>, channels: Channels) -> TilePixels {
     match channels {
         Channels::ColorAlphaDepth => dispatch(level, Draw::<true, true>(input)),
+        Channels::ColorAlpha => dispatch(level, Draw::<true, false>(input)),
         Channels::AlphaDepth => dispatch(level, Draw::<false, true>(input)),
         Channels::Alpha => dispatch(level, Draw::<false, false>(input)),
     }
@@ -241,6 +242,7 @@ pub(crate) fn draw_backward(
 ) {
     match channels {
         Channels::ColorAlphaDepth => dispatch(level, DrawBackward::<true, true> { input, pixels, loss, out }),
+        Channels::ColorAlpha => dispatch(level, DrawBackward::<true, false> { input, pixels, loss, out }),
         Channels::AlphaDepth => dispatch(level, DrawBackward::<false, true> { input, pixels, loss, out }),
         Channels::Alpha => dispatch(level, DrawBackward::<false, false> { input, pixels, loss, out }),
     }

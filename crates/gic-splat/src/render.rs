@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::projection::{AttributeGradient, Outcome, Splat, SplatGradient, View};
 use crate::raster::{self, EntryGradient, TileInput, TileLoss, TilePixels};
-use crate::tiles::{TILE, Tile, Tiles, sort_by_depth};
+use crate::tiles::{TILE, Tile, Tiles, front_to_back};
 use crate::{GaussianGradients, Gaussians, Shape};
 
 /// Below this alpha a Gaussian does not count in a pixel: half a step of an 8-bit picture.
@@ -25,10 +25,22 @@ pub enum Channels {
     /// Colour, alpha and depth.
     #[default]
     ColorAlphaDepth,
+    /// Colour and alpha: what a loss on pictures and masks looks at. `depth` stays empty.
+    ColorAlpha,
     /// Alpha and depth; colours are not looked at and `color` stays empty.
     AlphaDepth,
     /// Alpha only: masks. `color` and `depth` stay empty.
     Alpha,
+}
+
+impl Channels {
+    pub(crate) fn color(self) -> bool {
+        matches!(self, Channels::ColorAlphaDepth | Channels::ColorAlpha)
+    }
+
+    pub(crate) fn depth(self) -> bool {
+        matches!(self, Channels::ColorAlphaDepth | Channels::AlphaDepth)
+    }
 }
 
 /// What to draw over, and what to draw. Make one with `..Default::default()` or [`RenderSettings::masks`].
@@ -144,10 +156,10 @@ pub fn render(gaussians: &Gaussians, camera: &Camera, settings: &RenderSettings)
         rejected,
         saved: Saved { splats, tiles, pixels },
     };
-    if settings.channels == Channels::ColorAlphaDepth {
+    if settings.channels.color() {
         rendered.color = vec![settings.background; camera.width * camera.height];
     }
-    if settings.channels != Channels::Alpha {
+    if settings.channels.depth() {
         rendered.depth = vec![0.0; camera.width * camera.height];
     }
     rendered.assemble(camera, settings.background);
@@ -161,22 +173,14 @@ pub(crate) fn splats(gaussians: &Gaussians, camera: &Camera, settings: &RenderSe
     }
     let colorless = gaussians.sh.is_empty() && !gaussians.is_empty();
     assert!(
-        settings.channels != Channels::ColorAlphaDepth || !colorless,
+        !settings.channels.color() || !colorless,
         "Gaussians without spherical harmonics have no colour to draw: ask for Channels::AlphaDepth or Channels::Alpha"
     );
     let view = View::new(gaussians, camera, settings);
     let outcomes: Vec<Outcome> =
         (0..gaussians.len()).into_par_iter().with_min_len(PER_TASK).map(|i| view.project(gaussians, i)).collect();
     let rejected = outcomes.iter().filter(|o| matches!(o, Outcome::Rejected)).count();
-    let mut splats = outcomes
-        .into_iter()
-        .filter_map(|o| match o {
-            Outcome::Drawn(splat) => Some(splat),
-            Outcome::Hidden | Outcome::Rejected => None,
-        })
-        .collect();
-    sort_by_depth(&mut splats);
-    (splats, rejected)
+    (front_to_back(&outcomes), rejected)
 }
 
 pub(crate) fn input<'a>(splats: &'a [Splat], tiles: &'a Tiles, tile: &Tile, camera: &Camera) -> TileInput<'a> {
@@ -202,23 +206,30 @@ pub(crate) fn rows_of(tile: &Tile, camera: &Camera) -> impl Iterator<Item = (usi
 impl Rendered {
     /// Puts the tiles into the pictures.
     fn assemble(&mut self, camera: &Camera, background: [f32; 3]) {
-        for (tile, pixels) in self.saved.tiles.tiles.iter().zip(&self.saved.pixels) {
-            for (from, to, count) in rows_of(tile, camera) {
-                let left = &pixels.transmittance[from..from + count];
-                for (alpha, t) in self.alpha[to..to + count].iter_mut().zip(left) {
-                    *alpha = 1.0 - t;
-                }
-                if let Some(depth) = &pixels.depth {
-                    self.depth[to..to + count].copy_from_slice(&depth[from..from + count]);
-                }
-                if let Some(color) = &pixels.color {
-                    for (k, out) in self.color[to..to + count].iter_mut().enumerate() {
-                        *out = std::array::from_fn(|c| color[c][from + k] + background[c] * left[k]);
-                    }
+        let saved = &self.saved;
+        fill(&mut self.alpha, saved, camera, |pixels, i| 1.0 - pixels.transmittance[i]);
+        fill(&mut self.depth, saved, camera, |pixels, i| pixels.depth.as_ref().map_or(0.0, |depth| depth[i]));
+        fill(&mut self.color, saved, camera, |pixels, i| {
+            let (drawn, left) = (&pixels.color, pixels.transmittance[i]);
+            std::array::from_fn(|c| drawn.as_ref().map_or(0.0, |color| color[c][i]) + background[c] * left)
+        });
+    }
+}
+
+/// Puts what `value` finds in each pixel of a tile into a picture, if there is one.
+fn fill<T: Send>(picture: &mut [T], saved: &Saved, camera: &Camera, value: impl Fn(&TilePixels, usize) -> T + Sync) {
+    let row_of_tiles = (TILE * camera.width).max(1);
+    picture.par_chunks_mut(row_of_tiles).enumerate().for_each(|(row, picture)| {
+        for k in saved.tiles.in_row(row) {
+            let pixels = &saved.pixels[k];
+            for (from, to, count) in rows_of(&saved.tiles.tiles[k], camera) {
+                let to = to - row * row_of_tiles;
+                for (i, out) in picture[to..to + count].iter_mut().enumerate() {
+                    *out = value(pixels, from + i);
                 }
             }
         }
-    }
+    });
 }
 
 /// Gradient of a loss on the pictures with respect to every attribute of the Gaussians.
@@ -265,10 +276,10 @@ fn tile_loss(tile: &Tile, camera: &Camera, settings: &RenderSettings, loss: &Ima
         if !loss.alpha.is_empty() {
             out.alpha[to..to + count].copy_from_slice(&loss.alpha[from..from + count]);
         }
-        if !loss.depth.is_empty() && settings.channels != Channels::Alpha {
+        if !loss.depth.is_empty() && settings.channels.depth() {
             out.depth[to..to + count].copy_from_slice(&loss.depth[from..from + count]);
         }
-        if !loss.color.is_empty() && settings.channels == Channels::ColorAlphaDepth {
+        if !loss.color.is_empty() && settings.channels.color() {
             for (k, color) in loss.color[from..from + count].iter().enumerate() {
                 for c in 0..3 {
                     out.color[c][to + k] = color[c];
@@ -318,7 +329,7 @@ fn attributes_backward(
             }
         }
     }
-    if settings.channels == Channels::ColorAlphaDepth {
+    if settings.channels.color() {
         let sh = out.sh.par_chunks_mut(gaussians.sh_per_gaussian()).with_min_len(PER_TASK);
         sh.zip(&mut out.positions).zip(&d_color).enumerate().for_each(|(i, ((sh, position), color))| {
             if let Some(color) = color {

@@ -1,6 +1,11 @@
 //! Which splats touch which tile of the picture, front to back.
 
-use crate::projection::Splat;
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use crate::projection::{Outcome, Splat};
+use crate::render::PER_TASK;
 
 /// Side of a tile [pixels].
 pub(crate) const TILE: usize = 16;
@@ -26,15 +31,28 @@ pub(crate) struct Tiles {
     pub(crate) slot_starts: Vec<u32>,
 }
 
-/// Orders splats front to back; equal depths by index. Depths are positive, so their bits order as they do.
-pub(crate) fn sort_by_depth(splats: &mut Vec<Splat>) {
-    let mut keys: Vec<u64> =
-        splats.iter().enumerate().map(|(k, s)| u64::from(s.depth.to_bits()) << 32 | k as u64).collect();
+/// The splats among the outcomes, front to back; equal depths by index. Depths are positive, so their bits order as they do.
+pub(crate) fn front_to_back(outcomes: &[Outcome]) -> Vec<Splat> {
+    let key = |(i, outcome): (usize, &Outcome)| match outcome {
+        Outcome::Drawn(splat) => Some(u64::from(splat.depth.to_bits()) << 32 | i as u64),
+        Outcome::Hidden | Outcome::Rejected => None,
+    };
+    let mut keys: Vec<u64> = outcomes.iter().enumerate().filter_map(key).collect();
     keys.sort_unstable();
-    *splats = keys.iter().map(|&key| splats[key as u32 as usize]).collect();
+    let splat = |key: &u64| match &outcomes[*key as u32 as usize] {
+        Outcome::Drawn(splat) => *splat,
+        Outcome::Hidden | Outcome::Rejected => unreachable!("only what is drawn has a key"),
+    };
+    keys.par_iter().with_min_len(PER_TASK).map(splat).collect()
 }
 
 impl Tiles {
+    /// The tiles in a row of tiles.
+    pub(crate) fn in_row(&self, row: usize) -> Range<usize> {
+        let end = |row: usize| self.tiles.partition_point(|tile| (tile.origin[1] as usize) < row * TILE);
+        end(row)..end(row + 1)
+    }
+
     /// Sorts depth-ordered splats into the tiles of a picture. A counting sort, so the order inside a tile stays.
     pub(crate) fn new(splats: &[Splat], width: usize, height: usize) -> Tiles {
         let across = width.div_ceil(TILE);

@@ -14,7 +14,7 @@ use gic_scene::Camera;
 use glam::{DMat2, DMat3, DVec2, DVec3};
 
 use crate::render::{ALPHA_MAX, ALPHA_MIN, FRUSTUM_MARGIN, TRANSMITTANCE_MIN};
-use crate::{Channels, GaussianGradients, Gaussians, ImageGradients, RenderSettings, Shape, sh};
+use crate::{GaussianGradients, Gaussians, ImageGradients, RenderSettings, Shape, sh};
 
 /// [`Gaussians`], or a gradient with respect to them, in f64. Isotropic ones have three equal scales.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -395,7 +395,7 @@ fn splats(set: &Set, camera: &Camera, settings: &RenderSettings, cut: Cutoffs) -
     let mut splats: Vec<Splat> = (0..set.positions.len())
         .filter_map(|index| {
             let p = project(set, index, camera, settings, cut)?;
-            let with_color = settings.channels == Channels::ColorAlphaDepth;
+            let with_color = settings.channels.color();
             Some(Splat {
                 index,
                 mean: camera.focal * p.uv + camera.principal,
@@ -496,10 +496,10 @@ pub fn render(set: &Set, camera: &Camera, settings: &RenderSettings, cut: Cutoff
         let sum = |value: &dyn Fn(&Splat) -> DVec3| -> DVec3 {
             steps.iter().map(|s| value(&splats[s.splat]) * (s.transmittance * s.coverage())).sum()
         };
-        if settings.channels == Channels::ColorAlphaDepth {
+        if settings.channels.color() {
             out.color.push(sum(&|s| s.color) + background * left);
         }
-        if settings.channels != Channels::Alpha {
+        if settings.channels.depth() {
             out.depth.push(sum(&|s| DVec3::splat(s.depth)).x);
         }
         out.alpha.push(sum(&|_| DVec3::ONE).x);
@@ -515,12 +515,12 @@ pub fn backward(set: &Set, camera: &Camera, settings: &RenderSettings, cut: Cuto
     let mut gradients = vec![SplatGradient::ZERO; splats.len()];
     for (i, (pixel, list)) in pixel_centres(camera).zip(&lists).enumerate() {
         let zero_unless = |drawn: bool, v: Option<f64>| if drawn { v.unwrap_or(0.0) } else { 0.0 };
-        let d_color = match settings.channels {
-            Channels::ColorAlphaDepth => loss.color.get(i).copied().unwrap_or(DVec3::ZERO),
-            _ => DVec3::ZERO,
+        let d_color = match settings.channels.color() {
+            true => loss.color.get(i).copied().unwrap_or(DVec3::ZERO),
+            false => DVec3::ZERO,
         };
         let d_alpha = loss.alpha.get(i).copied().unwrap_or(0.0);
-        let d_depth = zero_unless(settings.channels != Channels::Alpha, loss.depth.get(i).copied());
+        let d_depth = zero_unless(settings.channels.depth(), loss.depth.get(i).copied());
         let (steps, _) = walk(&splats, list, pixel, cut);
         // Reverse of: pictures += T a (c, 1, d); T <- T (1 - a), with a = alpha open(T).
         let mut d_transmittance = d_color.dot(background);
@@ -544,7 +544,7 @@ pub fn backward(set: &Set, camera: &Camera, settings: &RenderSettings, cut: Cuto
     for (s, g) in splats.iter().zip(&gradients) {
         let projection = project(set, s.index, camera, settings, cut).expect("it was projected before");
         project_backward(set, s.index, camera, settings, &projection, g, &mut out);
-        if settings.channels == Channels::ColorAlphaDepth {
+        if settings.channels.color() {
             color_backward(set, s.index, camera, settings, cut, g.color, &mut out);
         }
     }

@@ -131,7 +131,7 @@ fn pictures_and_gradients_match_the_twin_at_every_level() {
         let gaussians = scene(recipe);
         let set = Set::from(&gaussians);
         for settings in settings() {
-            for channels in [Channels::ColorAlphaDepth, Channels::AlphaDepth, Channels::Alpha] {
+            for channels in [Channels::ColorAlphaDepth, Channels::ColorAlpha, Channels::AlphaDepth, Channels::Alpha] {
                 let settings = RenderSettings { channels, ..settings.clone() };
                 let pictures = twin::render(&set, &camera, &settings, Cutoffs::Hard);
                 assert!(pictures.alpha.iter().any(|&a| a > 0.1), "the scene is empty");

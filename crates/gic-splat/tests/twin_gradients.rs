@@ -148,11 +148,11 @@ fn channels_agree_and_background_shows_through() {
     let (set, camera) = (scene(10, 3), camera());
     let full = settings(false);
     let all = twin::render(&set, &camera, &full, Cutoffs::Hard);
-    for channels in [Channels::AlphaDepth, Channels::Alpha] {
+    for channels in [Channels::ColorAlpha, Channels::AlphaDepth, Channels::Alpha] {
         let some = twin::render(&set, &camera, &RenderSettings { channels, ..full.clone() }, Cutoffs::Hard);
         assert_eq!(some.alpha, all.alpha);
-        assert!(some.color.is_empty());
-        assert_eq!(some.depth.is_empty(), channels == Channels::Alpha);
+        assert_eq!(some.color.is_empty(), channels != Channels::ColorAlpha);
+        assert_eq!(some.depth.is_empty(), channels != Channels::AlphaDepth);
     }
     let over_black = RenderSettings { background: [0.0; 3], ..full.clone() };
     let black = twin::render(&set, &camera, &over_black, Cutoffs::Hard);

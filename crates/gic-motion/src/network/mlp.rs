@@ -125,7 +125,8 @@ impl Mlp {
         (output, Activations { hidden })
     }
 
-    /// Adds the parameters' gradient to `gradient` (the whole flat vector) and returns the input's, [rows, inputs].
+    /// Adds the parameters' gradient to `gradient` (the whole flat vector) and the input's, [rows, inputs], to `d_input`, if that is
+    /// wanted: it costs as much as the parameters'.
     pub(super) fn backward<T: Scalar>(
         &self,
         parameters: &[T],
@@ -133,10 +134,10 @@ impl Mlp {
         activations: &Activations<T>,
         d_output: Vec<T>,
         gradient: &mut [T],
-    ) -> Vec<T> {
+        mut d_input: Option<&mut [T]>,
+    ) {
         debug_assert_eq!(d_output.len() % self.outputs, 0);
         let rows = d_output.len() / self.outputs;
-        let mut d_input = vec![T::of(0.0); rows * self.inputs];
         let mut slope = d_output;
         for (i, layer) in self.layers.iter().enumerate().rev() {
             let bias = &mut gradient[layer.bias.clone()];
@@ -147,7 +148,9 @@ impl Mlp {
             }
             if let Some(m) = &layer.input {
                 product_of_transposed(rows, m, input, &slope, &mut gradient[m.range.clone()]);
-                product_with_transposed(rows, m, &slope, &parameters[m.range.clone()], &mut d_input);
+                if let Some(d_input) = &mut d_input {
+                    product_with_transposed(rows, m, &slope, &parameters[m.range.clone()], d_input);
+                }
             }
             if let Some(m) = &layer.hidden {
                 let below = &activations.hidden[i - 1];
@@ -160,7 +163,6 @@ impl Mlp {
                 slope = next;
             }
         }
-        d_input
     }
 }
 
@@ -262,7 +264,8 @@ mod tests {
         };
         let mut gradient = vec![0.0; parameters.len()];
         let (_, activations) = mlp.forward(&parameters, &input, rows);
-        let d_input = mlp.backward(&parameters, &input, &activations, weights.clone(), &mut gradient);
+        let mut d_input = vec![0.0; input.len()];
+        mlp.backward(&parameters, &input, &activations, weights.clone(), &mut gradient, Some(&mut d_input));
         let h = 1e-6;
         for i in 2..parameters.len() {
             let kept = parameters[i];

@@ -108,6 +108,7 @@ struct BlockGradient<T> {
     /// Of the coefficient network alone.
     parameters: Vec<T>,
     bases: Vec<T>,
+    /// Empty if they were not asked for.
     positions: Vec<[T; 3]>,
 }
 
@@ -115,7 +116,7 @@ struct BlockGradient<T> {
 pub struct NetworkGradient<T> {
     /// With respect to [`MotionNetwork::parameters`].
     pub parameters: Vec<T>,
-    /// With respect to the canonical positions, through their encoding, shape [n, 3].
+    /// With respect to the canonical positions, through their encoding (or their place between nodes), shape [n, 3].
     pub positions: Vec<[T; 3]>,
 }
 
@@ -200,18 +201,25 @@ impl<T: Scalar> MotionNetwork<T> {
     /// Gradient of a loss from its derivative with respect to the residuals, shape [n, 4].
     pub fn backward(&self, deformation: &Deformation<T>, d_residuals: &[[T; 4]]) -> NetworkGradient<T> {
         assert_eq!(d_residuals.len(), deformation.residuals.len(), "one derivative per residual");
-        let Some((nodes, values)) = &deformation.nodes else { return self.backward_asked(deformation, d_residuals) };
+        let Some((nodes, values)) = &deformation.nodes else {
+            return self.backward_asked(deformation, d_residuals, true);
+        };
         let (d_values, positions) = nodes.pull_back(values, d_residuals);
-        // Nodes stay where they are, so what the network says of their positions goes no further.
-        NetworkGradient { positions, ..self.backward_asked(deformation, &d_values) }
+        // Nodes stay where they are, so nobody asks for the gradient of their positions.
+        NetworkGradient { positions, ..self.backward_asked(deformation, &d_values, false) }
     }
 
-    /// The same with respect to the residuals and positions of the points that the network was asked at.
-    fn backward_asked(&self, deformation: &Deformation<T>, d_residuals: &[[T; 4]]) -> NetworkGradient<T> {
+    /// The same with respect to the residuals of the points that the network was asked at, and `of_positions` of theirs.
+    fn backward_asked(
+        &self,
+        deformation: &Deformation<T>,
+        d_residuals: &[[T; 4]],
+        of_positions: bool,
+    ) -> NetworkGradient<T> {
         let parts: Vec<BlockGradient<T>> = d_residuals
             .par_chunks(block_rows(d_residuals.len()))
             .zip(&deformation.blocks)
-            .map(|(d, block)| self.backward_block(block, &deformation.bases, d))
+            .map(|(d, block)| self.backward_block(block, &deformation.bases, d, of_positions))
             .collect();
         let mut positions = Vec::with_capacity(d_residuals.len());
         let mut d_bases = vec![T::of(0.0); deformation.bases.len()];
@@ -230,11 +238,11 @@ impl<T: Scalar> MotionNetwork<T> {
             }
         });
         let time = &deformation.time_encoded;
-        self.backbone.backward(&self.parameters, time, &deformation.time_activations, d_bases, &mut gradient);
+        self.backbone.backward(&self.parameters, time, &deformation.time_activations, d_bases, &mut gradient, None);
         NetworkGradient { parameters: gradient, positions }
     }
 
-    fn backward_block(&self, block: &Block<T>, bases: &[T], d: &[[T; 4]]) -> BlockGradient<T> {
+    fn backward_block(&self, block: &Block<T>, bases: &[T], d: &[[T; 4]], of_positions: bool) -> BlockGradient<T> {
         let mut d_bases = vec![T::of(0.0); bases.len()];
         let mut d_coefficients = vec![T::of(0.0); block.coefficients.len()];
         let rows = block
@@ -252,12 +260,14 @@ impl<T: Scalar> MotionNetwork<T> {
         // The coefficient network's parameters come after the backbone's, so its gradient needs no room for those.
         let first = self.backbone.end();
         let mut gradient = vec![T::of(0.0); self.parameters.len() - first];
-        let d_encoded = self.coefficients.shifted(first).backward(
+        let mut d_encoded = vec![T::of(0.0); if of_positions { block.encoded.len() } else { 0 }];
+        self.coefficients.shifted(first).backward(
             &self.parameters[first..],
             &block.encoded,
             &block.activations,
             d_coefficients,
             &mut gradient,
+            of_positions.then_some(&mut d_encoded),
         );
         let (len, width) = (self.architecture.position_encoding().len(), block.encoded.len() / d.len());
         let positions = block

@@ -3,6 +3,7 @@
 
 use std::collections::HashMap;
 
+use foldhash::fast::FixedState;
 use rayon::prelude::*;
 
 use super::{MIN_BLOCK_ROWS, RESIDUALS, Scalar};
@@ -32,7 +33,9 @@ impl<T: Scalar> Nodes<T> {
     pub(super) fn around(points: &[[T; 3]], spacing: f64) -> Nodes<T> {
         let mut nodes =
             Nodes { spacing, positions: Vec::new(), cells: Vec::new(), places: Vec::with_capacity(points.len()) };
-        let (mut cell_of, mut node_of) = (HashMap::new(), HashMap::new());
+        // Places are no secret: a fast hash will do.
+        let mut cell_of: HashMap<[i32; 3], u32, FixedState> = HashMap::default();
+        let mut node_of: HashMap<[i32; 3], u32, FixedState> = HashMap::default();
         for point in points {
             let place = point.map(|x| (x.to_f64() / spacing).clamp(-MAX_CELL, MAX_CELL));
             let first = place.map(|x| x.floor() as i32);
@@ -73,14 +76,12 @@ impl<T: Scalar> Nodes<T> {
         values: &[[T; RESIDUALS]],
         d: &[[T; RESIDUALS]],
     ) -> (Vec<[T; RESIDUALS]>, Vec<[T; 3]>) {
-        let mut d_values = vec![[T::of(0.0); RESIDUALS]; values.len()];
-        let d_positions = self.places.iter().zip(d).map(|(place, d)| {
+        let position = |(place, d): (&Place<T>, &[T; RESIDUALS])| {
             let mut d_position = [T::of(0.0); 3];
             for (corner, &node) in self.cells[place.cell as usize].iter().enumerate() {
                 let [fx, fy, fz] = core::array::from_fn(|axis| factor(place, corner, axis));
                 let mut along = T::of(0.0);
                 for i in 0..RESIDUALS {
-                    d_values[node as usize][i] += fx * fy * fz * d[i];
                     along += values[node as usize][i] * d[i];
                 }
                 for (axis, others) in [fy * fz, fx * fz, fx * fy].into_iter().enumerate() {
@@ -89,9 +90,47 @@ impl<T: Scalar> Nodes<T> {
                 }
             }
             d_position.map(|x| T::of(1.0 / self.spacing) * x)
-        });
-        let d_positions = d_positions.collect();
+        };
+        let d_positions = self.places.par_iter().zip(d).with_min_len(MIN_BLOCK_ROWS).map(position).collect();
+        let mut d_values = vec![[T::of(0.0); RESIDUALS]; values.len()];
+        for (nodes, d_corners) in self.cells.iter().zip(self.corner_sums(d)) {
+            for (&node, d) in nodes.iter().zip(d_corners) {
+                for (sum, d) in d_values[node as usize].iter_mut().zip(d) {
+                    *sum += d;
+                }
+            }
+        }
         (d_values, d_positions)
+    }
+
+    /// For each cell what its points say of the values at its corners, in the order of the points.
+    fn corner_sums(&self, d: &[[T; RESIDUALS]]) -> Vec<[[T; RESIDUALS]; 8]> {
+        let mut starts = vec![0u32; self.cells.len() + 1];
+        for place in &self.places {
+            starts[place.cell as usize + 1] += 1;
+        }
+        for cell in 1..starts.len() {
+            starts[cell] += starts[cell - 1];
+        }
+        let (mut next, mut members) = (starts.clone(), vec![0u32; self.places.len()]);
+        for (i, place) in self.places.iter().enumerate() {
+            members[next[place.cell as usize] as usize] = i as u32;
+            next[place.cell as usize] += 1;
+        }
+        let sum = |cell: usize| {
+            let mut sums = [[T::of(0.0); RESIDUALS]; 8];
+            for &i in &members[starts[cell] as usize..starts[cell + 1] as usize] {
+                let place = &self.places[i as usize];
+                for (corner, sum) in sums.iter_mut().enumerate() {
+                    let weight = factor(place, corner, 0) * factor(place, corner, 1) * factor(place, corner, 2);
+                    for (sum, d) in sum.iter_mut().zip(d[i as usize]) {
+                        *sum += weight * d;
+                    }
+                }
+            }
+            sums
+        };
+        (0..self.cells.len()).into_par_iter().with_min_len(MIN_BLOCK_ROWS).map(sum).collect()
     }
 }
 

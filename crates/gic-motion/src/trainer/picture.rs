@@ -1,14 +1,18 @@
 //! One picture of a step: drawn where something is, compared, and its gradient.
 
 use gic_scene::Camera;
-use gic_splat::{GaussianGradients, Gaussians, RenderSettings, backward, render};
-use glam::DVec3;
+use gic_splat::{Channels, GaussianGradients, Gaussians, RenderSettings, backward, render};
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 
 use super::Trainer;
 use crate::MotionError;
 use crate::loss::picture_loss;
 use crate::parameters;
 use crate::targets::{Bounds, Target, windowed};
+
+/// Gaussians per parallel task, at least.
+const PER_TASK: usize = 2048;
 
 pub(super) struct ViewGradient {
     pub(super) loss: f64,
@@ -35,7 +39,8 @@ impl Trainer<'_> {
             });
         }
         let camera = windowed(&target.camera, window);
-        let mut settings = RenderSettings { max_sh_degree: degree, ..RenderSettings::default() };
+        let mut settings =
+            RenderSettings { channels: Channels::ColorAlpha, max_sh_degree: degree, ..RenderSettings::default() };
         // The same width on the object, whatever the size of the pixels: nothing changes when they do.
         settings.dilation /= target.pixel.powi(2) as f32;
         let rendered = render(gaussians, &camera, &settings);
@@ -54,26 +59,23 @@ impl Trainer<'_> {
 pub(crate) fn drawn_bounds(gaussians: &Gaussians, camera: &Camera) -> Bounds {
     let scales = parameters::flat_scales(&gaussians.shape);
     let axes = scales.len() / gaussians.len().max(1);
-    let mut low = [f64::INFINITY; 2];
-    let mut high = [f64::NEG_INFINITY; 2];
-    for (i, position) in gaussians.positions.iter().enumerate() {
+    let reached = |(i, position): (usize, &[f32; 3])| {
         let scale = scales[i * axes..(i + 1) * axes].iter().copied().fold(0.0, f32::max);
-        let Some((pixel, depth)) = camera.project(DVec3::from_array(position.map(f64::from))) else { continue };
+        let (pixel, depth) = camera.project(DVec3::from_array(position.map(f64::from)))?;
         let reach = 3.0 * f64::from(scale) / depth * camera.focal.max_element() + 1.0;
-        if reach.is_finite() {
-            for (axis, x) in pixel.to_array().into_iter().enumerate() {
-                low[axis] = low[axis].min(x - reach);
-                high[axis] = high[axis].max(x + reach);
-            }
-        }
-    }
+        (reach.is_finite() && pixel.is_finite()).then(|| (pixel - reach, pixel + reach))
+    };
+    let nothing = || (DVec2::INFINITY, DVec2::NEG_INFINITY);
+    let both = |a: (DVec2, DVec2), b: (DVec2, DVec2)| (a.0.min(b.0), a.1.max(b.1));
+    let positions = gaussians.positions.par_iter().with_min_len(PER_TASK).enumerate();
+    let (low, high) = positions.filter_map(reached).reduce(nothing, both);
     // Casting saturates, so infinities give an empty window.
     let clamp = |x: f64, end: usize| (x.max(0.0) as usize).min(end);
     let bounds = Bounds {
-        x0: clamp(low[0].floor(), camera.width),
-        y0: clamp(low[1].floor(), camera.height),
-        x1: clamp(high[0].ceil(), camera.width),
-        y1: clamp(high[1].ceil(), camera.height),
+        x0: clamp(low.x.floor(), camera.width),
+        y0: clamp(low.y.floor(), camera.height),
+        x1: clamp(high.x.ceil(), camera.width),
+        y1: clamp(high.y.ceil(), camera.height),
     };
     if bounds.is_empty() { Bounds::EMPTY } else { bounds }
 }
