@@ -160,6 +160,11 @@ fn check(scene: &Scene, settings: &TrainSettings) -> Result<(), MotionError> {
         let reason = format!("{} is no share of the steps, 0 to 1", settings.half_size);
         return Err(MotionError::Setting { setting: "half_size", reason });
     }
+    let spacing = settings.network.node_spacing;
+    if !(spacing >= 0.0 && spacing.is_finite()) {
+        let reason = format!("{spacing} must be above zero, or 0 to ask the network at each point");
+        return Err(MotionError::Setting { setting: "network.node_spacing", reason });
+    }
     positive("initial_spacing_px", settings.initial_spacing_px)?;
     positive("views_per_step", settings.views_per_step as f64)?;
     positive("steps", settings.steps as f64)?;

@@ -201,6 +201,10 @@ fn settings_without_meaning_are_named() {
     assert!(refused(TrainSettings { gaussians_per_pixel: f64::NAN, ..settings(5) }).contains("gaussians_per_pixel"));
     assert!(refused(TrainSettings { views_per_step: 0, ..settings(5) }).contains("views_per_step"));
     assert!(refused(TrainSettings { half_size: 1.5, ..settings(5) }).contains("half_size"));
+    for node_spacing in [-0.1, f64::NAN] {
+        let network = Architecture { node_spacing, ..settings(5).network };
+        assert!(refused(TrainSettings { network, ..settings(5) }).contains("network.node_spacing"));
+    }
     let all: MotionError = train(
         &scene,
         &TrainSettings { held_out: (0..CAMERAS).collect(), ..settings(5) },
