@@ -28,7 +28,7 @@ pub struct TrainSettings {
     /// Steps on the frames that those maps explain (an object in free flight), before the network starts: more views of the
     /// same shape.
     pub mapped_steps: usize,
-    /// Steps on the other frames (all, if there are none) with the base motion alone, which cost less than those with the network.
+    /// Steps on all frames with the base motion alone, which cost less than those with the network.
     pub bent_steps: usize,
     /// Share of the steps in which pictures are shown at half their size: a quarter of the pixels while nothing fine is settled.
     pub half_size: f64,

@@ -12,7 +12,7 @@ pub(super) enum Stage {
     Still,
     /// Gaussians and affine maps, on the frames that these explain.
     Mapped,
-    /// Gaussians and the whole base motion, on the frames that maps alone do not explain.
+    /// Gaussians and the whole base motion, on all frames.
     Bent,
     /// Everything.
     Network,
@@ -41,23 +41,20 @@ impl Trainer<'_> {
     /// Views of one step: of one frame (which is told when the step knows motion), a few cameras.
     pub(super) fn draw_views(&self, state: &State, rng: &mut impl Rng) -> (usize, Vec<&Target>) {
         let explained = state.base.as_ref().map_or(1, |base| base.explained);
-        let all = self.frames.len();
         let frames = match self.stage(state.step) {
             Stage::Still if !self.synchronous => {
                 return (0, self.choose(state.step, self.frames.concat(), rng, self.settings.views_per_step));
             }
-            Stage::Still => 0..1,
-            Stage::Mapped => 0..explained.clamp(1, all),
-            // The others have had their turn.
-            Stage::Bent if explained < all => explained..all,
-            Stage::Bent => 0..all,
-            Stage::Network if state.base.is_some() => 0..all,
+            Stage::Still => 1,
+            Stage::Mapped => explained,
+            Stage::Bent => self.frames.len(),
+            Stage::Network if state.base.is_some() => self.frames.len(),
             Stage::Network => {
                 let grown = (state.step - self.network_start() + 1) as f64 / self.settings.growth_steps.max(1) as f64;
-                0..((grown * all as f64).ceil() as usize).clamp(1, all)
+                (grown * self.frames.len() as f64).ceil() as usize
             }
         };
-        let frame = rng.random_range(frames);
+        let frame = rng.random_range(0..frames.clamp(1, self.frames.len()));
         (frame, self.choose(state.step, self.frames[frame].clone(), rng, self.settings.views_per_step))
     }
 
