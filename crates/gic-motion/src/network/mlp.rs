@@ -126,7 +126,7 @@ impl Mlp {
     }
 
     /// Adds the parameters' gradient to `gradient` (the whole flat vector) and the input's, [rows, inputs], to `d_input`, if that is
-    /// wanted: it costs as much as the parameters'.
+    /// wanted: it costs as much as that of the parameters that multiply the input.
     pub(super) fn backward<T: Scalar>(
         &self,
         parameters: &[T],
