@@ -128,7 +128,7 @@ fn similarity<R: Real>([a, b, squares, product]: [R; 4]) -> Similarity<R> {
     let (by_d1, by_d2) = (inverse * d2, inverse * d1);
     let value = n1 * n2 * inverse;
     let to_mean = two * (b * (n2 - n1) * inverse - value * a * (by_d1 - by_d2));
-    Similarity { value, slopes: [to_mean, R::zero() - value * by_d2, two * n1 * inverse] }
+    Similarity { value, slopes: [to_mean, -value * by_d2, two * n1 * inverse] }
 }
 
 /// One-dimensional Gaussian window; its outer product with itself is the 11x11 window.
@@ -242,12 +242,10 @@ impl Kernel for Compare<'_> {
 /// Window means of a, b, a^2 + b^2 and a b along image row `y`, columns of the region, into `scratch.means`.
 #[inline(always)]
 fn window_means<L: Lanes<Scalar = f32>>(pair: &Pair<'_>, y: usize, scratch: &mut Scratch) {
-    let region = pair.region;
     // Columns that the windows reach, clipped to the image; what is clipped stays zero in the scratch rows.
-    let first = region.left.saturating_sub(RADIUS);
-    let last = (region.right + RADIUS).min(pair.width);
-    let shift = 3 * (first + RADIUS - region.left);
-    let (start, length) = (3 * first, 3 * (last - first));
+    let Rectangle { left, right, .. } = pair.reached();
+    let shift = 3 * (left + RADIUS - pair.region.left);
+    let (start, length) = (3 * left, 3 * (right - left));
     let rows = y.saturating_sub(RADIUS)..(y + RADIUS + 1).min(pair.height);
     let mut at = 0;
     while at < length {

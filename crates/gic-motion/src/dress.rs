@@ -240,7 +240,7 @@ impl<'a> Wardrobe<'a> {
             y1: (b.y1 + MARGIN).min(target.camera.height),
         };
         let camera = windowed(&target.camera, window);
-        let settings = RenderSettings::default();
+        let settings = RenderSettings::pictures();
         let rendered = render(drawn, &camera, &settings);
         let (color, mask) = target.crop(window);
         let size = (camera.width, camera.height);

@@ -68,7 +68,7 @@ pub(crate) fn score_targets(
 
 fn score(target: &Target, gaussians: &Gaussians) -> Result<ViewScore, MotionError> {
     let (width, height) = (target.camera.width, target.camera.height);
-    let picture = render(gaussians, &target.camera, &RenderSettings::default());
+    let picture = render(gaussians, &target.camera, &RenderSettings::pictures());
     let (color, mask) = target.crop(target.whole());
     let b = target.bounds;
     let region = Some(Rectangle { left: b.x0, top: b.y0, right: b.x1, bottom: b.y1 });

@@ -43,7 +43,7 @@ impl Channels {
     }
 }
 
-/// What to draw over, and what to draw. Make one with `..Default::default()` or [`RenderSettings::masks`].
+/// What to draw over, and what to draw. Make one with `..Default::default()`, [`RenderSettings::pictures`] or [`RenderSettings::masks`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct RenderSettings {
     /// Background colour in [0, 1].
@@ -79,6 +79,11 @@ impl Default for RenderSettings {
 }
 
 impl RenderSettings {
+    /// For comparing with pictures and their masks: the defaults without the depth picture.
+    pub fn pictures() -> RenderSettings {
+        RenderSettings { channels: Channels::ColorAlpha, ..RenderSettings::default() }
+    }
+
     /// For masks that are true to the geometry below a pixel: alpha only, the low-pass filter has the variance of one
     /// pixel (1/12 pixels^2: a true mask averages over the pixel) and keeps each Gaussian's total.
     pub fn masks() -> RenderSettings {

@@ -60,7 +60,7 @@ impl<T: Scalar> Nodes<T> {
         let at = |place: &Place<T>| {
             let mut sum = [T::of(0.0); RESIDUALS];
             for (corner, &node) in self.cells[place.cell as usize].iter().enumerate() {
-                let weight = factor(place, corner, 0) * factor(place, corner, 1) * factor(place, corner, 2);
+                let weight = weight(place, corner);
                 for (s, v) in sum.iter_mut().zip(values[node as usize]) {
                     *s += weight * v;
                 }
@@ -122,7 +122,7 @@ impl<T: Scalar> Nodes<T> {
             for &i in &members[starts[cell] as usize..starts[cell + 1] as usize] {
                 let place = &self.places[i as usize];
                 for (corner, sum) in sums.iter_mut().enumerate() {
-                    let weight = factor(place, corner, 0) * factor(place, corner, 1) * factor(place, corner, 2);
+                    let weight = weight(place, corner);
                     for (sum, d) in sum.iter_mut().zip(d[i as usize]) {
                         *sum += weight * d;
                     }
@@ -137,6 +137,11 @@ impl<T: Scalar> Nodes<T> {
 /// Whether a corner lies one step along an axis.
 fn step(corner: usize, axis: usize) -> bool {
     corner >> axis & 1 == 1
+}
+
+/// The share of a corner's value at a place.
+fn weight<T: Scalar>(place: &Place<T>, corner: usize) -> T {
+    factor(place, corner, 0) * factor(place, corner, 1) * factor(place, corner, 2)
 }
 
 /// What an axis contributes to the weight of a corner.

@@ -81,7 +81,7 @@ fn compare(gaussians: &Gaussians, views: &[Target], weights: &LossWeights) -> Re
 fn compare_view(gaussians: &Gaussians, target: &Target, weights: &LossWeights) -> Result<Compared, MotionError> {
     let window = drawn_bounds(gaussians, &target.camera).union(target.bounds);
     let camera = windowed(&target.camera, window);
-    let mut settings = RenderSettings { max_sh_degree: 0, ..RenderSettings::default() };
+    let mut settings = RenderSettings { max_sh_degree: 0, ..RenderSettings::pictures() };
     settings.dilation /= target.pixel.powi(2) as f32;
     let mut rendered = render(gaussians, &camera, &settings);
     let (color, mask) = target.crop(window);

@@ -1,7 +1,7 @@
 //! One picture of a step: drawn where something is, compared, and its gradient.
 
 use gic_scene::Camera;
-use gic_splat::{Channels, GaussianGradients, Gaussians, RenderSettings, backward, render};
+use gic_splat::{GaussianGradients, Gaussians, RenderSettings, backward, render};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
@@ -39,8 +39,7 @@ impl Trainer<'_> {
             });
         }
         let camera = windowed(&target.camera, window);
-        let mut settings =
-            RenderSettings { channels: Channels::ColorAlpha, max_sh_degree: degree, ..RenderSettings::default() };
+        let mut settings = RenderSettings { max_sh_degree: degree, ..RenderSettings::pictures() };
         // The same width on the object, whatever the size of the pixels: nothing changes when they do.
         settings.dilation /= target.pixel.powi(2) as f32;
         let rendered = render(gaussians, &camera, &settings);

@@ -111,7 +111,7 @@ fn score(
 ) -> std::result::Result<Option<Score>, MetricError> {
     let (width, height) = (mask.width, mask.height);
     let Some(region) = Rectangle::around_mask(&mask.coverage, width, height, 0) else { return Ok(None) };
-    let rendered = render(gaussians, camera, &RenderSettings::default());
+    let rendered = render(gaussians, camera, &RenderSettings::pictures());
     let drawn: Vec<[f32; 3]> = rendered.color.iter().map(|c| c.map(|c| c.clamp(0.0, 1.0))).collect();
     let pixels = picture.rgb.chunks_exact(3).zip(&mask.coverage);
     let wanted: Vec<[f32; 3]> = pixels.map(|(rgb, a)| [a * rgb[0], a * rgb[1], a * rgb[2]]).collect();

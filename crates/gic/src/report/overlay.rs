@@ -82,7 +82,7 @@ fn outlined(picture: &Picture, mask: &Mask, twin: &Mask) -> Result<String> {
 /// The twin in its own colours, over black.
 fn colored(look: &Gaussians, camera: &Camera) -> Result<String> {
     let small = Small::of(camera.width, camera.height);
-    let color = render(look, camera, &RenderSettings::default()).color;
+    let color = render(look, camera, &RenderSettings::pictures()).color;
     small.encode(|i| [0, 1, 2].map(|c| byte(small.mean(i, &|p| color[p][c].clamp(0.0, 1.0)))))
 }
 
