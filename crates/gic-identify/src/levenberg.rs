@@ -38,6 +38,8 @@ pub(crate) struct Fit {
     pub state: State,
     pub cost: f64,
     pub motion: Motion,
+    /// At `state`, measured or carried there; `None` where no step was asked for.
+    pub tangents: Option<Tangents>,
 }
 
 /// How the motion changes with each unknown: one perturbed motion and its step per unknown.
@@ -138,9 +140,9 @@ pub(crate) fn minimise(
         None => (problem.forward.motion(&start, &problem.level)?, None),
     };
     let cost = problem.cost(&start, &motion);
-    let mut fit = Fit { cost, state: start, motion };
+    let mut fit = Fit { cost, state: start, motion, tangents: None };
     if limits.iterations == 0 {
-        return Ok(fit);
+        return Ok(Fit { tangents, ..fit });
     }
     let mut tangents = match tangents {
         Some(tangents) => tangents,
@@ -148,7 +150,7 @@ pub(crate) fn minimise(
     };
     let mut lambda = 1e-3;
     let mut iteration = 0;
-    while iteration < limits.iterations {
+    'steps: while iteration < limits.iterations {
         let normal = problem.normal(&problem.clusters(&fit.motion, &tangents), &fit.state);
         if normal.largest_gain() < limits.least_gain {
             break;
@@ -167,7 +169,7 @@ pub(crate) fn minimise(
                 _ => lambda *= 900.0,
             }
             if lambda >= 1e6 {
-                return Ok(fit);
+                break 'steps;
             }
         };
         let Some(Trial { state, cost, motion, damping, delta, promised }) = step else {
@@ -190,14 +192,16 @@ pub(crate) fn minimise(
             tangents.carry(problem, &fit.motion, &motion, &delta);
         }
         (fit.state, fit.cost, fit.motion) = (state, cost, motion);
-        if size < limits.step_tolerance || share < limits.gain_tolerance || gain < limits.least_gain {
+        // A small gain along a stale direction says little about what is left.
+        let arrived = share < limits.gain_tolerance || (trusted && gain < limits.least_gain);
+        if size < limits.step_tolerance || arrived {
             break;
         }
         if iteration < limits.iterations && !(limits.secants && trusted) {
             tangents = Tangents::measure(problem, &fit.state, &fit.motion)?;
         }
     }
-    Ok(fit)
+    Ok(Fit { tangents: Some(tangents), ..fit })
 }
 
 /// A damped step that could be simulated.

@@ -13,6 +13,7 @@ mod input;
 mod interval;
 mod levenberg;
 mod loss;
+mod material;
 mod neighbours;
 mod noise;
 mod normal;

@@ -118,6 +118,14 @@ impl Normal {
         self.step(0.0).map_or(f64::INFINITY, |step| -0.5 * self.gradient.dot(&step))
     }
 
+    /// The step whose `k`-th component is `length` and whose others lead to where the quadratic model is lowest then; `None` where the
+    /// others' matrix is not positive definite.
+    pub(crate) fn step_along(&self, k: usize, length: f64) -> Option<DVector<f64>> {
+        let others = self.hessian.clone().remove_row(k).remove_column(k);
+        let pull = self.gradient.clone() + self.hessian.column(k) * length;
+        Some((-others.cholesky()?.solve(&pull.remove_row(k))).insert_row(k, length))
+    }
+
     /// The damped step -(H + lambda diag H)^-1 g; `None` where the matrix is not positive definite.
     pub(crate) fn step(&self, lambda: f64) -> Option<DVector<f64>> {
         let mut damped = self.hessian.clone();
@@ -127,5 +135,34 @@ impl Normal {
             damped[(i, i)] += lambda * damped[(i, i)] + 1e-12 * largest + f64::MIN_POSITIVE;
         }
         Some(-damped.cholesky()?.solve(&self.gradient))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn no_other_step_of_that_length_along_an_unknown_promises_more(
+            rows in prop::collection::vec(-1.0f64..1.0, 16),
+            gradient in prop::collection::vec(-1.0f64..1.0, 4),
+            nudge in prop::collection::vec(-1.0f64..1.0, 4),
+            k in 0usize..4,
+            length in -1.0f64..1.0,
+        ) {
+            let rows = DMatrix::from_vec(4, 4, rows);
+            let hessian = rows.transpose() * &rows + DMatrix::identity(4, 4) * 0.1;
+            let normal = Normal { cost: 1.0, gradient: DVector::from_vec(gradient), hessian };
+            let step = normal.step_along(k, length).expect("positive definite");
+            prop_assert_eq!(step[k], length);
+            let mut other = step.clone() + DVector::from_vec(nudge.clone());
+            other[k] = length;
+            let moved = (&other - &step).norm_squared();
+            // The curvature is at least a tenth in every direction.
+            prop_assert!(normal.promised(step.as_slice()) >= normal.promised(other.as_slice()) + 0.049 * moved - 1e-9);
+        }
     }
 }

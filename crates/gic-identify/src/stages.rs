@@ -8,7 +8,6 @@ use std::time::Instant;
 use gic_mpm::Options;
 use nalgebra::{DMatrix, DVector};
 
-use crate::adam::adam;
 use crate::checkpoint::{Checkpoint, Event};
 use crate::checks;
 use crate::data::Data;
@@ -26,14 +25,6 @@ use crate::surface::Context;
 use crate::velocity::{Launch, clearance, launch};
 use crate::{IdentifyError, Input, MaterialKind, Optimizer, Parameter, Settings};
 
-/// Steps from each start, from the best of them, and with sharper masks.
-const SHORT_FIT: usize = 5;
-const LONG_FIT: usize = 14;
-const SHARP_FIT: usize = 8;
-
-/// How much more than the best a start may cost after its short fit to be fitted on.
-const CONTENDS: f64 = 1.3;
-
 /// Extra pooling of the masks while the outlines may still be far apart: Gauss-Newton steps reach about as far as the pictures are
 /// blurred, and a sharp outline would let it creep.
 pub(crate) const BLUR: usize = 8;
@@ -46,9 +37,6 @@ const LEAST_GAIN: f64 = 0.1;
 
 /// Standard deviation of the logarithm of the Gaussians' size about the one that fits free flight with the shape as reconstructed.
 const SPLAT_SIGMA: f64 = 0.05;
-
-/// Pooling of the last steps of the material stage.
-const SHARP: usize = 2;
 
 /// Who hears of events and may say stop.
 pub(crate) type Listener<'a> = dyn FnMut(Event) -> ControlFlow<()> + 'a;
@@ -160,7 +148,11 @@ impl Job<'_> {
     }
 
     /// Changes the checkpoint and hands it out, with the time since the last stage booked on `stage`.
-    fn reach(&self, stage: Option<Stage>, change: impl FnOnce(&mut Checkpoint)) -> Result<(), IdentifyError> {
+    pub(crate) fn reach(
+        &self,
+        stage: Option<Stage>,
+        change: impl FnOnce(&mut Checkpoint),
+    ) -> Result<(), IdentifyError> {
         let checkpoint = {
             let mut checkpoint = self.checkpoint.borrow_mut();
             change(&mut checkpoint);
@@ -347,71 +339,6 @@ impl Job<'_> {
         clearance(self.input, &flight.positions(&launched.state, last), last) < 1.5 * self.input.grid_spacing_m
     }
 
-    /// Material from the best starts, with the velocity of stage 1.
-    fn fit_material(&self, launched: &Launch, starts: Vec<State>) -> Result<State, IdentifyError> {
-        let failed = self.failure(starts.len());
-        if let Optimizer::Adam { iterations } = self.settings.optimizer {
-            let start = starts.into_iter().next().ok_or(IdentifyError::Interrupted)?;
-            return adam(self, launched.free, start, iterations).map_err(failed);
-        }
-        let simulation = self.simulation(launched.free);
-        let fit = |start: State, pooling: usize, iterations: usize| {
-            let (unknowns, level) = (self.free_materials(), self.touched_frames(launched, pooling));
-            self.minimise(Stage::Material, &simulation, self.base_objective(), unknowns, level, start, iterations)
-        };
-        // Some steps from each start tell which valley is worth the rest; those that have arrived stop earlier.
-        let done = self.checkpoint.borrow().fits.len();
-        let mut reason = String::new();
-        for start in starts.into_iter().skip(done) {
-            let found = fit(start, BLUR, SHORT_FIT).map(|fit| (fit.cost, fit.state)).map_err(|e| reason = e).ok();
-            if self.stopped.get() {
-                return Err(IdentifyError::Interrupted);
-            }
-            self.reach(None, |checkpoint| checkpoint.fits.push(found))?;
-        }
-        let fits = self.checkpoint.borrow().fits.clone();
-        // Valleys that are about as deep so far are walked to their ends.
-        let mut best: Option<Fit> = None;
-        for state in self.contenders(fits.into_iter().flatten().collect()) {
-            match fit(state, BLUR, LONG_FIT) {
-                Ok(found) if best.as_ref().is_none_or(|best| found.cost < best.cost) => best = Some(found),
-                Ok(_) => {}
-                Err(e) => reason = e,
-            }
-            if self.stopped.get() {
-                return Err(IdentifyError::Interrupted);
-            }
-        }
-        let state = best.ok_or_else(|| failed(reason))?.state;
-        if !self.settings.target.masks() {
-            return Ok(state);
-        }
-        fit(state, SHARP, SHARP_FIT).map(|fit| fit.state).map_err(failed)
-    }
-
-    /// Distinct states that cost little more than the cheapest of `fits`, cheapest first.
-    fn contenders(&self, mut fits: Vec<(f64, State)>) -> Vec<State> {
-        fits.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let most = CONTENDS * fits.first().map_or(0.0, |(cost, _)| *cost);
-        self.distinct(fits.into_iter().filter(|(cost, _)| *cost <= most).map(|(_, state)| state))
-    }
-
-    /// The first of `states` in each valley, in their order.
-    pub(crate) fn distinct(&self, states: impl Iterator<Item = State>) -> Vec<State> {
-        states.fold(Vec::new(), |mut distinct, state| {
-            if !distinct.iter().any(|other| self.same_valley(other, &state)) {
-                distinct.push(state);
-            }
-            distinct
-        })
-    }
-
-    /// Whether two states differ little in what tells valleys apart: not in what has one start only.
-    fn same_valley(&self, a: &State, b: &State) -> bool {
-        let pairs = a.material.iter().zip(&b.material);
-        self.parameters().iter().zip(pairs).filter(|(p, _)| p.grid > 1).all(|(_, (a, b))| (a - b).abs() < 0.2)
-    }
-
     /// Material, velocity, rotation where there is one, the Gaussians' size, and the shape. The position stays that of free flight: free, it
     /// is traded for the velocity.
     pub(crate) fn joint_unknowns(&self, launched: &Launch) -> Vec<Unknown> {
@@ -448,7 +375,7 @@ impl Job<'_> {
         }
         let (simulation, prior) = (self.simulation(launched.free), self.joint_prior(launched));
         let (unknowns, level) = (self.joint_unknowns(launched), self.all_frames());
-        let mut state = start;
+        let (mut state, mut known) = (start, None);
         for iterations in [FIRST_FIT.min(self.settings.iterations), self.settings.iterations] {
             let problem = Problem {
                 forward: &simulation,
@@ -458,8 +385,15 @@ impl Job<'_> {
                 level: level.clone(),
                 prior: Some(&prior),
             };
-            let motion = simulation.motion(&state, &level).map_err(self.failure(1))?;
-            let tangents = Tangents::measure(&problem, &state, &motion).map_err(self.failure(1))?;
+            // Where the first fit ended, its tangents are good enough for weights, and for a first step.
+            let (motion, tangents) = match known {
+                Some(known) => known,
+                None => {
+                    let motion = simulation.motion(&state, &level).map_err(self.failure(1))?;
+                    let tangents = Tangents::measure(&problem, &state, &motion).map_err(self.failure(1))?;
+                    (motion, tangents)
+                }
+            };
             self.tell(Event::Working).map_err(|_| IdentifyError::Interrupted)?;
             let clusters = problem.clusters(&motion, &tangents);
             let weights = self.weights_at(&clusters, unknowns.len(), launched);
@@ -467,10 +401,10 @@ impl Job<'_> {
             // The cost is in units of chi-squared: what matters is the absolute gain.
             let limits =
                 Limits { iterations, step_tolerance: 0.05, gain_tolerance: 0.0, least_gain: LEAST_GAIN, secants: true };
-            let known = Some((motion, tangents));
-            state = minimise(&problem, state, known, limits, &mut |iterate| self.report(Stage::Joint, iterate))
-                .map_err(self.failure(1))?
-                .state;
+            let report = &mut |iterate: &Iterate| self.report(Stage::Joint, iterate);
+            let fit = minimise(&problem, state, Some((motion, tangents)), limits, report).map_err(self.failure(1))?;
+            state = fit.state;
+            known = fit.tangents.map(|tangents| (fit.motion, tangents));
         }
         Ok(state)
     }

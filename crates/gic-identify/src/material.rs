@@ -1,0 +1,155 @@
+//! The material stage: the valleys of the starts, walked to their ends, and those next door.
+
+use rayon::prelude::*;
+
+use crate::IdentifyError;
+use crate::adam::adam;
+use crate::checkpoint::Event;
+use crate::levenberg::Fit;
+use crate::normal::Normal;
+use crate::objective::Problem;
+use crate::result::Stage;
+use crate::settings::Optimizer;
+use crate::simulation::Simulation;
+use crate::stages::{BLUR, Job};
+use crate::state::{State, Unknown};
+use crate::velocity::Launch;
+
+/// Steps from each start, from the best of them, and with sharper masks.
+const SHORT_FIT: usize = 5;
+const LONG_FIT: usize = 14;
+const SHARP_FIT: usize = 8;
+
+/// How much more than the best a start may cost after its short fit to be fitted on.
+const CONTENDS: f64 = 1.3;
+
+/// How far beyond a valley's walls to look, in the parameters' coordinates: a factor of two in a modulus.
+const HOP: f64 = 0.3;
+
+/// Valleys that may be left for the next one.
+const MOST_HOPS: usize = 3;
+
+/// Pooling of the last steps of the material stage.
+const SHARP: usize = 2;
+
+impl Job<'_> {
+    /// Material from the best starts, with the velocity of stage 1.
+    pub(crate) fn fit_material(&self, launched: &Launch, starts: Vec<State>) -> Result<State, IdentifyError> {
+        let failed = self.failure(starts.len());
+        if let Optimizer::Adam { iterations } = self.settings.optimizer {
+            let start = starts.into_iter().next().ok_or(IdentifyError::Interrupted)?;
+            return adam(self, launched.free, start, iterations).map_err(failed);
+        }
+        let simulation = self.simulation(launched.free);
+        let fit = |start: State, pooling: usize, iterations: usize| {
+            let (unknowns, level) = (self.free_materials(), self.touched_frames(launched, pooling));
+            self.minimise(Stage::Material, &simulation, self.base_objective(), unknowns, level, start, iterations)
+        };
+        // Some steps from each start tell which valley is worth the rest; those that have arrived stop earlier.
+        let done = self.checkpoint.borrow().fits.len();
+        let mut reason = String::new();
+        for start in starts.into_iter().skip(done) {
+            let found = fit(start, BLUR, SHORT_FIT).map(|fit| (fit.cost, fit.state)).map_err(|e| reason = e).ok();
+            if self.stopped.get() {
+                return Err(IdentifyError::Interrupted);
+            }
+            self.reach(None, |checkpoint| checkpoint.fits.push(found))?;
+        }
+        let fits = self.checkpoint.borrow().fits.clone();
+        // Valleys that are about as deep so far are walked to their ends.
+        let mut best: Option<Fit> = None;
+        for state in self.contenders(fits.into_iter().flatten().collect()) {
+            match fit(state, BLUR, LONG_FIT) {
+                Ok(found) if best.as_ref().is_none_or(|best| found.cost < best.cost) => best = Some(found),
+                Ok(_) => {}
+                Err(e) => reason = e,
+            }
+            if self.stopped.get() {
+                return Err(IdentifyError::Interrupted);
+            }
+        }
+        let mut best = best.ok_or_else(|| failed(reason))?;
+        for _ in 0..MOST_HOPS {
+            let beyond = self.beyond(&simulation, launched, &best)?;
+            match beyond.map(|state| fit(state, BLUR, LONG_FIT)) {
+                Some(Ok(found)) if found.cost < best.cost => best = found,
+                _ => break,
+            }
+        }
+        if self.stopped.get() {
+            return Err(IdentifyError::Interrupted);
+        }
+        let state = best.state;
+        if !self.settings.target.masks() {
+            return Ok(state);
+        }
+        fit(state, SHARP, SHARP_FIT).map(|fit| fit.state).map_err(failed)
+    }
+
+    /// Distinct states that cost little more than the cheapest of `fits`, cheapest first.
+    fn contenders(&self, mut fits: Vec<(f64, State)>) -> Vec<State> {
+        fits.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let most = CONTENDS * fits.first().map_or(0.0, |(cost, _)| *cost);
+        self.distinct(fits.into_iter().filter(|(cost, _)| *cost <= most).map(|(_, state)| state))
+    }
+
+    /// The first of `states` in each valley, in their order.
+    pub(crate) fn distinct(&self, states: impl Iterator<Item = State>) -> Vec<State> {
+        states.fold(Vec::new(), |mut distinct, state| {
+            if !distinct.iter().any(|other| self.same_valley(other, &state)) {
+                distinct.push(state);
+            }
+            distinct
+        })
+    }
+
+    /// Whether two states differ little in what tells valleys apart: not in what has one start only.
+    fn same_valley(&self, a: &State, b: &State) -> bool {
+        let pairs = a.material.iter().zip(&b.material);
+        self.parameters().iter().zip(pairs).filter(|(p, _)| p.grid > 1).all(|(_, (a, b))| (a - b).abs() < 0.2)
+    }
+
+    /// Where a deeper valley next to that of `fit` may begin: each parameter of which there are several starts is moved by [`HOP`] both ways, the others to
+    /// where they suit it best, and of those that cost little more than `fit` the one counts that undercuts the valley's curvature
+    /// most. Along a valley's floor nothing undercuts it.
+    fn beyond(&self, simulation: &Simulation, launched: &Launch, fit: &Fit) -> Result<Option<State>, IdentifyError> {
+        let Some(tangents) = &fit.tangents else { return Ok(None) };
+        let problem = Problem {
+            forward: simulation,
+            objective: self.base_objective(),
+            unknowns: self.free_materials(),
+            parameters: self.parameters(),
+            level: self.touched_frames(launched, BLUR),
+            prior: None,
+        };
+        let normal = problem.normal(&problem.clusters(&fit.motion, tangents), &fit.state);
+        let several = |u: &Unknown| matches!(u, Unknown::Material(i) if self.parameters()[*i].grid > 1);
+        let probes: Vec<(f64, State)> = (0..problem.unknowns.len())
+            .filter(|k| several(&problem.unknowns[*k]))
+            .flat_map(|k| [(k, HOP), (k, -HOP)])
+            .filter_map(|(k, hop)| probe(&problem, &normal, fit, (k, hop)))
+            .collect();
+        let cost = |(foretold, state): &(f64, State)| {
+            let motion = problem.forward.motion(state, &problem.level).ok()?;
+            let cost = problem.cost(state, &motion);
+            (cost < foretold.min(CONTENDS * fit.cost)).then_some(foretold - cost)
+        };
+        let undercut: Vec<Option<f64>> = probes.par_iter().with_max_len(1).map(cost).collect();
+        self.tell(Event::Working).map_err(|_| IdentifyError::Interrupted)?;
+        let most = undercut.into_iter().zip(probes).filter_map(|(undercut, (_, state))| Some((undercut?, state)));
+        Ok(most.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, state)| state))
+    }
+}
+
+/// The state with the `k`-th unknown moved by `hop`, and what the quadratic model foretells that it costs.
+fn probe(problem: &Problem, normal: &Normal, fit: &Fit, (k, hop): (usize, f64)) -> Option<(f64, State)> {
+    let step = normal.step_along(k, hop)?;
+    let short = |(i, unknown): (usize, &Unknown)| match i == k {
+        true => step[i],
+        false => step[i].clamp(-unknown.largest_step(problem.parameters), unknown.largest_step(problem.parameters)),
+    };
+    let step: Vec<f64> = problem.unknowns.iter().enumerate().map(short).collect();
+    let state = fit.state.moved(&problem.unknowns, &step, problem.parameters);
+    let delta: Vec<f64> = problem.unknowns.iter().map(|u| state.get(*u) - fit.state.get(*u)).collect();
+    (delta[k] != 0.0).then(|| (fit.cost - normal.promised(&delta), state))
+}
