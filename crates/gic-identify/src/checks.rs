@@ -6,6 +6,7 @@ use crate::loss::frame_loss;
 use crate::objective::Motion;
 use crate::silhouette::{MaskView, Splats, alpha};
 use crate::stages::Job;
+use crate::state::{State, Unknown};
 use crate::velocity::Launch;
 use crate::{Input, Target};
 
@@ -109,6 +110,21 @@ pub(crate) fn explained(job: &Job, launched: &Launch, motion: &Motion) {
             1e3 * after.0,
             1e3 * before.0
         ));
+    }
+}
+
+/// Warns of parameters that were found at the edge of what is admitted: a soft solid taken for a fluid, say, ends as one that cannot be squeezed.
+pub(crate) fn at_limits(job: &Job, state: &State) {
+    for unknown in job.free_materials() {
+        let Unknown::Material(i) = unknown else { continue };
+        let parameter = &job.parameters()[i];
+        if parameter.is_at_limit(state.material[i]) {
+            job.warn(format!(
+                "{} ends at {:.4e}, the edge of its range: either the video does not determine it, or the material or an obstacle is another",
+                parameter.name,
+                parameter.value(state.material[i])
+            ));
+        }
     }
 }
 

@@ -106,6 +106,7 @@ impl Job<'_> {
         });
         let velocity = DVec3::from_array(velocity);
         checks::explained(self, launched, &motion);
+        checks::at_limits(self, state);
         Ok(self.result(launched, state, estimates, velocity, Some(&motion)))
     }
 

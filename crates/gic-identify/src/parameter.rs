@@ -168,6 +168,12 @@ impl Parameter {
         (self.coordinate(self.bounds.0), self.coordinate(self.bounds.1))
     }
 
+    /// Whether a search coordinate is at one of the limits, to a step of the finite differences.
+    pub(crate) fn is_at_limit(&self, coordinate: f64) -> bool {
+        let (low, high) = self.limits();
+        (coordinate - low).min(high - coordinate) < self.difference_step()
+    }
+
     /// Step of the finite differences in the search coordinate: about 1 % of the value.
     ///
     /// Smaller steps drown in the rounding of f32 rollouts and in the return map's switches; at 1 % the derivative is off by a
@@ -222,6 +228,18 @@ mod tests {
         MaterialKind::Newtonian,
         MaterialKind::NonNewtonian,
     ];
+
+    #[test]
+    fn only_what_lies_at_a_limit_is_said_to() {
+        for kind in KINDS {
+            for p in kind.parameters() {
+                let (low, high) = p.limits();
+                assert!(p.is_at_limit(low) && p.is_at_limit(high), "{}", p.name);
+                assert!(!p.is_at_limit(f64::midpoint(low, high)), "{}", p.name);
+                assert!(!p.is_at_limit(high - 2.0 * p.difference_step()), "{}", p.name);
+            }
+        }
+    }
 
     proptest! {
         #[test]
