@@ -223,8 +223,7 @@ fn try_step(problem: &Problem, state: &State, normal: &Normal, damping: f64) -> 
         s.min(unknown.largest_step(problem.parameters) / d.abs().max(f64::MIN_POSITIVE))
     });
     step *= shrink;
-    let moved = state.moved(&problem.unknowns, step.as_slice(), problem.parameters);
-    let delta: Vec<f64> = problem.unknowns.iter().map(|u| moved.get(*u) - state.get(*u)).collect();
+    let (moved, delta) = problem.moved(state, step.as_slice());
     let motion = problem.forward.motion(&moved, &problem.level).ok()?;
     let cost = problem.cost(&moved, &motion);
     let promised = normal.promised(&delta);

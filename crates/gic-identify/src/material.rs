@@ -1,10 +1,7 @@
 //! The material stage: the valleys of the starts, walked to their ends, and those next door.
 
-use rayon::prelude::*;
-
 use crate::IdentifyError;
 use crate::adam::adam;
-use crate::checkpoint::Event;
 use crate::levenberg::Fit;
 use crate::normal::Normal;
 use crate::objective::Problem;
@@ -109,9 +106,9 @@ impl Job<'_> {
         self.parameters().iter().zip(pairs).filter(|(p, _)| p.grid > 1).all(|(_, (a, b))| (a - b).abs() < 0.2)
     }
 
-    /// Where a deeper valley next to that of `fit` may begin: each parameter of which there are several starts is moved by [`HOP`] both ways, the others to
-    /// where they suit it best, and of those that cost little more than `fit` the one counts that undercuts the valley's curvature
-    /// most. Along a valley's floor nothing undercuts it.
+    /// Where a deeper valley next to that of `fit` may begin: each parameter of which there are several starts is moved by [`HOP`] both
+    /// ways, the others to where they suit it best, and of those that cost little more than `fit` the one counts that undercuts the
+    /// valley's curvature most. Along a valley's floor nothing undercuts it.
     fn beyond(&self, simulation: &Simulation, launched: &Launch, fit: &Fit) -> Result<Option<State>, IdentifyError> {
         let Some(tangents) = &fit.tangents else { return Ok(None) };
         let problem = Problem {
@@ -123,33 +120,29 @@ impl Job<'_> {
             prior: None,
         };
         let normal = problem.normal(&problem.clusters(&fit.motion, tangents), &fit.state);
-        let several = |u: &Unknown| matches!(u, Unknown::Material(i) if self.parameters()[*i].grid > 1);
-        let probes: Vec<(f64, State)> = (0..problem.unknowns.len())
-            .filter(|k| several(&problem.unknowns[*k]))
+        let (foretold, states): (Vec<f64>, Vec<State>) = (0..problem.unknowns.len())
+            .filter(|k| self.is_varied(&problem.unknowns[*k]))
             .flat_map(|k| [(k, HOP), (k, -HOP)])
             .filter_map(|(k, hop)| probe(&problem, &normal, fit, (k, hop)))
-            .collect();
-        let cost = |(foretold, state): &(f64, State)| {
-            let motion = problem.forward.motion(state, &problem.level).ok()?;
-            let cost = problem.cost(state, &motion);
-            (cost < foretold.min(CONTENDS * fit.cost)).then_some(foretold - cost)
+            .unzip();
+        let costs = self.costs(simulation, problem.objective, &states, &problem.level)?;
+        let undercut = |((cost, foretold), state): ((Result<f64, String>, f64), State)| {
+            let cost = cost.ok().filter(|cost| *cost < foretold.min(CONTENDS * fit.cost))?;
+            Some((foretold - cost, state))
         };
-        let undercut: Vec<Option<f64>> = probes.par_iter().with_max_len(1).map(cost).collect();
-        self.tell(Event::Working).map_err(|_| IdentifyError::Interrupted)?;
-        let most = undercut.into_iter().zip(probes).filter_map(|(undercut, (_, state))| Some((undercut?, state)));
-        Ok(most.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, state)| state))
+        let probes = costs.into_iter().zip(foretold).zip(states).filter_map(undercut);
+        Ok(probes.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, state)| state))
     }
 }
 
 /// The state with the `k`-th unknown moved by `hop`, and what the quadratic model foretells that it costs.
 fn probe(problem: &Problem, normal: &Normal, fit: &Fit, (k, hop): (usize, f64)) -> Option<(f64, State)> {
     let step = normal.step_along(k, hop)?;
-    let short = |(i, unknown): (usize, &Unknown)| match i == k {
-        true => step[i],
-        false => step[i].clamp(-unknown.largest_step(problem.parameters), unknown.largest_step(problem.parameters)),
+    let short = |(i, unknown): (usize, &Unknown)| {
+        let most = unknown.largest_step(problem.parameters);
+        if i == k { step[i] } else { step[i].clamp(-most, most) }
     };
     let step: Vec<f64> = problem.unknowns.iter().enumerate().map(short).collect();
-    let state = fit.state.moved(&problem.unknowns, &step, problem.parameters);
-    let delta: Vec<f64> = problem.unknowns.iter().map(|u| state.get(*u) - fit.state.get(*u)).collect();
+    let (state, delta) = problem.moved(&fit.state, &step);
     (delta[k] != 0.0).then(|| (fit.cost - normal.promised(&delta), state))
 }

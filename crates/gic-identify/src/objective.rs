@@ -171,6 +171,13 @@ impl Problem<'_> {
         self.objective.cost(motion, &self.level) + known
     }
 
+    /// The state displaced by `step` along the unknowns, and how far the limits let it go.
+    pub(crate) fn moved(&self, state: &State, step: &[f64]) -> (State, Vec<f64>) {
+        let moved = state.moved(&self.unknowns, step, self.parameters);
+        let delta = self.unknowns.iter().map(|u| moved.get(*u) - state.get(*u)).collect();
+        (moved, delta)
+    }
+
     /// Normal equations of the observations, kept apart by cluster.
     pub(crate) fn clusters(&self, motion: &Motion, tangents: &Tangents) -> Vec<Cluster> {
         self.objective.clusters(motion, &tangents.motions, &tangents.steps, &self.level)

@@ -60,8 +60,7 @@ impl Job<'_> {
         ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut found: Vec<(f64, State)> = Vec::new();
         // The coarse grid would only distort what the grid of starts does not vary.
-        let varied = |u: &Unknown| matches!(u, Unknown::Material(i) if self.parameters()[*i].grid > 1);
-        let unknowns: Vec<Unknown> = self.free_materials().into_iter().filter(varied).collect();
+        let unknowns: Vec<Unknown> = self.free_materials().into_iter().filter(|u| self.is_varied(u)).collect();
         let coarse_fits = if unknowns.is_empty() { 0 } else { COARSE_FITS };
         for (_, start) in ranked.iter().take(coarse_fits) {
             let (start, level, unknowns) = ((*start).clone(), level.clone(), unknowns.clone());
@@ -84,7 +83,7 @@ impl Job<'_> {
     }
 
     /// What each of `states` costs, or why it cannot be simulated.
-    fn costs(
+    pub(crate) fn costs(
         &self,
         simulation: &Simulation,
         objective: Objective,

@@ -90,6 +90,11 @@ impl Job<'_> {
         (0..self.parameters().len()).filter(|i| !fixed(&self.parameters()[*i])).map(Unknown::Material).collect()
     }
 
+    /// Whether it is a parameter of which the grid of starts has several values.
+    pub(crate) fn is_varied(&self, unknown: &Unknown) -> bool {
+        matches!(unknown, Unknown::Material(i) if self.parameters()[*i].grid > 1)
+    }
+
     pub(crate) fn simulation(&self, free: usize) -> Simulation<'_> {
         Simulation {
             input: self.input,
