@@ -76,6 +76,17 @@ impl DensityField {
             .then(|| self.index(p.x as usize, p.y as usize, p.z as usize))
     }
 
+    /// Indices of the 3x3x3 voxels around one, those in the grid.
+    pub(crate) fn around(&self, index: usize) -> impl Iterator<Item = usize> + '_ {
+        let [x, y, z] = self.voxel(index);
+        let range = |c: usize, n: usize| c.saturating_sub(1)..(c + 2).min(n);
+        let [xs, ys, zs] = [range(x, self.size[0]), range(y, self.size[1]), range(z, self.size[2])];
+        zs.flat_map(move |z| {
+            let (xs, ys) = (xs.clone(), ys.clone());
+            ys.flat_map(move |y| xs.clone().map(move |x| self.index(x, y, z)))
+        })
+    }
+
     /// The value of voxel (x, y, z); zero outside the grid.
     #[inline]
     fn at(&self, x: i64, y: i64, z: i64) -> f32 {

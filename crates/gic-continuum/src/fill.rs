@@ -91,6 +91,14 @@ impl Filling {
         self.positions(self.th_min, self.th_max)
     }
 
+    /// How much the body's boundary at a point of it [m] is in doubt, in [0, 1]: 1 where no view sees it, falling to 0 some voxels away from
+    /// there.
+    pub fn doubt_of_surface(&self, point: DVec3) -> f32 {
+        // The voxel that holds the point may lie outside, where nothing is in doubt.
+        let voxels = self.field.discretize(point).into_iter().flat_map(|i| self.field.around(i));
+        voxels.filter_map(|i| self.doubt.get(i)).copied().fold(0.0, f32::max)
+    }
+
     /// GetPosition of the paper.
     fn positions(&self, low: f64, high: f64) -> Vec<DVec3> {
         let inside = |v: f32| f64::from(v) >= low && f64::from(v) <= high;
@@ -281,11 +289,7 @@ fn reassign(
 
 /// Whether any voxel of the 3x3x3 around one reaches a density.
 fn dense_nearby(field: &DensityField, index: usize, density: f32) -> bool {
-    let [x, y, z] = field.voxel(index);
-    let range = |c: usize, n: usize| c.saturating_sub(1)..(c + 2).min(n);
-    range(z, field.size[2]).any(|z| {
-        range(y, field.size[1]).any(|y| range(x, field.size[0]).any(|x| field.values[field.index(x, y, z)] >= density))
-    })
+    field.around(index).any(|i| field.values[i] >= density)
 }
 
 /// A last gentle filter, so that the level set is smooth; parts so thin that they would vanish keep their density.

@@ -8,8 +8,8 @@ use common::{
     sphere, torus, views,
 };
 use gic_continuum::{
-    ContinuumError, Drawing, FillSettings, Filling, GroundPlane, MaskedView, Particles, Placement, Unseen, calibrate,
-    compare_with_masks, fill, sample_particles,
+    ContinuumError, Drawing, FillSettings, Filling, GroundPlane, MaskedView, Particles, Placement, SurfacePoint,
+    Unseen, calibrate, compare_with_masks, fill, sample_particles,
 };
 use gic_metrics::KdTree;
 use gic_scene::Camera;
@@ -175,6 +175,15 @@ fn particles_near_undersides_are_in_doubt_and_those_behind_seen_surfaces_are_not
     assert!(doubts().filter(|(p, _)| p.y > 0.05 && p.x.abs() < 0.1 && p.z.abs() < 0.08).all(|(_, &d)| d == 0.0));
     let lowest = particles.positions.iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
     assert!(doubts().filter(|(p, _)| p.y < lowest + 0.004).all(|(_, &d)| d > 0.5));
+
+    let points = filling.surface_mesh().sample(0.01, 0);
+    let doubts_where = |chosen: &dyn Fn(&SurfacePoint) -> bool| -> Vec<f32> {
+        points.iter().filter(|p| chosen(p)).map(|p| filling.doubt_of_surface(p.position)).collect()
+    };
+    let top = doubts_where(&|p| p.normal.y > 0.9 && p.position.x.abs() < 0.1 && p.position.z.abs() < 0.08);
+    let underside = doubts_where(&|p| p.normal.y < -0.9);
+    assert!(top.len() > 50 && top.iter().all(|d| *d == 0.0), "{top:?}");
+    assert!(underside.len() > 50 && underside.iter().all(|d| *d > 0.9), "{underside:?}");
 
     // Seen from all sides, nothing is in doubt.
     let cameras = cameras();

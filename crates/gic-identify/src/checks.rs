@@ -169,7 +169,8 @@ mod tests {
             grid_spacing_m: 0.04,
             substeps_per_frame: 10,
         };
-        let frame = |time_s: f64| Observation { time_s, surface: Vec::new(), views: masks(&input) };
+        let frame =
+            |time_s: f64| Observation { time_s, surface: Vec::new(), surface_doubts: Vec::new(), views: masks(&input) };
         input.observations = vec![frame(0.0), frame(1.0 / 24.0)];
         input
     }

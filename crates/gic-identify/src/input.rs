@@ -22,6 +22,9 @@ pub struct Observation {
     pub time_s: f64,
     /// Points on the extracted surface [m], shape [n]; empty where none was extracted.
     pub surface: Vec<DVec3>,
+    /// How much each of them is in doubt, in [0, 1], shape [n]; empty where none is. What no view sees was put where it was expected, and
+    /// does not count.
+    pub surface_doubts: Vec<f32>,
     /// Masks; cameras may be missing.
     pub views: Vec<View>,
 }
@@ -156,6 +159,14 @@ impl Input {
                     format!("surface of frame {f}"),
                     format!("point {i} is not finite"),
                     "check the reconstruction",
+                ));
+            }
+            let (doubts, points) = (&observation.surface_doubts, observation.surface.len());
+            if !doubts.is_empty() && doubts.len() != points || doubts.iter().any(|d| !(0.0..=1.0).contains(d)) {
+                return Err(IdentifyError::input(
+                    format!("surface_doubts of frame {f}"),
+                    format!("has {} values for {points} points, or one that is not between 0 and 1", doubts.len()),
+                    "give one value for each point, or none at all",
                 ));
             }
         }

@@ -10,6 +10,12 @@ use crate::state::{State, Unknown};
 /// promised.
 const TRUSTED_GAIN: f64 = 0.5;
 
+/// Not worth a step: less than this share of what a step must gain for others to follow.
+const LEAST_PROMISE: f64 = 0.1;
+
+/// What a Jacobian that was carried along promises is so uncertain that up to this many times the least gain are not worth a new one.
+const NOT_WORTH: f64 = 4.0;
+
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Limits {
@@ -17,7 +23,7 @@ pub(crate) struct Limits {
     pub iterations: usize,
     /// Converged when every unknown moves by less than this many finite-difference steps.
     pub step_tolerance: f64,
-    /// Converged when the cost falls by less than this share.
+    /// Converged when the cost falls by less than this share, or cannot fall by a tenth of it.
     pub gain_tolerance: f64,
     /// Converged when the cost falls by less than this, or cannot fall by more.
     pub least_gain: f64,
@@ -152,9 +158,11 @@ pub(crate) fn minimise(
     let mut iteration = 0;
     'steps: while iteration < limits.iterations {
         let normal = problem.normal(&problem.clusters(&fit.motion, &tangents), &fit.state);
-        if normal.largest_gain() < limits.least_gain {
+        let most = normal.largest_gain();
+        if most < limits.least_gain.max(LEAST_PROMISE * limits.gain_tolerance * fit.cost) {
             break;
         }
+        let worth_measuring = most >= NOT_WORTH * limits.least_gain;
         let step = loop {
             // Two dampings at once: the second core would idle otherwise.
             let trials: Vec<Option<Trial>> = [lambda, lambda * 30.0]
@@ -164,6 +172,7 @@ pub(crate) fn minimise(
             let best = trials.into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost));
             match best {
                 Some(trial) if trial.cost < fit.cost => break Some(trial),
+                _ if !tangents.fresh && !worth_measuring => break 'steps,
                 // The direction itself may be stale.
                 _ if !tangents.fresh => break None,
                 _ => lambda *= 900.0,
@@ -193,7 +202,7 @@ pub(crate) fn minimise(
         }
         (fit.state, fit.cost, fit.motion) = (state, cost, motion);
         // A small gain along a stale direction says little about what is left.
-        let arrived = share < limits.gain_tolerance || (trusted && gain < limits.least_gain);
+        let arrived = share < limits.gain_tolerance || gain < limits.least_gain && (trusted || !worth_measuring);
         if size < limits.step_tolerance || arrived {
             break;
         }

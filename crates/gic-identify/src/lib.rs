@@ -7,6 +7,7 @@ mod coarse;
 mod data;
 mod dilution;
 mod error;
+mod faces;
 mod finish;
 mod flight;
 mod input;

@@ -20,6 +20,9 @@ const SHARP_FIT: usize = 8;
 /// How much more than the best a start may cost after its short fit to be fitted on.
 const CONTENDS: f64 = 1.3;
 
+/// How much more than the deepest a valley may cost at its end to be tried with sharper masks.
+const ALIKE: f64 = 1.05;
+
 /// How far beyond a valley's walls to look, in the parameters' coordinates: a factor of two in a modulus.
 const HOP: f64 = 0.3;
 
@@ -53,40 +56,49 @@ impl Job<'_> {
             self.reach(None, |checkpoint| checkpoint.fits.push(found))?;
         }
         let fits = self.checkpoint.borrow().fits.clone();
-        // Valleys that are about as deep so far are walked to their ends.
-        let mut best: Option<Fit> = None;
-        for state in self.contenders(fits.into_iter().flatten().collect()) {
+        // Valleys that are about as deep so far are walked to their ends, and those next door to the deepest.
+        let mut ends: Vec<Fit> = Vec::new();
+        for state in self.contenders(fits.into_iter().flatten().collect(), CONTENDS) {
             match fit(state, BLUR, LONG_FIT) {
-                Ok(found) if best.as_ref().is_none_or(|best| found.cost < best.cost) => best = Some(found),
-                Ok(_) => {}
+                Ok(found) => ends.push(found),
                 Err(e) => reason = e,
             }
             if self.stopped.get() {
                 return Err(IdentifyError::Interrupted);
             }
         }
-        let mut best = best.ok_or_else(|| failed(reason))?;
         for _ in 0..MOST_HOPS {
-            let beyond = self.beyond(&simulation, launched, &best)?;
-            match beyond.map(|state| fit(state, BLUR, LONG_FIT)) {
-                Some(Ok(found)) if found.cost < best.cost => best = found,
-                _ => break,
+            ends.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+            let Some(best) = ends.first() else { return Err(failed(reason)) };
+            let beyond = self.beyond(&simulation, launched, best)?;
+            let Some(Ok(found)) = beyond.map(|state| fit(state, BLUR, LONG_FIT)) else { break };
+            let deeper = found.cost < best.cost;
+            ends.push(found);
+            if !deeper {
+                break;
             }
         }
         if self.stopped.get() {
             return Err(IdentifyError::Interrupted);
         }
-        let state = best.state;
+        // Which of several that are as deep as each other is right shows in sharper masks.
+        let mut finalists = self.contenders(ends.into_iter().map(|end| (end.cost, end.state)).collect(), ALIKE);
         if !self.settings.target.masks() {
-            return Ok(state);
+            return Ok(finalists.swap_remove(0));
         }
-        fit(state, SHARP, SHARP_FIT).map(|fit| fit.state).map_err(failed)
+        let sharp: Vec<Fit> = finalists
+            .into_iter()
+            .map(|state| fit(state, SHARP, SHARP_FIT))
+            .collect::<Result<_, _>>()
+            .map_err(&failed)?;
+        let best = sharp.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
+        best.map(|fit| fit.state).ok_or_else(|| failed(reason))
     }
 
-    /// Distinct states that cost little more than the cheapest of `fits`, cheapest first.
-    fn contenders(&self, mut fits: Vec<(f64, State)>) -> Vec<State> {
+    /// Distinct states that cost at most `factor` times as much as the cheapest of `fits`, cheapest first.
+    fn contenders(&self, mut fits: Vec<(f64, State)>, factor: f64) -> Vec<State> {
         fits.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let most = CONTENDS * fits.first().map_or(0.0, |(cost, _)| *cost);
+        let most = factor * fits.first().map_or(0.0, |(cost, _)| *cost);
         self.distinct(fits.into_iter().filter(|(cost, _)| *cost <= most).map(|(_, state)| state))
     }
 

@@ -37,9 +37,11 @@ fn weigh_phase(phase: &[Cluster], modality: Modality, unknowns: usize, ceilings:
         Modality::Mask => ceilings.mask[o],
         Modality::Surface => ceilings.surface[o],
     };
+    // The first surface is what distances are measured relative to: it tells nothing of their noise.
+    let telling = |c: &&Cluster| modality == Modality::Mask || c.observation > 0 || last == 0;
     for o in first..=last {
         // A frame alone is a small sample: its neighbours count, too.
-        let near: Vec<&Cluster> = phase.iter().filter(|c| c.observation.abs_diff(o) <= 1).collect();
+        let near: Vec<&Cluster> = phase.iter().filter(|c| c.observation.abs_diff(o) <= 1).filter(telling).collect();
         let noise = noise(&near, unknowns);
         slots(weights, o, 1.0 / noise.max(1.0 / ceiling(o)));
     }

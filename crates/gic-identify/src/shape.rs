@@ -14,8 +14,8 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use crate::Input;
+use crate::faces::faces;
 use crate::neighbours::Neighbours;
-use crate::surface::outward;
 
 /// Standard deviation of the surface's position along its normal, in particle spacings: where a camera sees it, where none does, and
 /// that of a common error of the whole surface. How far the matter that a particle stands for reaches beyond its centre is a convention to
@@ -152,7 +152,8 @@ impl ShapeModes {
 /// Outward directions of the particles on the surface, `None` inside.
 fn normals(input: &Input) -> Vec<Option<DVec3>> {
     let positions: Vec<[f32; 3]> = input.positions.iter().map(|p| p.as_vec3().to_array()).collect();
-    outward(&positions, 1.1 * input.grid_spacing_m)
+    let faces = faces(&positions, 1.1 * input.grid_spacing_m);
+    faces.iter().map(|face| face.is_surface().then_some(face.outward)).collect()
 }
 
 /// Places on the surface, one per cell; `normals` are those of the particles.

@@ -29,8 +29,10 @@ use crate::{IdentifyError, Input, MaterialKind, Optimizer, Parameter, Settings};
 /// blurred, and a sharp outline would let it creep.
 pub(crate) const BLUR: usize = 8;
 
-/// Most steps of the joint stage under its first weights, which only have to be good enough to weigh the frames anew.
+/// Most steps of the joint stage under its first weights, and the share of the cost that a step must gain there: this fit only has to be
+/// good enough to weigh the frames anew.
 const FIRST_FIT: usize = 5;
+const ROUGHLY: f64 = 0.02;
 
 /// The joint stage ends where a step gains less than this of the cost, which is half of chi-squared.
 const LEAST_GAIN: f64 = 0.1;
@@ -381,7 +383,8 @@ impl Job<'_> {
         let (simulation, prior) = (self.simulation(launched.free), self.joint_prior(launched));
         let (unknowns, level) = (self.joint_unknowns(launched), self.all_frames());
         let (mut state, mut known) = (start, None);
-        for iterations in [FIRST_FIT.min(self.settings.iterations), self.settings.iterations] {
+        let first = (FIRST_FIT.min(self.settings.iterations), ROUGHLY);
+        for (iterations, gain_tolerance) in [first, (self.settings.iterations, 0.0)] {
             let problem = Problem {
                 forward: &simulation,
                 objective: self.base_objective(),
@@ -405,7 +408,7 @@ impl Job<'_> {
             let problem = Problem { objective: Objective { weights: &weights, ..self.base_objective() }, ..problem };
             // The cost is in units of chi-squared: what matters is the absolute gain.
             let limits =
-                Limits { iterations, step_tolerance: 0.05, gain_tolerance: 0.0, least_gain: LEAST_GAIN, secants: true };
+                Limits { iterations, step_tolerance: 0.05, gain_tolerance, least_gain: LEAST_GAIN, secants: true };
             let report = &mut |iterate: &Iterate| self.report(Stage::Joint, iterate);
             let fit = minimise(&problem, state, Some((motion, tangents)), limits, report).map_err(self.failure(1))?;
             state = fit.state;

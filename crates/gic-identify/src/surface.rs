@@ -5,12 +5,16 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::Input;
+use crate::faces::{faces, rise};
 use crate::neighbours::Neighbours;
 use crate::normal::{Cluster, Modality};
 use crate::objective::Motion;
+use crate::{Input, Observation};
 
-/// At most this many points take part per frame and direction.
+/// How many of the nearest points make up what a distance is measured from.
+const NEAREST: usize = 6;
+
+/// About this many points take part per frame and direction at most.
 const MOST_POINTS: usize = 1500;
 
 /// An extracted surface with normals.
@@ -20,6 +24,8 @@ pub(crate) struct ObservedSurface {
     pub points: Vec<DVec3>,
     /// Unit normals of unknown sign.
     pub normals: Vec<DVec3>,
+    /// How much each point counts: not where no view sees it.
+    seen: Vec<f64>,
     tree: Neighbours,
     /// Beyond this the nearest point, not the plane through it, is what pulls [m].
     far: f64,
@@ -27,10 +33,13 @@ pub(crate) struct ObservedSurface {
 
 impl ObservedSurface {
     /// Normals from the neighbours within `radius` [m] by principal components.
-    pub(crate) fn new(points: &[DVec3], radius: f64) -> ObservedSurface {
-        let tree = Neighbours::new(points, 0.5 * radius);
+    pub(crate) fn new(observation: &Observation, radius: f64) -> ObservedSurface {
+        let points = observation.surface.clone();
+        let tree = Neighbours::new(&points, 0.5 * radius);
         let normals = points.iter().map(|p| normal(&tree, *p, 0.5 * radius)).collect();
-        ObservedSurface { points: points.to_vec(), normals, tree, far: 0.75 * radius }
+        let doubt = |i: usize| observation.surface_doubts.get(i).map_or(0.0, |d| f64::from(*d));
+        let seen = (0..points.len()).map(|i| 1.0 - doubt(i)).collect();
+        ObservedSurface { points, normals, seen, tree, far: 0.75 * radius }
     }
 }
 
@@ -60,6 +69,9 @@ pub(crate) struct Context {
     margin: f64,
     /// Radius within which a particle's neighbours decide whether it is on the surface [m].
     radius: f64,
+    /// Share of the particles that take part. Always the same ones do: a choice that depended on the hypothesis would change the cost by more
+    /// than what is looked for.
+    sampled: f64,
     /// Signed distance of each particle from the first extracted surface, outward positive [m]; NaN for inner particles.
     rest: Vec<f64>,
     /// Median of `rest`.
@@ -75,17 +87,18 @@ impl Context {
             colliders: input.colliders.clone(),
             margin: input.grid_spacing_m,
             radius: 1.1 * input.grid_spacing_m,
+            sampled: 1.0,
             rest: vec![f64::NAN; input.positions.len()],
             typical: 0.0,
             knee: 0.5 * input.grid_spacing_m,
         };
-        let Some(first) = first else { return context };
         let positions: Vec<[f32; 3]> = input.positions.iter().map(|p| p.as_vec3().to_array()).collect();
-        let outward = outward(&positions, context.radius);
+        let faces = faces(&positions, context.radius);
+        context.sampled = sampled(faces.iter().filter(|face| face.is_surface()).count());
+        let Some(first) = first else { return context };
         let mut known = Vec::new();
-        for (i, direction) in outward.iter().enumerate() {
-            let Some(direction) = direction else { continue };
-            let (distance, normal) = signed_distance(first, input.positions[i], *direction);
+        for (i, face) in faces.iter().enumerate().filter(|(_, face)| face.is_surface()) {
+            let (distance, normal, _) = signed_distance(first, input.positions[i], face.outward);
             if distance.abs() < 2.0 * context.margin && normal.is_finite() {
                 context.rest[i] = distance;
                 known.push(distance);
@@ -102,8 +115,10 @@ impl Context {
 
     /// Indices of the particles on the surface that touch nothing.
     pub(crate) fn surface_particles(&self, positions: &[[f32; 3]], time: f64) -> Vec<usize> {
-        let outward = outward(positions, self.radius);
-        (0..positions.len()).filter(|i| outward[*i].is_some() && !self.in_contact(point(positions[*i]), time)).collect()
+        let faces = faces(positions, self.radius);
+        (0..positions.len())
+            .filter(|i| faces[*i].is_surface() && !self.in_contact(point(positions[*i]), time))
+            .collect()
     }
 
     /// Distance at which particle `i` belongs when the hypothesis is right.
@@ -113,12 +128,26 @@ impl Context {
 
     /// The same for motions of only the particles `ids`, `factor` times as far apart.
     pub(crate) fn thinned(&self, ids: &[usize], factor: f64) -> Context {
-        Context { rest: ids.iter().map(|i| self.rest[*i]).collect(), radius: factor * self.radius, ..self.clone() }
+        let rest: Vec<f64> = ids.iter().map(|i| self.rest[*i]).collect();
+        let sampled = sampled(rest.iter().filter(|distance| distance.is_finite()).count());
+        Context { rest, sampled, radius: factor * self.radius, ..self.clone() }
     }
 
     /// Whether a point is so near to an obstacle that it does not count.
     pub(crate) fn in_contact(&self, p: DVec3, time: f64) -> bool {
-        self.colliders.iter().any(|collider| collider.signed_distance(p, time) < self.margin)
+        self.clear(p, time) < 0.5
+    }
+
+    /// How far a point is clear of all obstacles: 0 in contact, 1 out of it, one half at the margin.
+    fn clear(&self, p: DVec3, time: f64) -> f64 {
+        let nearest = self.colliders.iter().map(|c| c.signed_distance(p, time)).fold(f64::INFINITY, f64::min);
+        rise(nearest / self.margin, (0.75, 1.25))
+    }
+
+    /// Whether a particle is one of those that take part: spread evenly over their numbers, whatever the order these follow.
+    fn takes_part(&self, i: usize) -> bool {
+        const GOLDEN: f64 = 0.618_033_988_749_894_9;
+        (i as f64 * GOLDEN).fract() < self.sampled
     }
 
     /// Normal equations of one frame; correspondences are those of the base motion.
@@ -130,61 +159,68 @@ impl Context {
         perturbed: &[Motion],
         steps: &[f64],
     ) -> Cluster {
+        let comparison = Comparison { context: self, o, motion, perturbed, steps };
+        let base: Vec<DVec3> = motion.positions[o].iter().map(|p| point(*p)).collect();
+        let faces = faces(&motion.positions[o], self.radius);
         let mut cluster = Cluster::new(Modality::Surface, o, None, steps.len());
-        let swollen = |motion: &Motion, i: usize| motion.swelling.get(i).map_or(0.0, |s| f64::from(*s));
-        let compared = |i: usize, normal: DVec3, distance: f64, row: &mut [f64]| {
-            let (p, own) = (point(motion.positions[o][i]), swollen(motion, i));
-            for ((slot, moved), step) in row.iter_mut().zip(perturbed).zip(steps) {
-                *slot = (normal.dot(point(moved.positions[o][i]) - p) - (swollen(moved, i) - own)) / step;
+        let surface: Vec<usize> = (0..base.len()).filter(|i| faces[*i].share > 0.0).collect();
+        for &i in surface.iter().filter(|i| self.takes_part(**i)) {
+            let weight = faces[i].share * self.clear(base[i], time);
+            if weight > 0.0 {
+                let (distance, normal, seen) = signed_distance(observed, base[i], faces[i].outward);
+                comparison.add(&mut cluster, &[(i, 1.0)], normal, distance, weight * seen);
             }
-            distance - self.rest_of(i) - own
-        };
-        let base = &motion.positions[o];
-        let outward = outward(base, self.radius);
-        let surface: Vec<usize> = (0..base.len()).filter(|i| outward[*i].is_some()).collect();
-        let mut row = vec![0.0; steps.len()];
-        let stride = surface.len().div_ceil(MOST_POINTS).max(1);
-        for &i in surface.iter().step_by(stride) {
-            let p = point(base[i]);
-            if self.in_contact(p, time) {
-                continue;
-            }
-            let direction = outward[i].unwrap_or(DVec3::Y);
-            let (distance, normal) = signed_distance(observed, p, direction);
-            let residual = compared(i, normal, distance, &mut row);
-            self.add(&mut cluster, residual, &row);
         }
-        if surface.is_empty() {
-            return cluster;
-        }
-        let simulated: Vec<DVec3> = surface.iter().map(|i| point(base[*i])).collect();
+        let simulated: Vec<DVec3> = surface.iter().map(|i| base[*i]).collect();
         let tree = Neighbours::new(&simulated, self.margin);
         let stride = observed.points.len().div_ceil(MOST_POINTS).max(1);
-        for (y, n) in observed.points.iter().zip(&observed.normals).step_by(stride) {
-            if self.in_contact(*y, time) {
-                continue;
+        for k in (0..observed.points.len()).step_by(stride) {
+            let (y, n) = (observed.points[k], observed.normals[k]);
+            let weight = self.clear(y, time) * observed.seen[k];
+            if weight > 0.0 && !surface.is_empty() {
+                let near = shares(tree.nearest(y), |k| faces[surface[k]].share);
+                let particles: Vec<(usize, f64)> = near.iter().map(|(k, share)| (surface[*k], *share)).collect();
+                let mean = |of: &dyn Fn(usize) -> DVec3| particles.iter().map(|(i, share)| *share * of(*i)).sum();
+                let (place, outward): (DVec3, DVec3) = (mean(&|i| base[i]), mean(&|i| faces[i].outward));
+                let (distance, normal) = directed(place - y, n, outward, self.margin);
+                comparison.add(&mut cluster, &particles, normal, distance, weight);
             }
-            let [(squared, k)] = tree.nearest::<1>(*y);
-            if !squared.is_finite() {
-                continue;
-            }
-            let i = surface[k];
-            let p = simulated[k];
-            let (distance, normal) = directed(p - *y, *n, outward[i].unwrap_or(*n), self.margin);
-            let residual = compared(i, normal, distance, &mut row);
-            self.add(&mut cluster, residual, &row);
         }
         cluster.finish()
     }
+}
 
-    /// Huber's loss: quadratic up to the knee, linear beyond.
-    fn add(&self, cluster: &mut Cluster, residual: f64, row: &[f64]) {
-        let size = residual.abs();
-        let weight = (self.knee / size.max(self.knee)).min(1.0);
-        cluster.add(residual, row, weight);
-        // `add` counts weight r^2 / 2; Huber's cost beyond the knee is knee (|r| - knee / 2).
-        if size > self.knee {
-            cluster.cost += 0.5 * self.knee * (size - self.knee);
+/// What the residuals of one frame are made of.
+struct Comparison<'a> {
+    context: &'a Context,
+    /// Index of the observation.
+    o: usize,
+    motion: &'a Motion,
+    perturbed: &'a [Motion],
+    steps: &'a [f64],
+}
+
+impl Comparison<'_> {
+    /// Adds the distance of some particles, with shares that sum to one, from the surface along `normal`, relative to where they belong.
+    ///
+    /// Huber's loss, `weight` times: quadratic up to the knee, linear beyond.
+    fn add(&self, cluster: &mut Cluster, particles: &[(usize, f64)], normal: DVec3, distance: f64, weight: f64) {
+        let swollen = |motion: &Motion, i: usize| motion.swelling.get(i).map_or(0.0, |s| f64::from(*s));
+        let mut row = vec![0.0; self.steps.len()];
+        let mut residual = distance;
+        for &(i, share) in particles {
+            let (p, own) = (point(self.motion.positions[self.o][i]), swollen(self.motion, i));
+            residual -= share * (self.context.rest_of(i) + own);
+            for ((slot, moved), step) in row.iter_mut().zip(self.perturbed).zip(self.steps) {
+                let way = normal.dot(point(moved.positions[self.o][i]) - p) - (swollen(moved, i) - own);
+                *slot += share * way / step;
+            }
+        }
+        let (size, knee) = (residual.abs(), self.context.knee);
+        cluster.add(residual, &row, weight * (knee / size.max(knee)).min(1.0));
+        // `Cluster::add` counts weight r^2 / 2; Huber's cost beyond the knee is knee (|r| - knee / 2).
+        if size > knee {
+            cluster.cost += weight * 0.5 * knee * (size - knee);
         }
     }
 }
@@ -193,13 +229,34 @@ fn point(p: [f32; 3]) -> DVec3 {
     glam::Vec3::from_array(p).as_dvec3()
 }
 
-/// Distance of `p` from the surface, positive outward (along `outward`), and the direction in which it is measured.
-fn signed_distance(surface: &ObservedSurface, p: DVec3, outward: DVec3) -> (f64, DVec3) {
-    let [(squared, id)] = surface.tree.nearest::<1>(p);
-    if !squared.is_finite() {
-        return (0.0, DVec3::ZERO);
+/// Distance of `p` from the surface, positive outward (along `outward`), the direction in which it is measured, and how much the surface
+/// there counts.
+///
+/// The surface is the mean of the nearest points' planes.
+fn signed_distance(surface: &ObservedSurface, p: DVec3, outward: DVec3) -> (f64, DVec3, f64) {
+    let (mut place, mut normal, mut seen) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+    for (id, share) in shares(surface.tree.nearest::<NEAREST>(p), |_| 1.0) {
+        let n = surface.normals[id];
+        place += share * surface.points[id];
+        seen += share * surface.seen[id];
+        normal += if n.dot(outward) < 0.0 { -share * n } else { share * n };
     }
-    directed(p - surface.points[id], surface.normals[id], outward, surface.far)
+    let (distance, normal) = directed(p - place, normal.normalize_or(outward), outward, surface.far);
+    (distance, normal, seen)
+}
+
+/// The shares of the nearest points (squared distance, index), which sum to one: by inverse squared distance, less that of the last of them.
+/// The last has no share then, so that what they are used for is continuous where the nearest points change, and a point that is hit has
+/// them all, so that a right hypothesis has no residual. `most` is what a point may count at most, before that. Without any point
+/// there are no shares.
+fn shares(nearest: [(f64, usize); NEAREST], most: impl Fn(usize) -> f64) -> Vec<(usize, f64)> {
+    let found = nearest.into_iter().filter(|(squared, _)| squared.is_finite());
+    let last = found.clone().last().map_or(0.0, |(squared, _)| squared).max(f64::MIN_POSITIVE);
+    // The last counts after all where no other does.
+    let weight = |squared: f64| last / squared.max(1e-9 * last) - 1.0 + 1e-9;
+    let weights: Vec<(usize, f64)> = found.map(|(squared, k)| (k, weight(squared) * most(k))).collect();
+    let total: f64 = weights.iter().map(|(_, weight)| weight).sum();
+    weights.into_iter().map(|(k, weight)| (k, weight / total)).collect()
 }
 
 /// Distance along the normal where the offset is mostly along it or short, along the offset itself elsewhere.
@@ -213,21 +270,97 @@ fn directed(offset: DVec3, normal: DVec3, outward: DVec3, far: f64) -> (f64, DVe
     (offset.dot(normal), normal)
 }
 
-/// Outward direction of each particle on the surface: away from the centre of its neighbours, where these lie to one side.
-pub(crate) fn outward(positions: &[[f32; 3]], radius: f64) -> Vec<Option<DVec3>> {
-    let points: Vec<DVec3> = positions.iter().map(|p| point(*p)).collect();
-    let tree = Neighbours::new(&points, radius);
-    points
-        .iter()
-        .map(|p| {
-            let (mut sum, mut count) = (DVec3::ZERO, 0.0);
-            tree.within(*p, radius, |_, _, q| {
-                sum += *p - q;
-                count += 1.0;
-            });
-            let asymmetry = sum / (count * radius);
-            // In the middle of a flat face the neighbours' centre is 3/8 of the radius away; inside it is at the particle.
-            (asymmetry.length() > 0.2).then(|| asymmetry.normalize_or(DVec3::Y))
-        })
-        .collect()
+/// Share of `count` points that makes about as many as take part at most.
+fn sampled(count: usize) -> f64 {
+    (MOST_POINTS as f64 / count.max(1) as f64).min(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use gic_mpm::{Collider, Contact};
+
+    use super::*;
+
+    /// Particles of a block, 10 mm apart, 20 x 16 x 12, whose lowest are 5 mm above the plane y = 0.
+    fn block() -> Vec<DVec3> {
+        let place = |i: usize| DVec3::new((i % 20) as f64, (i / 20 % 16) as f64 + 0.5, (i / 320) as f64);
+        (0..20 * 16 * 12).map(|i| 0.01 * place(i)).collect()
+    }
+
+    fn single(points: &[DVec3]) -> Vec<[f32; 3]> {
+        points.iter().map(|p| p.as_vec3().to_array()).collect()
+    }
+
+    /// Surface particles of the block moved out by 5 mm: what pictures would show of it.
+    fn shown(positions: &[DVec3]) -> Observation {
+        let faces = faces(&single(positions), 0.022);
+        let surface = positions.iter().zip(faces).filter(|(_, f)| f.is_surface()).map(|(p, f)| *p + 0.005 * f.outward);
+        Observation { time_s: 0.0, surface: surface.collect(), surface_doubts: Vec::new(), views: Vec::new() }
+    }
+
+    fn context(particles: usize) -> Context {
+        Context {
+            colliders: vec![Collider::plane(DVec3::ZERO, DVec3::Y, Contact::Sticky)],
+            margin: 0.02,
+            radius: 0.022,
+            sampled: 0.5,
+            rest: vec![-0.005; particles],
+            typical: -0.005,
+            knee: 0.01,
+        }
+    }
+
+    fn motion(positions: &[DVec3]) -> Motion {
+        let n = positions.len();
+        Motion { positions: vec![single(positions)], scales: vec![vec![0.005; n]], splat_factor: 1.0, swelling: vec![] }
+    }
+
+    #[test]
+    fn the_cost_has_no_steps() {
+        let rest = block();
+        let observed = ObservedSurface::new(&shown(&rest), 0.04);
+        let context = context(rest.len());
+        // Sheared, stretched and shifted more and more: particles pass one another's nearest points and the margin of the plane.
+        let cost = |k: usize| {
+            let t = 1e-4 * k as f64;
+            let bent = |p: &DVec3| *p + t * DVec3::new(1.0 + 10.0 * p.y, 0.7 + 8.0 * p.x, 0.4 - 9.0 * p.z);
+            let moved: Vec<DVec3> = rest.iter().map(bent).collect();
+            context.cluster((0, 0.0), &observed, &motion(&moved), &[], &[]).cost
+        };
+        let costs: Vec<f64> = (0..60).map(cost).collect();
+        let range = costs.iter().copied().fold(0.0, f64::max);
+        let bends = costs.windows(3).map(|c| (c[0] - 2.0 * c[1] + c[2]).abs() / range);
+        let worst = bends.fold(0.0, f64::max);
+        assert!(worst < 2e-3, "{worst}: {costs:?}");
+    }
+
+    #[test]
+    fn what_no_view_sees_does_not_count() {
+        let (rest, shown) = (block(), shown(&block()));
+        let moved = motion(&rest.iter().map(|p| *p + DVec3::new(0.003, 0.002, -0.001)).collect::<Vec<_>>());
+        let cost = |doubts: Vec<f32>| {
+            let observed = ObservedSurface::new(&Observation { surface_doubts: doubts, ..shown.clone() }, 0.04);
+            context(rest.len()).cluster((0, 0.0), &observed, &moved, &[], &[]).cost
+        };
+        let below = |p: &DVec3| f32::from(u8::from(p.y < 0.08));
+        let (all, half) = (cost(Vec::new()), cost(shown.surface.iter().map(below).collect()));
+        assert!(half > 0.3 * all && half < 0.7 * all, "{half} of {all}");
+        assert_eq!(cost(vec![1.0; shown.surface.len()]), 0.0);
+        assert_eq!(cost(vec![0.0; shown.surface.len()]), all);
+    }
+
+    #[test]
+    fn the_gradient_is_that_of_the_cost() {
+        let rest = block();
+        let observed = ObservedSurface::new(&shown(&rest), 0.04);
+        let context = context(rest.len());
+        let at = |t: f64| motion(&rest.iter().map(|p| *p + DVec3::new(0.002, t, -0.001)).collect::<Vec<_>>());
+        let step = 1e-4;
+        let cluster = |t: f64| context.cluster((0, 0.0), &observed, &at(t), &[at(t + step)], &[step]);
+        for t in [-0.004, 0.002, 0.006] {
+            let difference = (cluster(t + step).cost - cluster(t - step).cost) / (2.0 * step);
+            let found = cluster(t).gradient[0];
+            assert!((found / difference - 1.0).abs() < 0.1, "{t}: {found} instead of {difference}");
+        }
+    }
 }

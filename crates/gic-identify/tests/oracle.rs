@@ -81,7 +81,12 @@ fn observed(material: Material, velocity: DVec3, frames: usize) -> Input {
     let mut observations = Vec::new();
     rollout(&world, &Options::default(), frames, |frame| {
         let surface = outer(&frame.positions);
-        observations.push(Observation { time_s: frame.index as f64 / RATE, surface, views: Vec::new() });
+        observations.push(Observation {
+            time_s: frame.index as f64 / RATE,
+            surface,
+            surface_doubts: Vec::new(),
+            views: Vec::new(),
+        });
     })
     .expect("the truth can be simulated");
     let n = positions.len();

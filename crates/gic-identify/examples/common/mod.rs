@@ -101,6 +101,7 @@ pub(crate) fn input(scene: &Path, positions: Vec<DVec3>, volume: f64) -> Input {
             observations.push(Observation {
                 time_s: observations.len() as f64 / 24.0,
                 surface: Vec::new(),
+                surface_doubts: Vec::new(),
                 views: Vec::new(),
             });
         }

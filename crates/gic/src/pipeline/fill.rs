@@ -78,8 +78,17 @@ pub struct Continuum {
     pub particles: Particles,
     /// How they are drawn.
     pub appearance: Appearance,
-    /// Points on the surface [m] in every frame.
-    pub surfaces: Vec<Vec<DVec3>>,
+    /// The surface in every frame.
+    pub surfaces: Vec<Surface>,
+}
+
+/// Points on the surface of a body.
+#[derive(Clone, Debug, Default)]
+pub struct Surface {
+    /// Positions [m], shape [n].
+    pub points: Vec<DVec3>,
+    /// How much each is in doubt, in [0, 1], shape [n]: 1 where no view sees the surface.
+    pub doubts: Vec<f32>,
 }
 
 /// Name of the file of a frame's surface, inside the run folder.
@@ -221,9 +230,9 @@ impl Run<'_> {
         let surface = filling.surface_mesh().sample(particles.spacing, self.config.seed);
         let rows = surface.iter().map(|p| {
             let ([x, y, z], [nx, ny, nz]) = (p.position.as_vec3().to_array(), p.normal.as_vec3().to_array());
-            [x, y, z, nx, ny, nz]
+            [x, y, z, nx, ny, nz, filling.doubt_of_surface(p.position)]
         });
-        write_particles(&self.path(surface_file(frame)), ["x", "y", "z", "nx", "ny", "nz"], rows)?;
+        write_particles(&self.path(surface_file(frame)), ["x", "y", "z", "nx", "ny", "nz", "doubt"], rows)?;
         let rows = particles.positions.iter().map(|p| p.as_vec3().to_array());
         write_particles(&self.path(filling_file(frame)), ["x", "y", "z"], rows)?;
         Ok(surface.len())
@@ -242,18 +251,25 @@ impl Run<'_> {
             volume_factors: ply.volume_factors.iter().map(|f| if f.is_nan() { 1.0 } else { *f as f32 }).collect(),
             densities: ply.densities,
             surface: ply.surface.iter().map(|s| *s > 0.5).collect(),
-            // Older runs do not say.
-            doubts: ply.doubts.iter().map(|d| if d.is_nan() { 0.0 } else { *d }).collect(),
+            doubts: known_doubts(&ply.doubts),
             spacing: summary.particle_spacing_m,
         };
         let appearance = Appearance { scale: summary.splat_scale, opacity: summary.splat_opacity };
         let surfaces = summary
             .frames
             .iter()
-            .map(|frame| read_particles(&self.path(surface_file(frame.frame))).map(|ply| ply.positions))
+            .map(|frame| {
+                let ply = read_particles(&self.path(surface_file(frame.frame)))?;
+                Ok(Surface { doubts: known_doubts(&ply.doubts), points: ply.positions })
+            })
             .collect::<Result<_>>()?;
         Ok(Continuum { summary, particles, appearance, surfaces })
     }
+}
+
+/// Doubts as read from a file; older runs do not say.
+fn known_doubts(read: &[f32]) -> Vec<f32> {
+    read.iter().map(|d| if d.is_nan() { 0.0 } else { *d }).collect()
 }
 
 /// Fills one frame.

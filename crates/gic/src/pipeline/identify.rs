@@ -237,10 +237,12 @@ impl Run<'_> {
         for (frame, &time_s) in self.scene.times.iter().enumerate() {
             let masks = self.masks(frame)?;
             let views = self.scene.views_at(frame).iter().zip(masks);
+            // A scan has no surface in later frames.
+            let surface = continuum.surfaces.get(frame).cloned().unwrap_or_default();
             observations.push(Observation {
                 time_s,
-                // A scan has no surface in later frames.
-                surface: continuum.surfaces.get(frame).cloned().unwrap_or_default(),
+                surface: surface.points,
+                surface_doubts: surface.doubts,
                 views: views.map(|(view, mask)| View { camera: view.camera, mask: mask.coverage }).collect(),
             });
         }

@@ -32,7 +32,7 @@ pub use export::Export;
 pub(crate) use fill::filling_file;
 #[cfg(feature = "rerun")]
 pub(crate) use fill::surface_file;
-pub use fill::{Continuum, FillSummary, FrameFilling};
+pub use fill::{Continuum, FillSummary, FrameFilling, Surface};
 pub(crate) use identify::TWIN_MATTER;
 pub use identify::{EstimateRecord, IdentifyRecord, StepRecord};
 pub(crate) use predict::{prediction_file, simulated_frame};

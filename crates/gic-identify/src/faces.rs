@@ -1,0 +1,69 @@
+//! Which particles are on the surface of a body, and where its outside is.
+
+use glam::DVec3;
+
+use crate::neighbours::Neighbours;
+
+/// How far from a particle its neighbours' centre lies where it begins to count as one of the surface, and from where it counts fully, in
+/// units of the radius that makes neighbours. In the middle of a lattice's flat face it is .16, in the next layer below .01.
+const RISE: (f64, f64) = (0.06, 0.14);
+
+/// From 0 at the first of two values to 1 at the second, with a continuous derivative.
+pub(crate) fn rise(x: f64, (low, high): (f64, f64)) -> f64 {
+    let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// How a particle belongs to the surface.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Face {
+    /// Away from the centre of its neighbours; of unit length.
+    pub outward: DVec3,
+    /// 0 for inner particles, 1 where the neighbours lie to one side, and smooth in between.
+    pub share: f64,
+}
+
+impl Face {
+    /// Whether it is more on the surface than inside.
+    pub(crate) fn is_surface(&self) -> bool {
+        self.share >= 0.5
+    }
+}
+
+/// The face of each particle, from its neighbours within `radius` [m]. It changes smoothly as particles move.
+pub(crate) fn faces(positions: &[[f32; 3]], radius: f64) -> Vec<Face> {
+    let points: Vec<DVec3> = positions.iter().map(|p| glam::Vec3::from_array(*p).as_dvec3()).collect();
+    let tree = Neighbours::new(&points, radius);
+    points
+        .iter()
+        .map(|p| {
+            let (mut sum, mut total) = (DVec3::ZERO, 0.0);
+            tree.within(*p, radius, |squared, _, q| {
+                let weight = (1.0 - squared / (radius * radius)).powi(2);
+                sum += weight * (*p - q);
+                total += weight;
+            });
+            let asymmetry = sum / (total * radius);
+            Face { outward: asymmetry.normalize_or(DVec3::Y), share: rise(asymmetry.length(), RISE) }
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faces_are_told_from_the_inside() {
+        // A block of particles 10 mm apart.
+        let place = |i: usize| 0.01 * DVec3::new((i % 20) as f64, (i / 20 % 16) as f64, (i / 320) as f64);
+        let positions: Vec<DVec3> = (0..20 * 16 * 12).map(place).collect();
+        let faces = faces(&positions.iter().map(|p| p.as_vec3().to_array()).collect::<Vec<_>>(), 0.022);
+        for (p, face) in positions.iter().zip(faces) {
+            let from_face = p.min(DVec3::new(0.19, 0.15, 0.11) - *p).min_element();
+            let depth = (from_face / 0.01).round();
+            assert!(depth > 0.5 || face.share > 0.99, "{p} {face:?}");
+            assert!(depth < 1.5 || face.share < 0.01, "{p} {face:?}");
+        }
+    }
+}
