@@ -251,7 +251,7 @@ fn signed_distance(surface: &ObservedSurface, p: DVec3, outward: DVec3) -> (f64,
 /// there are no shares.
 fn shares(nearest: [(f64, usize); NEAREST], most: impl Fn(usize) -> f64) -> Vec<(usize, f64)> {
     let found = nearest.into_iter().filter(|(squared, _)| squared.is_finite());
-    let last = found.clone().last().map_or(0.0, |(squared, _)| squared).max(f64::MIN_POSITIVE);
+    let last = found.clone().next_back().map_or(0.0, |(squared, _)| squared).max(f64::MIN_POSITIVE);
     // The last counts after all where no other does.
     let weight = |squared: f64| last / squared.max(1e-9 * last) - 1.0 + 1e-9;
     let weights: Vec<(usize, f64)> = found.map(|(squared, k)| (k, weight(squared) * most(k))).collect();
