@@ -48,6 +48,16 @@ impl Data {
             .collect();
         Data { moments }
     }
+
+    /// From the observation `free` on, what no view sees of the extracted surfaces does not count: it lies where it was expected, with the
+    /// volume of the first frame. In free flight before, that is where it is.
+    pub(crate) fn distrust_unseen(&mut self, input: &Input, free: usize) {
+        for (moment, observation) in self.moments.iter_mut().zip(&input.observations).skip(free) {
+            if let Some(surface) = &mut moment.surface {
+                surface.distrust(observation);
+            }
+        }
+    }
 }
 
 /// Pixels are pooled until the Gaussians' standard deviation is about one pixel: finer pixels only cost time, because the

@@ -23,7 +23,7 @@ pub struct Observation {
     /// Points on the extracted surface [m], shape [n]; empty where none was extracted.
     pub surface: Vec<DVec3>,
     /// How much each of them is in doubt, in [0, 1], shape [n]; empty where none is. What no view sees was put where it was expected, and
-    /// does not count.
+    /// does not count after contact.
     pub surface_doubts: Vec<f32>,
     /// Masks; cameras may be missing.
     pub views: Vec<View>,

@@ -275,6 +275,7 @@ fn run(mut job: Job) -> Result<Identification, IdentifyError> {
     }
     // From here on each modality counts by the noise that it showed before anything was touched.
     job.weights = job.flight_weights(&launched);
+    job.data.distrust_unseen(job.input, launched.free);
     if launched.free == job.data.moments.len() && !job.touches(&launched) {
         job.warn("the object never touches anything: only its velocity is determined, not its material".to_owned());
         return Ok(job.finish_untouched(&launched));

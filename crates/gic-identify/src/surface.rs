@@ -24,7 +24,7 @@ pub(crate) struct ObservedSurface {
     pub points: Vec<DVec3>,
     /// Unit normals of unknown sign.
     pub normals: Vec<DVec3>,
-    /// How much each point counts: not where no view sees it.
+    /// How much each point counts.
     seen: Vec<f64>,
     tree: Neighbours,
     /// Beyond this the nearest point, not the plane through it, is what pulls [m].
@@ -37,9 +37,15 @@ impl ObservedSurface {
         let points = observation.surface.clone();
         let tree = Neighbours::new(&points, 0.5 * radius);
         let normals = points.iter().map(|p| normal(&tree, *p, 0.5 * radius)).collect();
-        let doubt = |i: usize| observation.surface_doubts.get(i).map_or(0.0, |d| f64::from(*d));
-        let seen = (0..points.len()).map(|i| 1.0 - doubt(i)).collect();
+        let seen = vec![1.0; points.len()];
         ObservedSurface { points, normals, seen, tree, far: 0.75 * radius }
+    }
+
+    /// From here on what no view sees does not count.
+    pub(crate) fn distrust(&mut self, observation: &Observation) {
+        for (seen, doubt) in self.seen.iter_mut().zip(&observation.surface_doubts) {
+            *seen = 1.0 - f64::from(*doubt);
+        }
     }
 }
 
@@ -339,7 +345,8 @@ mod tests {
         let (rest, shown) = (block(), shown(&block()));
         let moved = motion(&rest.iter().map(|p| *p + DVec3::new(0.003, 0.002, -0.001)).collect::<Vec<_>>());
         let cost = |doubts: Vec<f32>| {
-            let observed = ObservedSurface::new(&Observation { surface_doubts: doubts, ..shown.clone() }, 0.04);
+            let mut observed = ObservedSurface::new(&shown, 0.04);
+            observed.distrust(&Observation { surface_doubts: doubts, ..shown.clone() });
             context(rest.len()).cluster((0, 0.0), &observed, &moved, &[], &[]).cost
         };
         let below = |p: &DVec3| f32::from(u8::from(p.y < 0.08));
