@@ -41,7 +41,7 @@ impl Data {
                     .map(|view| MaskView::new(view.camera, &input.cameras[view.camera], &view.mask, pooling))
                     .collect();
                 let surface = (target.surfaces() && !observation.surface.is_empty())
-                    .then(|| ObservedSurface::new(observation, 2.0 * input.grid_spacing_m));
+                    .then(|| ObservedSurface::new(&observation.surface, 2.0 * input.grid_spacing_m));
                 let frame = input.frame_of(observation);
                 Moment { frame, time_s: frame as f64 / input.frame_rate_hz, views, surface }
             })
@@ -54,7 +54,7 @@ impl Data {
     pub(crate) fn distrust_unseen(&mut self, input: &Input, free: usize) {
         for (moment, observation) in self.moments.iter_mut().zip(&input.observations).skip(free) {
             if let Some(surface) = &mut moment.surface {
-                surface.distrust(observation);
+                surface.distrust(&observation.surface_doubts);
             }
         }
     }

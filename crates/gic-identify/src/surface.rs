@@ -5,11 +5,11 @@
 
 use glam::{DMat3, DVec3};
 
+use crate::Input;
 use crate::faces::{faces, rise};
 use crate::neighbours::Neighbours;
 use crate::normal::{Cluster, Modality};
 use crate::objective::Motion;
-use crate::{Input, Observation};
 
 /// How many of the nearest points make up what a distance is measured from.
 const NEAREST: usize = 6;
@@ -33,17 +33,16 @@ pub(crate) struct ObservedSurface {
 
 impl ObservedSurface {
     /// Normals from the neighbours within `radius` [m] by principal components.
-    pub(crate) fn new(observation: &Observation, radius: f64) -> ObservedSurface {
-        let points = observation.surface.clone();
-        let tree = Neighbours::new(&points, 0.5 * radius);
+    pub(crate) fn new(points: &[DVec3], radius: f64) -> ObservedSurface {
+        let tree = Neighbours::new(points, 0.5 * radius);
         let normals = points.iter().map(|p| normal(&tree, *p, 0.5 * radius)).collect();
         let seen = vec![1.0; points.len()];
-        ObservedSurface { points, normals, seen, tree, far: 0.75 * radius }
+        ObservedSurface { points: points.to_vec(), normals, seen, tree, far: 0.75 * radius }
     }
 
-    /// From here on what no view sees does not count.
-    pub(crate) fn distrust(&mut self, observation: &Observation) {
-        for (seen, doubt) in self.seen.iter_mut().zip(&observation.surface_doubts) {
+    /// From here on each point counts the less the more it is in doubt; without `doubts` nothing changes.
+    pub(crate) fn distrust(&mut self, doubts: &[f32]) {
+        for (seen, doubt) in self.seen.iter_mut().zip(doubts) {
             *seen = 1.0 - f64::from(*doubt);
         }
     }
@@ -211,6 +210,9 @@ impl Comparison<'_> {
     ///
     /// Huber's loss, `weight` times: quadratic up to the knee, linear beyond.
     fn add(&self, cluster: &mut Cluster, particles: &[(usize, f64)], normal: DVec3, distance: f64, weight: f64) {
+        if weight == 0.0 {
+            return;
+        }
         let swollen = |motion: &Motion, i: usize| motion.swelling.get(i).map_or(0.0, |s| f64::from(*s));
         let mut row = vec![0.0; self.steps.len()];
         let mut residual = distance;
@@ -298,10 +300,9 @@ mod tests {
     }
 
     /// Surface particles of the block moved out by 5 mm: what pictures would show of it.
-    fn shown(positions: &[DVec3]) -> Observation {
+    fn shown(positions: &[DVec3]) -> Vec<DVec3> {
         let faces = faces(&single(positions), 0.022);
-        let surface = positions.iter().zip(faces).filter(|(_, f)| f.is_surface()).map(|(p, f)| *p + 0.005 * f.outward);
-        Observation { time_s: 0.0, surface: surface.collect(), surface_doubts: Vec::new(), views: Vec::new() }
+        positions.iter().zip(faces).filter(|(_, f)| f.is_surface()).map(|(p, f)| *p + 0.005 * f.outward).collect()
     }
 
     fn context(particles: usize) -> Context {
@@ -346,14 +347,14 @@ mod tests {
         let moved = motion(&rest.iter().map(|p| *p + DVec3::new(0.003, 0.002, -0.001)).collect::<Vec<_>>());
         let cost = |doubts: Vec<f32>| {
             let mut observed = ObservedSurface::new(&shown, 0.04);
-            observed.distrust(&Observation { surface_doubts: doubts, ..shown.clone() });
+            observed.distrust(&doubts);
             context(rest.len()).cluster((0, 0.0), &observed, &moved, &[], &[]).cost
         };
         let below = |p: &DVec3| f32::from(u8::from(p.y < 0.08));
-        let (all, half) = (cost(Vec::new()), cost(shown.surface.iter().map(below).collect()));
+        let (all, half) = (cost(Vec::new()), cost(shown.iter().map(below).collect()));
         assert!(half > 0.3 * all && half < 0.7 * all, "{half} of {all}");
-        assert_eq!(cost(vec![1.0; shown.surface.len()]), 0.0);
-        assert_eq!(cost(vec![0.0; shown.surface.len()]), all);
+        assert_eq!(cost(vec![1.0; shown.len()]), 0.0);
+        assert_eq!(cost(vec![0.0; shown.len()]), all);
     }
 
     #[test]
