@@ -83,11 +83,11 @@ impl FillSettings {
             th_max: 0.8,
             min_opacity: 0.02,
             depth_inset: 2.45,
-            depth_offset: size / 220.0,
+            depth_offset: size / 170.0,
             depth_votes: 3,
             filter_rounds: 2,
             unseen: Unseen::Smooth,
-            unseen_lift: size / 160.0,
+            unseen_lift: size / 80.0,
             volume: None,
             ground: None,
         }

@@ -88,16 +88,27 @@ impl Job<'_> {
             }
             Err(reason) => self.warn(format!("no intervals: {reason}")),
         }
+        let (by_video, alone) = (state, covariance.clone());
+        let informed = self.informed(state, &problem.unknowns, &mut covariance);
+        let state = informed.as_ref().unwrap_or(state);
+        let motion = match &informed {
+            Some(state) => simulation.motion(state, &problem.level).map_err(self.failure(1))?,
+            None => motion,
+        };
         let place = |unknown: Unknown| problem.unknowns.iter().position(|u| *u == unknown);
-        let deviation = |unknown: Unknown| {
+        let width = |covariance: &Option<DMatrix<f64>>, unknown: Unknown| {
             let k = place(unknown)?;
             covariance.as_ref().map(|c| half_width(c[(k, k)]))
         };
+        let deviation = |unknown: Unknown| width(&covariance, unknown);
         let estimates = (0..self.parameters().len())
             .map(|i| {
-                let unknown = Unknown::Material(i);
+                let (unknown, p) = (Unknown::Material(i), &self.parameters()[i]);
                 let shift = place(unknown).and_then(|k| shifts.as_ref().map(|s| s[k]));
-                self.estimate(&self.parameters()[i], state.material[i], deviation(unknown), shift)
+                let video = self.estimate(p, by_video.material[i], width(&alone, unknown), shift);
+                let both = self.estimate(p, state.material[i], deviation(unknown), shift);
+                let video_alone = p.known.filter(|_| informed.is_some() && !both.fixed).map(|_| video.value);
+                Estimate { video_alone, identifiable: video.identifiable, ..both }
             })
             .collect();
         let velocity = [0, 1, 2].map(|a| {
@@ -108,6 +119,23 @@ impl Job<'_> {
         checks::explained(self, launched, &motion);
         checks::at_limits(self, state);
         Ok(self.result(launched, state, estimates, velocity, Some(&motion)))
+    }
+
+    /// The state when what is known besides the video counts as well, and the covariance then; `None` where nothing is.
+    ///
+    /// It is told only here, not to the fit: the fit takes what a few components explain of a wrong shape for all that can be wrong with
+    /// it, and is so much surer of weakly determined parameters than their intervals that no honest prior would move it.
+    fn informed(&self, state: &State, unknowns: &[Unknown], covariance: &mut Option<DMatrix<f64>>) -> Option<State> {
+        let mut moved = None;
+        for (i, p) in self.parameters().iter().enumerate().filter(|_| self.settings.prior) {
+            let place = unknowns.iter().position(|u| *u == Unknown::Material(i));
+            let (Some((mean, deviation)), Some(k), Some(c)) = (p.prior(), place, covariance.as_ref()) else { continue };
+            let from = moved.as_ref().unwrap_or(state);
+            let (shift, narrowed) = interval::informed(c, k, (mean - from.material[i], deviation * deviation));
+            moved = Some(from.moved(unknowns, shift.as_slice(), self.parameters()));
+            *covariance = Some(narrowed);
+        }
+        moved
     }
 
     /// Half-width of an unknown's interval from free flight alone, where the position is uncertain, too; 0 where it was not fitted.
@@ -134,6 +162,7 @@ impl Job<'_> {
             parameter: *p,
             value,
             interval_95: interval,
+            video_alone: None,
             identifiable: !at_bound && width < p.widest,
             fixed,
             resolution_shift: shift.map(|s| p.value((coordinate + s).clamp(low, high)) - value),

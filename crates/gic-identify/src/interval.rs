@@ -30,8 +30,9 @@ pub(crate) fn covariance(
     let total = Normal::sum(clusters, weights, columns);
     let inverse = regularised_inverse(&with_known(&total.hessian, unknowns, known))?;
     let mut middle = if known.is_empty() { DMatrix::zeros(unknowns, unknowns) } else { known.clone() };
-    middle += scatter(&groups(clusters, weights, unknowns, &|c| c.camera.unwrap_or(usize::MAX)), 0);
-    let frames = groups(clusters, weights, unknowns, &|c| c.observation);
+    let weight = |c: &Cluster| weights.of_errors(c);
+    middle += scatter(&groups(clusters, &weight, unknowns, &|c| c.camera.unwrap_or(usize::MAX)), 0);
+    let frames = groups(clusters, &weight, unknowns, &|c| c.observation);
     middle += scatter(&frames, frames.len() / FRAMES_PER_LAG);
     let shifts = &inverse * total.hessian.view((0, unknowns), (unknowns, nuisances.nrows()));
     Some(&inverse * middle * &inverse + &shifts * nuisances * shifts.transpose())
@@ -66,6 +67,18 @@ pub(crate) fn unrevealed(
     covariance
 }
 
+/// What an estimate with a covariance becomes when something else is known of its `place`-th unknown: that it lies `off` from the estimate,
+/// with a variance. How far each unknown moves, and the covariance then (of Gaussians: Bayes' rule).
+pub(crate) fn informed(
+    covariance: &DMatrix<f64>,
+    place: usize,
+    (off, variance): (f64, f64),
+) -> (DVector<f64>, DMatrix<f64>) {
+    let column = covariance.column(place).into_owned();
+    let gain = &column / (column[place] + variance);
+    (&gain * off, covariance - gain * column.transpose())
+}
+
 /// How far the first `unknowns` columns move per unit of column `other`, which was held fixed: -H^-1 J^T W J_other.
 pub(crate) fn response(
     clusters: &[Cluster],
@@ -90,16 +103,16 @@ pub(crate) fn half_width(variance: f64) -> f64 {
     T_975 * variance.max(0.0).sqrt()
 }
 
-/// The gradients of whole groups of clusters, in the order of the groups' keys.
+/// The weighted gradients of whole groups of clusters, in the order of the groups' keys.
 pub(crate) fn groups(
     clusters: &[Cluster],
-    weights: &Weights,
+    weight: &dyn Fn(&Cluster) -> f64,
     unknowns: usize,
     key: &dyn Fn(&Cluster) -> usize,
 ) -> Vec<DVector<f64>> {
     let mut groups = std::collections::BTreeMap::<usize, DVector<f64>>::new();
     for cluster in clusters {
-        let g = cluster.gradient.rows(0, unknowns) * weights.of(cluster);
+        let g = cluster.gradient.rows(0, unknowns) * weight(cluster);
         *groups.entry(key(cluster)).or_insert_with(|| DVector::zeros(unknowns)) += g;
     }
     groups.into_values().collect()
@@ -144,7 +157,33 @@ fn regularised_inverse(h: &DMatrix<f64>) -> Option<DMatrix<f64>> {
 mod tests {
     use super::*;
     use crate::normal::Modality;
+    use proptest::prelude::*;
     use rand::{RngExt, SeedableRng};
+
+    proptest! {
+        /// Two independent measurements weigh by their informations.
+        #[test]
+        fn what_is_known_besides_adds_its_information(
+            root in prop::collection::vec(-1.0f64..1.0, 9),
+            estimate in prop::collection::vec(-1.0f64..1.0, 3),
+            place in 0usize..3,
+            mean in -1.0f64..1.0,
+            variance in 0.01f64..4.0,
+        ) {
+            let root = DMatrix::from_vec(3, 3, root);
+            let covariance = &root * root.transpose() + DMatrix::identity(3, 3) * 0.1;
+            let estimate = DVector::from_vec(estimate);
+            let (shift, narrowed) = informed(&covariance, place, (mean - estimate[place], variance));
+            let own = covariance.clone().try_inverse().unwrap();
+            let mut both = own.clone();
+            both[(place, place)] += 1.0 / variance;
+            let mut pull = &own * &estimate;
+            pull[place] += mean / variance;
+            let expected = both.try_inverse().unwrap();
+            prop_assert!((&narrowed - &expected).abs().max() < 1e-9);
+            prop_assert!((estimate + shift - expected * pull).abs().max() < 1e-9);
+        }
+    }
 
     /// A line y = a + b x seen by 11 "cameras" in 14 "frames" with errors that are common to a camera: the nominal 95 % interval
     /// covers the truth about as often as it says, the textbook one would not.

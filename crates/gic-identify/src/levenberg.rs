@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::normal::Normal;
+use crate::normal::{Cluster, Normal};
 use crate::objective::{Motion, Problem};
 use crate::state::{State, Unknown};
 
@@ -16,6 +16,9 @@ const LEAST_PROMISE: f64 = 0.1;
 /// What a Jacobian that was carried along promises is so uncertain that up to this many times the least gain are not worth a new one.
 const NOT_WORTH: f64 = 4.0;
 
+/// Steps before a search may be given up.
+const PATIENCE: usize = 2;
+
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Limits {
@@ -27,8 +30,22 @@ pub(crate) struct Limits {
     pub gain_tolerance: f64,
     /// Converged when the cost falls by less than this, or cannot fall by more.
     pub least_gain: f64,
+    /// What still costs more than this after [`PATIENCE`] steps is given up.
+    pub hopeless: f64,
     /// Whether forward runs are dear, so that Jacobians are carried along by secants rather than measured at every step.
     pub secants: bool,
+}
+
+impl Limits {
+    /// Of stages that only have to hand over a good start, without any steps.
+    pub(crate) const HANDOVER: Limits = Limits {
+        iterations: 0,
+        step_tolerance: 0.05,
+        gain_tolerance: 0.01,
+        least_gain: 0.0,
+        hopeless: f64::INFINITY,
+        secants: true,
+    };
 }
 
 /// One accepted step, for traces.
@@ -46,6 +63,16 @@ pub(crate) struct Fit {
     pub motion: Motion,
     /// At `state`, measured or carried there; `None` where no step was asked for.
     pub tangents: Option<Tangents>,
+    /// Those of `motion` and `tangents`, where they were needed.
+    pub clusters: Option<Vec<Cluster>>,
+}
+
+/// What is known at the start of a search, so that it need not be worked out again.
+pub(crate) struct Known {
+    pub motion: Motion,
+    pub tangents: Tangents,
+    /// Those of `motion` and `tangents`, where they were needed.
+    pub clusters: Option<Vec<Cluster>>,
 }
 
 /// How the motion changes with each unknown: one perturbed motion and its step per unknown.
@@ -131,24 +158,24 @@ fn sum_of(a: &[f32], b: &[f32], c: &[f32]) -> Vec<f32> {
     (0..a.len().max(b.len()).max(c.len())).map(|i| at(a, i) + at(b, i) - at(c, i)).collect()
 }
 
-/// Minimises from `start`, where the motion and its tangents may be known already; fails only where the start itself cannot be simulated.
+/// Minimises from `start`, where much may be known already; fails only where the start itself cannot be simulated.
 ///
 /// A failed forward run is a rejected step: the damping grows until the step stays where the simulator works.
 pub(crate) fn minimise(
     problem: &Problem,
     start: State,
-    known: Option<(Motion, Tangents)>,
+    known: Option<Known>,
     limits: Limits,
     accepted: &mut dyn FnMut(&Iterate) -> Result<(), String>,
 ) -> Result<Fit, String> {
-    let (motion, tangents) = match known {
-        Some((motion, tangents)) => (motion, Some(tangents)),
-        None => (problem.forward.motion(&start, &problem.level)?, None),
+    let (motion, tangents, mut clusters) = match known {
+        Some(Known { motion, tangents, clusters }) => (motion, Some(tangents), clusters),
+        None => (problem.forward.motion(&start, &problem.level)?, None, None),
     };
     let cost = problem.cost(&start, &motion);
-    let mut fit = Fit { cost, state: start, motion, tangents: None };
+    let mut fit = Fit { cost, state: start, motion, tangents: None, clusters: None };
     if limits.iterations == 0 {
-        return Ok(Fit { tangents, ..fit });
+        return Ok(Fit { tangents, clusters, ..fit });
     }
     let mut tangents = match tangents {
         Some(tangents) => tangents,
@@ -157,7 +184,8 @@ pub(crate) fn minimise(
     let mut lambda = 1e-3;
     let mut iteration = 0;
     'steps: while iteration < limits.iterations {
-        let normal = problem.normal(&problem.clusters(&fit.motion, &tangents), &fit.state);
+        let linearised = clusters.get_or_insert_with(|| problem.clusters(&fit.motion, &tangents));
+        let normal = problem.normal(linearised, &fit.state);
         let most = normal.largest_gain();
         if most < limits.least_gain.max(LEAST_PROMISE * limits.gain_tolerance * fit.cost) {
             break;
@@ -182,10 +210,10 @@ pub(crate) fn minimise(
             }
         };
         let Some(Trial { state, cost, motion, damping, delta, promised }) = step else {
-            tangents = Tangents::measure(problem, &fit.state, &fit.motion)?;
+            (tangents, clusters) = (Tangents::measure(problem, &fit.state, &fit.motion)?, None);
             continue;
         };
-        iteration += 1;
+        (iteration, clusters) = (iteration + 1, None);
         let gain = fit.cost - cost;
         let share = gain / fit.cost.max(f64::MIN_POSITIVE);
         let size = problem
@@ -203,14 +231,15 @@ pub(crate) fn minimise(
         (fit.state, fit.cost, fit.motion) = (state, cost, motion);
         // A small gain along a stale direction says little about what is left.
         let arrived = share < limits.gain_tolerance || gain < limits.least_gain && (trusted || !worth_measuring);
-        if size < limits.step_tolerance || arrived {
+        let hopeless = iteration >= PATIENCE && cost > limits.hopeless;
+        if size < limits.step_tolerance || arrived || hopeless {
             break;
         }
         if iteration < limits.iterations && !(limits.secants && trusted) {
             tangents = Tangents::measure(problem, &fit.state, &fit.motion)?;
         }
     }
-    Ok(Fit { tangents: Some(tangents), ..fit })
+    Ok(Fit { tangents: Some(tangents), clusters, ..fit })
 }
 
 /// A damped step that could be simulated.

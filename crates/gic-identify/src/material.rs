@@ -2,7 +2,7 @@
 
 use crate::IdentifyError;
 use crate::adam::adam;
-use crate::levenberg::Fit;
+use crate::levenberg::{Fit, Limits};
 use crate::normal::Normal;
 use crate::objective::Problem;
 use crate::result::Stage;
@@ -16,6 +16,9 @@ use crate::velocity::Launch;
 const SHORT_FIT: usize = 5;
 const LONG_FIT: usize = 14;
 const SHARP_FIT: usize = 8;
+
+/// How much more than the best a start may cost during its short fit.
+const HOPELESS: f64 = 3.0;
 
 /// How much more than the best a start may cost after its short fit to be fitted on.
 const CONTENDS: f64 = 1.3;
@@ -41,15 +44,20 @@ impl Job<'_> {
             return adam(self, launched.free, start, iterations).map_err(failed);
         }
         let simulation = self.simulation(launched.free);
-        let fit = |start: State, pooling: usize, iterations: usize| {
+        let fit_within = |start: State, pooling: usize, limits: Limits| {
             let (unknowns, level) = (self.free_materials(), self.touched_frames(launched, pooling));
-            self.minimise(Stage::Material, &simulation, self.base_objective(), unknowns, level, start, iterations)
+            self.minimise(Stage::Material, &simulation, self.base_objective(), unknowns, level, start, limits)
+        };
+        let fit = |start: State, pooling: usize, iterations: usize| {
+            fit_within(start, pooling, Limits { iterations, ..Limits::HANDOVER })
         };
         // Some steps from each start tell which valley is worth the rest; those that have arrived stop earlier.
         let done = self.checkpoint.borrow().fits.len();
         let mut reason = String::new();
         for start in starts.into_iter().skip(done) {
-            let found = fit(start, BLUR, SHORT_FIT).map(|fit| (fit.cost, fit.state)).map_err(|e| reason = e).ok();
+            let best = self.checkpoint.borrow().fits.iter().flatten().map(|fit| fit.0).fold(f64::INFINITY, f64::min);
+            let limits = Limits { iterations: SHORT_FIT, hopeless: HOPELESS * best, ..Limits::HANDOVER };
+            let found = fit_within(start, BLUR, limits).map(|fit| (fit.cost, fit.state)).map_err(|e| reason = e).ok();
             if self.stopped.get() {
                 return Err(IdentifyError::Interrupted);
             }

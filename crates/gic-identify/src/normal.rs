@@ -68,12 +68,26 @@ impl Cluster {
 pub(crate) struct Weights {
     pub mask: Vec<f64>,
     pub surface: Vec<f64>,
+    /// How many times larger the surfaces' errors are than their scatter shows.
+    pub understated: Vec<f64>,
 }
 
 impl Weights {
     /// The same in all of `observations`.
     pub(crate) fn uniform(mask: f64, surface: f64, observations: usize) -> Weights {
-        Weights { mask: vec![mask; observations], surface: vec![surface; observations] }
+        Weights {
+            mask: vec![mask; observations],
+            surface: vec![surface; observations],
+            understated: vec![1.0; observations],
+        }
+    }
+
+    /// That of one cluster, times how much larger its errors are than its residuals.
+    pub(crate) fn of_errors(&self, cluster: &Cluster) -> f64 {
+        match cluster.modality {
+            Modality::Mask => self.of(cluster),
+            Modality::Surface => self.of(cluster) * self.understated[cluster.observation],
+        }
     }
 
     /// That of one cluster.

@@ -15,7 +15,9 @@ pub struct Estimate {
     pub value: f64,
     /// 95 % interval.
     pub interval_95: (f64, f64),
-    /// Whether the video determines it: its interval is narrow and its effect stands above the noise.
+    /// The value that the video alone gives; `None` where nothing else is known of it.
+    pub video_alone: Option<f64>,
+    /// Whether the video alone determines it: its interval would be narrow without what is known besides.
     pub identifiable: bool,
     /// Whether it was given rather than estimated.
     pub fixed: bool,

@@ -7,6 +7,7 @@ use crate::IdentifyError;
 use crate::checkpoint::Event;
 use crate::coarse::Coarse;
 use crate::dilution::Dilution;
+use crate::levenberg::Limits;
 use crate::objective::{Forward, Level, Objective};
 use crate::result::Stage;
 use crate::simulation::{Resolution, Simulation};
@@ -62,10 +63,10 @@ impl Job<'_> {
         // The coarse grid would only distort what the grid of starts does not vary.
         let unknowns: Vec<Unknown> = self.free_materials().into_iter().filter(|u| self.is_varied(u)).collect();
         let coarse_fits = if unknowns.is_empty() { 0 } else { COARSE_FITS };
+        let limits = Limits { iterations: COARSE_STEPS, gain_tolerance: 0.02, ..Limits::HANDOVER };
         for (_, start) in ranked.iter().take(coarse_fits) {
             let (start, level, unknowns) = ((*start).clone(), level.clone(), unknowns.clone());
-            if let Ok(fit) = self.minimise(Stage::Search, &simulation, objective, unknowns, level, start, COARSE_STEPS)
-            {
+            if let Ok(fit) = self.minimise(Stage::Search, &simulation, objective, unknowns, level, start, limits) {
                 found.push((fit.cost, fit.state));
             }
             if self.stopped.get() {

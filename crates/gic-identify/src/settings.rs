@@ -48,6 +48,8 @@ pub struct Settings {
     pub start: Option<Vec<f64>>,
     /// Initial velocity [m/s], when it is known; it is then not estimated.
     pub velocity_m_s: Option<DVec3>,
+    /// Whether what is known of a parameter before any video counts ([`crate::Parameter::known`]).
+    pub prior: bool,
     /// Whether a rotation may be estimated; it still has to show in the data.
     pub rotation: bool,
     /// Whether the joint stage and the intervals follow the material stage. Without them the answer is rough, has no intervals, and costs about
@@ -71,6 +73,7 @@ impl Default for Settings {
             fixed: Vec::new(),
             start: None,
             velocity_m_s: None,
+            prior: true,
             rotation: true,
             joint: true,
             iterations: 12,

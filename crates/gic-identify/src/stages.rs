@@ -13,7 +13,7 @@ use crate::checks;
 use crate::data::Data;
 use crate::dilution::Dilution;
 use crate::flight::Flight;
-use crate::levenberg::{Fit, Iterate, Limits, Tangents, minimise};
+use crate::levenberg::{Fit, Iterate, Known, Limits, Tangents, minimise};
 use crate::noise::effective_weights;
 use crate::normal::{Cluster, Weights};
 use crate::objective::{Forward, Level, Objective, Prior, Problem};
@@ -182,12 +182,9 @@ impl Job<'_> {
         unknowns: Vec<Unknown>,
         level: Level,
         start: State,
-        iterations: usize,
+        limits: Limits,
     ) -> Result<Fit, String> {
         let problem = Problem { forward, objective, unknowns, parameters: self.parameters(), level, prior: None };
-        // These stages only have to hand over a good start.
-        let gain_tolerance = if stage == Stage::Search { 0.02 } else { 0.01 };
-        let limits = Limits { iterations, step_tolerance: 0.05, gain_tolerance, least_gain: 0.0, secants: true };
         minimise(&problem, start, None, limits, &mut |iterate| self.report(stage, iterate))
     }
 }
@@ -395,25 +392,24 @@ impl Job<'_> {
                 prior: Some(&prior),
             };
             // Where the first fit ended, its tangents are good enough for weights, and for a first step.
-            let (motion, tangents) = match known {
+            let mut here = match known {
                 Some(known) => known,
                 None => {
                     let motion = simulation.motion(&state, &level).map_err(self.failure(1))?;
                     let tangents = Tangents::measure(&problem, &state, &motion).map_err(self.failure(1))?;
-                    (motion, tangents)
+                    Known { motion, tangents, clusters: None }
                 }
             };
             self.tell(Event::Working).map_err(|_| IdentifyError::Interrupted)?;
-            let clusters = problem.clusters(&motion, &tangents);
-            let weights = self.weights_at(&clusters, unknowns.len(), launched);
+            let clusters = here.clusters.get_or_insert_with(|| problem.clusters(&here.motion, &here.tangents));
+            let weights = self.weights_at(clusters, unknowns.len(), launched);
             let problem = Problem { objective: Objective { weights: &weights, ..self.base_objective() }, ..problem };
             // The cost is in units of chi-squared: what matters is the absolute gain.
-            let limits =
-                Limits { iterations, step_tolerance: 0.05, gain_tolerance, least_gain: LEAST_GAIN, secants: true };
+            let limits = Limits { iterations, gain_tolerance, least_gain: LEAST_GAIN, ..Limits::HANDOVER };
             let report = &mut |iterate: &Iterate| self.report(Stage::Joint, iterate);
-            let fit = minimise(&problem, state, Some((motion, tangents)), limits, report).map_err(self.failure(1))?;
+            let fit = minimise(&problem, state, Some(here), limits, report).map_err(self.failure(1))?;
             state = fit.state;
-            known = fit.tangents.map(|tangents| (fit.motion, tangents));
+            known = fit.tangents.map(|tangents| Known { motion: fit.motion, tangents, clusters: fit.clusters });
         }
         Ok(state)
     }

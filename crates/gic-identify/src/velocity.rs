@@ -43,7 +43,7 @@ pub(crate) fn launch(
         let level = Level { first: 0, end, pooling };
         let problem = problem(&flight, objective, unknowns, level);
         let limits =
-            Limits { iterations: 10, step_tolerance: 0.1, gain_tolerance: 1e-4, least_gain: 0.0, secants: false };
+            Limits { iterations: 10, step_tolerance: 0.1, gain_tolerance: 1e-4, secants: false, ..Limits::HANDOVER };
         let fit = minimise(&problem, state.clone(), None, limits, &mut |_| Ok(()))?;
         *state = fit.state.clone();
         Ok(fit)

@@ -181,6 +181,10 @@ fn a_run_goes_from_video_to_report_and_reruns_only_what_changed() {
     let truth = Path::new(&demo()).join("gt");
     let table = gic(&["eval", run.to_str().unwrap(), "--truth", truth.to_str().unwrap()]);
     assert!(text(&table.stdout).contains("youngs_modulus_pa"), "{table:?}");
+    // The filled body of another frame has another number of particles than the twin.
+    fs::copy(run.join("filling/0003.ply"), run.join("prediction/particles_0003.ply")).unwrap();
+    let stale = gic(&["eval", run.to_str().unwrap(), "--truth", truth.to_str().unwrap()]);
+    assert!(text(&stale.stderr).contains("an earlier twin's motion"), "{stale:?}");
 }
 
 /// Killed, without a chance to tidy up, at several moments of its work, and started again each time. Takes minutes, so run it with

@@ -40,6 +40,8 @@ pub(super) struct Pictures<'a> {
     run: &'a Path,
     scene: Scene,
     look: Look,
+    /// How many particles the twin has.
+    particles: usize,
     held_out: Vec<usize>,
 }
 
@@ -48,7 +50,8 @@ impl<'a> Pictures<'a> {
     pub(super) fn open(run: &'a Path, config: Config) -> Result<Option<Self>> {
         let rest = read_particles(&run.join(TWIN_MATTER))?.positions;
         let Some(look) = Look::load(run, &rest)? else { return Ok(None) };
-        Ok(Some(Self { run, scene: open_scene(&config)?, look, held_out: config.reconstruct.held_out }))
+        let (scene, held_out) = (open_scene(&config)?, config.reconstruct.held_out);
+        Ok(Some(Self { run, scene, look, particles: rest.len(), held_out }))
     }
 
     /// Compares a frame of the video; `None` where it was not simulated or nobody sees the object.
@@ -60,7 +63,19 @@ impl<'a> Pictures<'a> {
         if !particles.exists() {
             return Ok(None);
         }
-        let gaussians = self.look.visible(&read_particles(&particles)?.positions);
+        let moved = read_particles(&particles)?.positions;
+        if moved.len() != self.particles {
+            return Err(Error::Content {
+                path: particles,
+                problem: format!(
+                    "holds {} particles, and the twin {}: an earlier twin's motion",
+                    moved.len(),
+                    self.particles
+                ),
+                hint: Some("run `gic run` on the folder again".into()),
+            });
+        }
+        let gaussians = self.look.visible(&moved);
         let views = self.scene.views_at(frame);
         let loaded = self.scene.load_all(views).map_err(Error::stage("reading pictures"))?;
         let scores: Vec<Option<Score>> = views

@@ -250,7 +250,7 @@ impl<'a> Run<'a> {
             }
             Stage::Fill => {
                 let input = if self.scan().is_some() { Stage::Register } else { Stage::Reconstruct };
-                Stamp::new(before(input)?, &serde_json::json!({ "fill": self.config.fill }))
+                Stamp::new(before(input)?, &serde_json::json!({ "seed": self.config.seed, "fill": self.config.fill }))
             }
             Stage::Select | Stage::Identify => {
                 let colliders = match &self.config.identify.colliders {
