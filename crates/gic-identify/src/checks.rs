@@ -78,8 +78,9 @@ pub(crate) fn cut_views(input: &Input, target: Target, warnings: &mut Vec<String
     ));
 }
 
-/// Warns where the frames after contact are explained much worse than those before: the material or an obstacle is another.
-pub(crate) fn explained(job: &Job, launched: &Launch, motion: &Motion) {
+/// Whether the frames after contact are explained nearly as well as those before. Warns where they are not: the material, an obstacle or the
+/// body's shape is another.
+pub(crate) fn explained(job: &Job, launched: &Launch, motion: &Motion) -> bool {
     let misfit: Vec<(f64, f64)> = job
         .data
         .moments
@@ -95,7 +96,8 @@ pub(crate) fn explained(job: &Job, launched: &Launch, motion: &Motion) {
         |range: &[(f64, f64)]| range.iter().fold((0.0f64, 0.0f64), |worst, m| (worst.0.max(m.0), worst.1.max(m.1)));
     let (free, touched) = misfit.split_at(launched.free.min(misfit.len()));
     let (before, after) = (worst(free), worst(touched));
-    if after.1 > 2.5 * before.1 + 0.06 {
+    let masks_explained = after.1 <= 2.5 * before.1 + 0.06;
+    if !masks_explained {
         job.warn(format!(
             "the model does not explain the data: after contact {:.0} % of the object's pixels differ, before it {:.0} %; the \
              material or an obstacle may be another",
@@ -103,7 +105,8 @@ pub(crate) fn explained(job: &Job, launched: &Launch, motion: &Motion) {
             100.0 * before.1
         ));
     }
-    if after.0 > 2.5 * before.0 + 0.5 * job.input.grid_spacing_m {
+    let surfaces_explained = after.0 <= 2.5 * before.0 + 0.5 * job.input.grid_spacing_m;
+    if !surfaces_explained {
         job.warn(format!(
             "the model does not explain the data: after contact the surfaces are {:.1} mm apart, before it {:.1} mm; the material or \
              an obstacle may be another",
@@ -111,6 +114,7 @@ pub(crate) fn explained(job: &Job, launched: &Launch, motion: &Motion) {
             1e3 * before.0
         ));
     }
+    masks_explained && surfaces_explained
 }
 
 /// Warns of parameters that were found at the edge of what is admitted: a soft solid taken for a fluid, say, ends as one that cannot be squeezed.

@@ -95,6 +95,8 @@ impl Job<'_> {
             Some(state) => simulation.motion(state, &problem.level).map_err(self.failure(1))?,
             None => motion,
         };
+        let explained = checks::explained(self, launched, &motion);
+        checks::at_limits(self, state);
         let place = |unknown: Unknown| problem.unknowns.iter().position(|u| *u == unknown);
         let width = |covariance: &Option<DMatrix<f64>>, unknown: Unknown| {
             let k = place(unknown)?;
@@ -108,7 +110,7 @@ impl Job<'_> {
                 let video = self.estimate(p, by_video.material[i], width(&alone, unknown), shift);
                 let both = self.estimate(p, state.material[i], deviation(unknown), shift);
                 let video_alone = p.known.filter(|_| informed.is_some() && !both.fixed).map(|_| video.value);
-                Estimate { video_alone, identifiable: video.identifiable, ..both }
+                Estimate { video_alone, identifiable: video.identifiable && explained, ..both }
             })
             .collect();
         let velocity = [0, 1, 2].map(|a| {
@@ -116,8 +118,6 @@ impl Job<'_> {
             half.hypot(self.flown_half_width(launched, Unknown::Velocity(a)))
         });
         let velocity = DVec3::from_array(velocity);
-        checks::explained(self, launched, &motion);
-        checks::at_limits(self, state);
         Ok(self.result(launched, state, estimates, velocity, Some(&motion)))
     }
 

@@ -185,6 +185,21 @@ mod tests {
         }
     }
 
+    #[test]
+    fn understated_errors_widen_the_interval() {
+        let clusters: Vec<Cluster> = (0..8)
+            .map(|frame| {
+                let mut cluster = Cluster::new(Modality::Surface, frame, None, 1);
+                cluster.add(if frame % 2 == 0 { 0.1 } else { -0.1 }, &[1.0], 1.0);
+                cluster.finish()
+            })
+            .collect();
+        let (none, weights) = (DMatrix::zeros(0, 0), Weights::uniform(1.0, 1.0, 8));
+        let variance = |weights: &Weights| covariance(&clusters, weights, 1, &none, &none).unwrap()[(0, 0)];
+        let wider = Weights { understated: vec![3.0; 8], ..weights.clone() };
+        assert!((variance(&wider) / variance(&weights) - 9.0).abs() < 1e-9);
+    }
+
     /// A line y = a + b x seen by 11 "cameras" in 14 "frames" with errors that are common to a camera: the nominal 95 % interval
     /// covers the truth about as often as it says, the textbook one would not.
     #[test]
