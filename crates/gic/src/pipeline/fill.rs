@@ -119,11 +119,9 @@ impl Run<'_> {
             let views = source.masked_views(frame, &masks);
             let filling = filling(&source, frame, &views, &settings)?;
             let spacing = *spacing.get_or_insert_with(|| self.particle_spacing(size, &filling));
-            // Only the first frame's particles are simulated and need volumes of their own. Laid in layers under the surface, their outlines
-            // and surfaces would shrink as a flow dissolves the layers, as if the body did.
+            // Only the first frame's particles are simulated and need volumes of their own.
             let place = if frame == 0 { sample_particles } else { sample_points };
-            let placement = if frame == 0 { Placement::Lattice } else { Placement::Layered };
-            let particles = place(&filling, spacing, placement).map_err(failed(frame))?;
+            let particles = place(&filling, spacing, Placement::Layered).map_err(failed(frame))?;
             let points = place(&filling, DRAWING_SPACING * spacing, Placement::Layered).map_err(failed(frame))?;
             let surface_points = self.write_frame(frame, &filling, &particles)?;
             let drawn = match &first {
