@@ -3,7 +3,7 @@
 use std::sync::atomic::Ordering;
 
 use glam::DVec3;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use crate::checkpoint::Event;
 use crate::checks;
@@ -63,7 +63,7 @@ impl Job<'_> {
             || check.and_then(|factor| refined(finer, factor, state)),
         );
         self.tell(Event::Working).map_err(|_| IdentifyError::Interrupted)?;
-        let (mut covariance, mut shifts) = (None, None);
+        let (mut covariance, mut shifts, mut valleys) = (None, None, Vec::new());
         match tangents {
             Ok(Tangents { mut motions, mut steps, .. }) => {
                 // A refined grid is one more direction in which the residuals move: a nuisance, with the whole of its shift.
@@ -83,13 +83,15 @@ impl Job<'_> {
                 };
                 let materials = places(&|u| matches!(u, Unknown::Material(_)));
                 let shapes = places(&|u| matches!(u, Unknown::Shape(_)));
+                let valley = |k: &usize| Some((*k, interval::valley(&clusters, &weights, count, &known, *k)?));
+                valleys = materials.iter().filter_map(valley).collect();
                 covariance = interval::covariance(&clusters, &weights, count, &known, &nuisances)
                     .map(|c| c + interval::unrevealed(&clusters, &weights, count, &known, &materials, &shapes));
             }
             Err(reason) => self.warn(format!("no intervals: {reason}")),
         }
         let (by_video, alone) = (state, covariance.clone());
-        let informed = self.informed(state, &problem.unknowns, &mut covariance);
+        let informed = self.informed(state, &problem.unknowns, &valleys, &mut covariance);
         let state = informed.as_ref().unwrap_or(state);
         let motion = match &informed {
             Some(state) => simulation.motion(state, &problem.level).map_err(self.failure(1))?,
@@ -121,18 +123,27 @@ impl Job<'_> {
         Ok(self.result(launched, state, estimates, velocity, Some(&motion)))
     }
 
-    /// The state when what is known besides the video counts as well, and the covariance then; `None` where nothing is.
+    /// The state when what is known besides the video counts as well, and the covariance then; `None` where nothing is. `valleys` are the
+    /// directions in which the others follow each material parameter, so that the video stays as well explained as it can be.
     ///
     /// It is told only here, not to the fit: the fit takes what a few components explain of a wrong shape for all that can be wrong with
     /// it, and is so much surer of weakly determined parameters than their intervals that no honest prior would move it.
-    fn informed(&self, state: &State, unknowns: &[Unknown], covariance: &mut Option<DMatrix<f64>>) -> Option<State> {
+    fn informed(
+        &self,
+        state: &State,
+        unknowns: &[Unknown],
+        valleys: &[(usize, DVector<f64>)],
+        covariance: &mut Option<DMatrix<f64>>,
+    ) -> Option<State> {
         let mut moved = None;
-        for (i, p) in self.parameters().iter().enumerate().filter(|_| self.settings.prior) {
-            let place = unknowns.iter().position(|u| *u == Unknown::Material(i));
-            let (Some((mean, deviation)), Some(k), Some(c)) = (p.prior(), place, covariance.as_ref()) else { continue };
+        for (k, valley) in valleys.iter().filter(|_| self.settings.prior) {
+            let Unknown::Material(i) = unknowns[*k] else { continue };
+            let (Some((mean, deviation)), Some(c)) = (self.parameters()[i].prior(), covariance.as_ref()) else {
+                continue;
+            };
             let from = moved.as_ref().unwrap_or(state);
-            let (shift, narrowed) = interval::informed(c, k, (mean - from.material[i], deviation * deviation));
-            moved = Some(from.moved(unknowns, shift.as_slice(), self.parameters()));
+            let (shift, narrowed) = interval::informed(c, *k, (mean - from.material[i], deviation * deviation));
+            moved = Some(from.moved(unknowns, (valley * shift[*k]).as_slice(), self.parameters()));
             *covariance = Some(narrowed);
         }
         moved
