@@ -3,18 +3,18 @@
 use std::sync::atomic::Ordering;
 
 use glam::DVec3;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
 use crate::checkpoint::Event;
 use crate::checks;
 use crate::flight::{Flight, placed, volume_factors};
 use crate::interval::{self, half_width};
-use crate::levenberg::Tangents;
+use crate::levenberg::{Iterate, Known, Limits, Tangents, minimise};
 use crate::loss::mean_loss;
-use crate::objective::{Forward, Level, Motion, Problem};
+use crate::objective::{Forward, Level, Motion, Objective, Problem};
 use crate::result::{Estimate, Identification, Loss, Stage};
 use crate::simulation::Simulation;
-use crate::stages::Job;
+use crate::stages::{Job, LEAST_GAIN};
 use crate::state::{State, Unknown};
 use crate::velocity::Launch;
 use crate::{IdentifyError, MaterialKind, Parameter};
@@ -63,19 +63,19 @@ impl Job<'_> {
             || check.and_then(|factor| refined(finer, factor, state)),
         );
         self.tell(Event::Working).map_err(|_| IdentifyError::Interrupted)?;
-        let (mut covariance, mut shifts, mut valleys) = (None, None, Vec::new());
+        let (mut covariance, mut alone, mut shifts, mut settled) = (None, None, None, None);
         match tangents {
-            Ok(Tangents { mut motions, mut steps, .. }) => {
+            Ok(mut tangents) => {
                 // A refined grid is one more direction in which the residuals move: a nuisance, with the whole of its shift.
                 if let Some(motion) = refined {
-                    motions.push(motion);
-                    steps.push(1.0);
+                    tangents.motions.push(motion);
+                    tangents.steps.push(1.0);
                 }
-                let clusters = problem.objective.clusters(&motion, &motions, &steps, &problem.level);
+                let (clusters, columns) = (problem.clusters(&motion, &tangents), tangents.steps.len());
                 let weights = self.weights_at(&clusters, count, launched);
                 let known = prior.information_of(&problem.unknowns);
-                let nuisances = DMatrix::identity(steps.len() - count, steps.len() - count);
-                if steps.len() > count {
+                let nuisances = DMatrix::identity(columns - count, columns - count);
+                if columns > count {
                     shifts = interval::response(&clusters, &weights, count, &known, count);
                 }
                 let places = |of: &dyn Fn(&Unknown) -> bool| -> Vec<usize> {
@@ -83,20 +83,25 @@ impl Job<'_> {
                 };
                 let materials = places(&|u| matches!(u, Unknown::Material(_)));
                 let shapes = places(&|u| matches!(u, Unknown::Shape(_)));
-                let valley = |k: &usize| Some((*k, interval::valley(&clusters, &weights, count, &known, *k)?));
-                valleys = materials.iter().filter_map(valley).collect();
                 covariance = interval::covariance(&clusters, &weights, count, &known, &nuisances)
                     .map(|c| c + interval::unrevealed(&clusters, &weights, count, &known, &materials, &shapes));
+                alone = covariance.clone();
+                if let Some(told) = self.informed(state, &problem.unknowns, &mut covariance) {
+                    let objective = Objective { weights: &weights, ..problem.objective };
+                    let again = Problem {
+                        objective,
+                        unknowns: problem.unknowns.clone(),
+                        level: problem.level.clone(),
+                        ..problem
+                    };
+                    settled = Some(self.settle(again, (state, &motion), told, tangents)?);
+                }
             }
             Err(reason) => self.warn(format!("no intervals: {reason}")),
         }
-        let (by_video, alone) = (state, covariance.clone());
-        let informed = self.informed(state, &problem.unknowns, &valleys, &mut covariance);
-        let state = informed.as_ref().unwrap_or(state);
-        let motion = match &informed {
-            Some(state) => simulation.motion(state, &problem.level).map_err(self.failure(1))?,
-            None => motion,
-        };
+        let (by_video, informed) = (state, settled.is_some());
+        let (state, motion) = settled.unwrap_or_else(|| (state.clone(), motion));
+        let state = &state;
         let explained = checks::explained(self, launched, &motion);
         checks::at_limits(self, state);
         let place = |unknown: Unknown| problem.unknowns.iter().position(|u| *u == unknown);
@@ -111,7 +116,7 @@ impl Job<'_> {
                 let shift = place(unknown).and_then(|k| shifts.as_ref().map(|s| s[k]));
                 let video = self.estimate(p, by_video.material[i], width(&alone, unknown), shift);
                 let both = self.estimate(p, state.material[i], deviation(unknown), shift);
-                let video_alone = p.known.filter(|_| informed.is_some() && !both.fixed).map(|_| video.value);
+                let video_alone = p.known.filter(|_| informed && !both.fixed).map(|_| video.value);
                 Estimate { video_alone, identifiable: video.identifiable && explained, ..both }
             })
             .collect();
@@ -123,30 +128,52 @@ impl Job<'_> {
         Ok(self.result(launched, state, estimates, velocity, Some(&motion)))
     }
 
-    /// The state when what is known besides the video counts as well, and the covariance then; `None` where nothing is. `valleys` are the
-    /// directions in which the others follow each material parameter, so that the video stays as well explained as it can be.
+    /// The state with each parameter where it belongs when what is known of it besides the video counts as well, and the covariance then; `None`
+    /// where nothing is known.
     ///
     /// It is told only here, not to the fit: the fit takes what a few components explain of a wrong shape for all that can be wrong with
     /// it, and is so much surer of weakly determined parameters than their intervals that no honest prior would move it.
-    fn informed(
-        &self,
-        state: &State,
-        unknowns: &[Unknown],
-        valleys: &[(usize, DVector<f64>)],
-        covariance: &mut Option<DMatrix<f64>>,
-    ) -> Option<State> {
-        let mut moved = None;
-        for (k, valley) in valleys.iter().filter(|_| self.settings.prior) {
-            let Unknown::Material(i) = unknowns[*k] else { continue };
+    fn informed(&self, state: &State, unknowns: &[Unknown], covariance: &mut Option<DMatrix<f64>>) -> Option<State> {
+        let mut told = None;
+        for (k, unknown) in unknowns.iter().enumerate().filter(|_| self.settings.prior) {
+            let Unknown::Material(i) = *unknown else { continue };
             let (Some((mean, deviation)), Some(c)) = (self.parameters()[i].prior(), covariance.as_ref()) else {
                 continue;
             };
-            let from = moved.as_ref().unwrap_or(state);
-            let (shift, narrowed) = interval::informed(c, *k, (mean - from.material[i], deviation * deviation));
-            moved = Some(from.moved(unknowns, (valley * shift[*k]).as_slice(), self.parameters()));
+            let from = told.as_ref().unwrap_or(state);
+            let (shift, narrowed) = interval::informed(c, k, (mean - state.material[i], deviation * deviation));
+            told = Some(from.moved(&[*unknown], &[shift], self.parameters()));
             *covariance = Some(narrowed);
         }
-        moved
+        told
+    }
+
+    /// The fit again from `told`, in which parameters that something is known of were moved and are held, so that the others follow. `tangents`
+    /// are those at `from`.
+    fn settle(
+        &self,
+        problem: Problem,
+        (from, motion): (&State, &Motion),
+        told: State,
+        mut tangents: Tangents,
+    ) -> Result<(State, Motion), IdentifyError> {
+        let moved = problem.forward.motion(&told, &problem.level).map_err(self.failure(1))?;
+        let delta: Vec<f64> = problem.unknowns.iter().map(|u| told.get(*u) - from.get(*u)).collect();
+        tangents.truncate(delta.len());
+        tangents.carry(&problem, motion, &moved, &delta);
+        let is_free = |u: &Unknown| !matches!(u, Unknown::Material(i) if self.parameters()[*i].known.is_some());
+        let unknowns = tangents.of(&problem.unknowns, is_free);
+        let problem = Problem { unknowns, ..problem };
+        let limits = Limits {
+            iterations: self.settings.iterations,
+            gain_tolerance: 0.0,
+            least_gain: LEAST_GAIN,
+            ..Limits::HANDOVER
+        };
+        let report = &mut |iterate: &Iterate| self.report(Stage::Joint, iterate);
+        let known = Known { motion: moved, tangents, clusters: None };
+        let fit = minimise(&problem, told, Some(known), limits, report).map_err(self.failure(1))?;
+        Ok((fit.state, fit.motion))
     }
 
     /// Half-width of an unknown's interval from free flight alone, where the position is uncertain, too; 0 where it was not fitted.

@@ -110,9 +110,24 @@ impl Tangents {
         Ok(Tangents { motions, steps, fresh: true })
     }
 
+    /// Leaves the first `count` of them.
+    pub(crate) fn truncate(&mut self, count: usize) {
+        self.motions.truncate(count);
+        self.steps.truncate(count);
+    }
+
+    /// Leaves those of the unknowns that `is_kept`, and returns these.
+    pub(crate) fn of(&mut self, unknowns: &[Unknown], is_kept: impl Fn(&Unknown) -> bool) -> Vec<Unknown> {
+        let mut kept = unknowns.iter().map(&is_kept);
+        self.motions.retain(|_| kept.next().unwrap_or(false));
+        let mut kept = unknowns.iter().map(&is_kept);
+        self.steps.retain(|_| kept.next().unwrap_or(false));
+        unknowns.iter().filter(|u| is_kept(u)).copied().collect()
+    }
+
     /// Carries the tangents from `old` to `new`, `delta` away, and corrects them by what the step showed (Broyden's rank-one
     /// update, on the particles' positions): an iteration then costs one forward run instead of one per unknown.
-    fn carry(&mut self, problem: &Problem, old: &Motion, new: &Motion, delta: &[f64]) {
+    pub(crate) fn carry(&mut self, problem: &Problem, old: &Motion, new: &Motion, delta: &[f64]) {
         // In units of the difference steps; the drawing's own unknown moves no particle.
         let moved: Vec<f64> = (problem.unknowns.iter().zip(delta).zip(&self.steps))
             .map(|((unknown, d), step)| if *unknown == Unknown::Splat { 0.0 } else { d / step })
