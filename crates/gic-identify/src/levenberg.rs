@@ -14,10 +14,10 @@ const TRUSTED_GAIN: f64 = 0.5;
 const LEAST_PROMISE: f64 = 0.1;
 
 /// What a Jacobian that was carried along promises is so uncertain that up to this many times the least gain are not worth a new one.
-const NOT_WORTH: f64 = 20.0;
+const NOT_WORTH: f64 = 4.0;
 
-/// When a search is given up for its rival: from so many steps on, when it costs more than so many times as much.
-const PATIENCE: [(usize, f64); 2] = [(2, 3.0), (5, 1.3)];
+/// Steps before a search may be given up.
+const PATIENCE: usize = 2;
 
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
@@ -30,8 +30,8 @@ pub(crate) struct Limits {
     pub gain_tolerance: f64,
     /// Converged when the cost falls by less than this, or cannot fall by more.
     pub least_gain: f64,
-    /// What the best other search has come to ([`PATIENCE`]).
-    pub rival: f64,
+    /// What still costs more than this after [`PATIENCE`] steps is given up.
+    pub hopeless: f64,
     /// Whether forward runs are dear, so that Jacobians are carried along by secants rather than measured at every step.
     pub secants: bool,
 }
@@ -43,7 +43,7 @@ impl Limits {
         step_tolerance: 0.05,
         gain_tolerance: 0.01,
         least_gain: 0.0,
-        rival: f64::INFINITY,
+        hopeless: f64::INFINITY,
         secants: true,
     };
 }
@@ -246,7 +246,7 @@ pub(crate) fn minimise(
         (fit.state, fit.cost, fit.motion) = (state, cost, motion);
         // A small gain along a stale direction says little about what is left.
         let arrived = share < limits.gain_tolerance || gain < limits.least_gain && (trusted || !worth_measuring);
-        let hopeless = PATIENCE.iter().any(|(steps, factor)| iteration >= *steps && cost > factor * limits.rival);
+        let hopeless = iteration >= PATIENCE && cost > limits.hopeless;
         if size < limits.step_tolerance || arrived || hopeless {
             break;
         }

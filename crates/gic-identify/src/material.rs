@@ -2,9 +2,9 @@
 
 use crate::IdentifyError;
 use crate::adam::adam;
-use crate::levenberg::{Fit, Limits, Tangents};
+use crate::levenberg::{Fit, Limits};
 use crate::normal::Normal;
-use crate::objective::{Forward, Motion, Problem};
+use crate::objective::Problem;
 use crate::result::Stage;
 use crate::settings::Optimizer;
 use crate::simulation::Simulation;
@@ -12,11 +12,15 @@ use crate::stages::{BLUR, Job};
 use crate::state::{State, Unknown};
 use crate::velocity::Launch;
 
-/// Steps from each start, and with sharper masks.
+/// Steps from each start, from the best of them, and with sharper masks.
+const SHORT_FIT: usize = 5;
 const LONG_FIT: usize = 14;
 const SHARP_FIT: usize = 8;
 
-/// How much more than the deepest valley a place may cost from which a deeper one may begin.
+/// How much more than the best a start may cost during its short fit.
+const HOPELESS: f64 = 3.0;
+
+/// How much more than the best a start may cost after its short fit to be fitted on.
 const CONTENDS: f64 = 1.3;
 
 /// How much more than the deepest a valley may cost at its end to be tried with sharper masks.
@@ -31,20 +35,6 @@ const MOST_HOPS: usize = 3;
 /// Pooling of the last steps of the material stage.
 const SHARP: usize = 2;
 
-/// The end of a valley.
-struct End {
-    cost: f64,
-    state: State,
-    /// What moves how there, unless it is only known from a checkpoint.
-    known: Option<(Motion, Tangents)>,
-}
-
-impl From<Fit> for End {
-    fn from(fit: Fit) -> End {
-        End { cost: fit.cost, state: fit.state, known: fit.tangents.map(|tangents| (fit.motion, tangents)) }
-    }
-}
-
 impl Job<'_> {
     /// Material from the best starts, with the velocity of stage 1.
     pub(crate) fn fit_material(&self, launched: &Launch, starts: Vec<State>) -> Result<State, IdentifyError> {
@@ -54,34 +44,44 @@ impl Job<'_> {
             return adam(self, launched.free, start, iterations).map_err(failed);
         }
         let simulation = self.simulation(launched.free);
-        let fit = |start: State, pooling: usize, limits: Limits| {
+        let fit_within = |start: State, pooling: usize, limits: Limits| {
             let (unknowns, level) = (self.free_materials(), self.touched_frames(launched, pooling));
             self.minimise(Stage::Material, &simulation, self.base_objective(), unknowns, level, start, limits)
         };
-        // Each start is walked to the end of its valley, unless another one turns out to be much deeper.
+        let fit = |start: State, pooling: usize, iterations: usize| {
+            fit_within(start, pooling, Limits { iterations, ..Limits::HANDOVER })
+        };
+        // Some steps from each start tell which valley is worth the rest; those that have arrived stop earlier.
         let done = self.checkpoint.borrow().fits.len();
         let mut reason = String::new();
         for start in starts.into_iter().skip(done) {
-            let rival = self.checkpoint.borrow().fits.iter().flatten().map(|fit| fit.0).fold(f64::INFINITY, f64::min);
-            let limits = Limits { iterations: LONG_FIT, rival, ..Limits::HANDOVER };
-            let found = fit(start, BLUR, limits).map(|fit| (fit.cost, fit.state)).map_err(|e| reason = e).ok();
+            let best = self.checkpoint.borrow().fits.iter().flatten().map(|fit| fit.0).fold(f64::INFINITY, f64::min);
+            let limits = Limits { iterations: SHORT_FIT, hopeless: HOPELESS * best, ..Limits::HANDOVER };
+            let found = fit_within(start, BLUR, limits).map(|fit| (fit.cost, fit.state)).map_err(|e| reason = e).ok();
             if self.stopped.get() {
                 return Err(IdentifyError::Interrupted);
             }
             self.reach(None, |checkpoint| checkpoint.fits.push(found))?;
         }
-        // Then those next door to the deepest.
         let fits = self.checkpoint.borrow().fits.clone();
-        let end = |(cost, state)| End { cost, state, known: None };
-        let mut ends: Vec<End> = fits.into_iter().flatten().map(end).collect();
+        // Valleys that are about as deep so far are walked to their ends, and those next door to the deepest.
+        let mut ends: Vec<Fit> = Vec::new();
+        for state in self.contenders(fits.into_iter().flatten().collect(), CONTENDS) {
+            match fit(state, BLUR, LONG_FIT) {
+                Ok(found) => ends.push(found),
+                Err(e) => reason = e,
+            }
+            if self.stopped.get() {
+                return Err(IdentifyError::Interrupted);
+            }
+        }
         for _ in 0..MOST_HOPS {
             ends.sort_by(|a, b| a.cost.total_cmp(&b.cost));
             let Some(best) = ends.first() else { return Err(failed(reason)) };
-            let limits = Limits { iterations: LONG_FIT, rival: best.cost, ..Limits::HANDOVER };
             let beyond = self.beyond(&simulation, launched, best)?;
-            let Some(Ok(found)) = beyond.map(|state| fit(state, BLUR, limits)) else { break };
+            let Some(Ok(found)) = beyond.map(|state| fit(state, BLUR, LONG_FIT)) else { break };
             let deeper = found.cost < best.cost;
-            ends.push(found.into());
+            ends.push(found);
             if !deeper {
                 break;
             }
@@ -91,12 +91,12 @@ impl Job<'_> {
         }
         // Which of several that are as deep as each other is right shows in sharper masks.
         let mut finalists = self.contenders(ends.into_iter().map(|end| (end.cost, end.state)).collect(), ALIKE);
-        if finalists.len() == 1 || !self.settings.target.masks() {
+        if !self.settings.target.masks() {
             return Ok(finalists.swap_remove(0));
         }
         let sharp: Vec<Fit> = finalists
             .into_iter()
-            .map(|state| fit(state, SHARP, Limits { iterations: SHARP_FIT, ..Limits::HANDOVER }))
+            .map(|state| fit(state, SHARP, SHARP_FIT))
             .collect::<Result<_, _>>()
             .map_err(&failed)?;
         let best = sharp.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
@@ -126,10 +126,11 @@ impl Job<'_> {
         self.parameters().iter().zip(pairs).filter(|(p, _)| p.grid > 1).all(|(_, (a, b))| (a - b).abs() < 0.2)
     }
 
-    /// Where a deeper valley next to that of `end` may begin: each parameter of which there are several starts is moved by [`HOP`] both
-    /// ways, the others to where they suit it best, and of those that cost little more than `end` the one counts that undercuts the
+    /// Where a deeper valley next to that of `fit` may begin: each parameter of which there are several starts is moved by [`HOP`] both
+    /// ways, the others to where they suit it best, and of those that cost little more than `fit` the one counts that undercuts the
     /// valley's curvature most. Along a valley's floor nothing undercuts it.
-    fn beyond(&self, simulation: &Simulation, launched: &Launch, end: &End) -> Result<Option<State>, IdentifyError> {
+    fn beyond(&self, simulation: &Simulation, launched: &Launch, fit: &Fit) -> Result<Option<State>, IdentifyError> {
+        let Some(tangents) = &fit.tangents else { return Ok(None) };
         let problem = Problem {
             forward: simulation,
             objective: self.base_objective(),
@@ -138,23 +139,15 @@ impl Job<'_> {
             level: self.touched_frames(launched, BLUR),
             prior: None,
         };
-        let clusters = match &end.known {
-            Some((motion, tangents)) => problem.clusters(motion, tangents),
-            None => {
-                let motion = simulation.motion(&end.state, &problem.level).map_err(self.failure(1))?;
-                let tangents = Tangents::measure(&problem, &end.state, &motion).map_err(self.failure(1))?;
-                problem.clusters(&motion, &tangents)
-            }
-        };
-        let normal = problem.normal(&clusters, &end.state);
+        let normal = problem.normal(&problem.clusters(&fit.motion, tangents), &fit.state);
         let (foretold, states): (Vec<f64>, Vec<State>) = (0..problem.unknowns.len())
             .filter(|k| self.is_varied(&problem.unknowns[*k]))
             .flat_map(|k| [(k, HOP), (k, -HOP)])
-            .filter_map(|(k, hop)| probe(&problem, &normal, end, (k, hop)))
+            .filter_map(|(k, hop)| probe(&problem, &normal, fit, (k, hop)))
             .unzip();
         let costs = self.costs(simulation, problem.objective, &states, &problem.level)?;
         let undercut = |((cost, foretold), state): ((Result<f64, String>, f64), State)| {
-            let cost = cost.ok().filter(|cost| *cost < foretold.min(CONTENDS * end.cost))?;
+            let cost = cost.ok().filter(|cost| *cost < foretold.min(CONTENDS * fit.cost))?;
             Some((foretold - cost, state))
         };
         let probes = costs.into_iter().zip(foretold).zip(states).filter_map(undercut);
@@ -163,13 +156,13 @@ impl Job<'_> {
 }
 
 /// The state with the `k`-th unknown moved by `hop`, and what the quadratic model foretells that it costs.
-fn probe(problem: &Problem, normal: &Normal, end: &End, (k, hop): (usize, f64)) -> Option<(f64, State)> {
+fn probe(problem: &Problem, normal: &Normal, fit: &Fit, (k, hop): (usize, f64)) -> Option<(f64, State)> {
     let step = normal.step_along(k, hop)?;
     let short = |(i, unknown): (usize, &Unknown)| {
         let most = unknown.largest_step(problem.parameters);
         if i == k { step[i] } else { step[i].clamp(-most, most) }
     };
     let step: Vec<f64> = problem.unknowns.iter().enumerate().map(short).collect();
-    let (state, delta) = problem.moved(&end.state, &step);
-    (delta[k] != 0.0).then(|| (end.cost - normal.promised(&delta), state))
+    let (state, delta) = problem.moved(&fit.state, &step);
+    (delta[k] != 0.0).then(|| (fit.cost - normal.promised(&delta), state))
 }
