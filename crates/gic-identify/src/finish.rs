@@ -159,10 +159,9 @@ impl Job<'_> {
     ) -> Result<(State, Motion), IdentifyError> {
         let moved = problem.forward.motion(&told, &problem.level).map_err(self.failure(1))?;
         let delta: Vec<f64> = problem.unknowns.iter().map(|u| told.get(*u) - from.get(*u)).collect();
-        tangents.truncate(delta.len());
         tangents.carry(&problem, motion, &moved, &delta);
         let is_free = |u: &Unknown| !matches!(u, Unknown::Material(i) if self.parameters()[*i].known.is_some());
-        let unknowns = tangents.of(&problem.unknowns, is_free);
+        let unknowns = tangents.keep(&problem.unknowns, is_free);
         let problem = Problem { unknowns, ..problem };
         let limits = Limits {
             iterations: self.settings.iterations,

@@ -110,14 +110,8 @@ impl Tangents {
         Ok(Tangents { motions, steps, fresh: true })
     }
 
-    /// Leaves the first `count` of them.
-    pub(crate) fn truncate(&mut self, count: usize) {
-        self.motions.truncate(count);
-        self.steps.truncate(count);
-    }
-
-    /// Leaves those of the unknowns that `is_kept`, and returns these.
-    pub(crate) fn of(&mut self, unknowns: &[Unknown], is_kept: impl Fn(&Unknown) -> bool) -> Vec<Unknown> {
+    /// Leaves those of the `unknowns` that `is_kept`, and returns these; what follows the unknowns' own goes.
+    pub(crate) fn keep(&mut self, unknowns: &[Unknown], is_kept: impl Fn(&Unknown) -> bool) -> Vec<Unknown> {
         let mut kept = unknowns.iter().map(&is_kept);
         self.motions.retain(|_| kept.next().unwrap_or(false));
         let mut kept = unknowns.iter().map(&is_kept);
