@@ -1,7 +1,7 @@
 //! Coarse-to-fine filling: Algorithm 1 of the paper, a function per group of lines.
 //!
 //! The structure is the paper's: internal particles are kept where every view's rendered depth lies in front of them and its mask
-//! covers them; a density field is upsampled, mean-filtered and reassigned level by level. Three things differ, each because what
+//! covers them; a density field is upsampled, mean-filtered and reassigned level by level. Four things differ, each because what
 //! is made of the body downstream (its mass, its contact time) needs its volume without bias:
 //!
 //! 1. *Densities are shares, not flags.* A voxel that holds any particle gets density 1 in the paper, which makes the body half a
@@ -12,7 +12,9 @@
 //!    writing one inside. What is left to the interpolated and filtered field is what is in doubt: where only one depth map
 //!    sees past the surface and another one sees matter, as it does through a gap between Gaussians.
 //! 3. *Undersides.* What no view sees is filled, but not down to the last ray that grazes the body: the boundary that no view sees is
-//!    smooth, and the body keeps its volume (see [`crate::Unseen`]).
+//!    smooth, and the body keeps its volume (see [`crate::Unseen`]). A body that is its own mirror image is then completed by it
+//!    ([`crate::Completion`]).
+//! 4. *Depths know of the Gaussians' sizes.* Where a surface is drawn by large ones, it lies further in front of their centres.
 
 use gic_splat::{Gaussians, Shape};
 use glam::DVec3;
@@ -214,7 +216,7 @@ fn select(gaussians: &Gaussians, kept: &[usize]) -> Gaussians {
 }
 
 /// Standard deviation of a Gaussian [m]; of an anisotropic one the geometric mean.
-fn scale(gaussians: &Gaussians, i: usize) -> f32 {
+pub(crate) fn scale(gaussians: &Gaussians, i: usize) -> f32 {
     match &gaussians.shape {
         Shape::Isotropic { scales } => scales[i],
         Shape::Anisotropic { scales, .. } => scales[i].iter().product::<f32>().cbrt(),

@@ -11,6 +11,7 @@ mod overview;
 mod particles;
 mod settings;
 mod surface;
+mod symmetry;
 mod tetrahedra;
 mod unseen;
 mod view;
@@ -24,5 +25,6 @@ pub use informed::{Agreement, Appearance, Drawing, agreement, calibrate, compare
 pub use particles::{Particles, Placement, sample_particles, sample_points};
 pub use settings::{FillSettings, GroundPlane, Unseen};
 pub use surface::{SurfacePoint, TriangleMesh};
+pub use symmetry::{Completion, MirrorPlane, Symmetry};
 pub use tetrahedra::TetMesh;
 pub use view::MaskedView;

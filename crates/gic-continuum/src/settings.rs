@@ -46,8 +46,8 @@ pub struct FillSettings {
     pub min_opacity: f32,
     /// How far the centres of the Gaussians lie below the true surface, in units of the lower quartile of their standard deviations, and see
     /// `depth_offset`. The alpha of overlapping Gaussians at an outline falls to one half 1.3 to 1.5 standard deviations above their
-    /// centres, and the emptiest of several noisy depth maps takes away more. Large Gaussians lie behind faces, where there is room for
-    /// them, small ones decide where the surface is; so the lower quartile tells more than the median. A constant, because
+    /// centres, and the emptiest of several noisy depth maps takes away more. Small Gaussians decide where edges are, so the lower quartile
+    /// tells more than the median; flat faces that are drawn by large ones are brought nearer besides. A constant, because
     /// silhouettes cannot tell it better: the inset at which the re-rendered area equals the masks' depends on the scale the
     /// particles are drawn with, and errs in volume by as much, in opposite directions for solid bodies and rings.
     pub depth_inset: f64,
@@ -83,7 +83,7 @@ impl FillSettings {
             th_max: 0.8,
             min_opacity: 0.02,
             depth_inset: 2.45,
-            depth_offset: size / 170.0,
+            depth_offset: size / 200.0,
             depth_votes: 3,
             filter_rounds: 2,
             unseen: Unseen::Smooth,

@@ -1,10 +1,12 @@
 //! What one view says about a point: is it inside the mask, and is it in front of the rendered surface?
 
 use gic_scene::Camera;
-use gic_splat::{Channels, Gaussians, RenderSettings, render};
+use gic_splat::sh::C0;
+use gic_splat::{Gaussians, RenderSettings, render};
 use glam::{DVec2, DVec3};
 
 use crate::ContinuumError;
+use crate::fill::scale;
 
 /// Pixels with less accumulated alpha than this have no rendered surface.
 const SOLID: f32 = 0.5;
@@ -17,6 +19,14 @@ const VISIBLE_WITHIN: f32 = 2.5;
 
 /// Half of the width of a hole that may be a gap between Gaussians, in median standard deviations.
 const HOLE_SCALES: f64 = 3.0;
+
+/// Gaussians of so many median standard deviations are large: flat faces that cameras look at from the front are drawn by them.
+const LARGE: f32 = 1.3;
+/// How much deeper below the surface a large Gaussian's centre lies, per standard deviation: on flat faces of four bodies centres lie 1.7 to 2
+/// standard deviations deep, whichever way they look, of which the part that does not grow with them is a millimetre or two.
+const DEEPER: f32 = 1.4;
+/// Surfaces seen more obliquely than this are brought as near as at this cosine between ray and normal.
+const LEAST_COSINE: f32 = 0.3;
 
 /// A camera and the mask of the object in its image.
 #[derive(Clone, Copy, Debug)]
@@ -115,17 +125,19 @@ impl<'a> Evidence<'a> {
         views: &[MaskedView<'a>],
         gaussians: Option<(&Gaussians, f64)>,
     ) -> Result<Vec<Evidence<'a>>, ContinuumError> {
-        let mut gathered = Vec::new();
+        let tinted = gaussians.map(|(gaussians, _)| tinted_by_scale(gaussians));
+        let (mut gathered, mut sizes) = (Vec::new(), Vec::new());
         for (view, &MaskedView { camera, mask }) in views.iter().enumerate() {
             let Some(mask) = mask else { continue };
             let (width, height) = (camera.width, camera.height);
             if mask.len() != width * height {
                 return Err(ContinuumError::MaskSize { view, found: mask.len(), width, height });
             }
-            let depth = match gaussians {
-                Some((gaussians, _)) => depth_map(gaussians, camera, mask),
-                None => vec![f32::INFINITY; mask.len()],
+            let (depth, size) = match &tinted {
+                Some((gaussians, unit)) => depth_and_scale(gaussians, *unit, camera, mask),
+                None => (vec![f32::INFINITY; mask.len()], Vec::new()),
             };
+            sizes.push(size);
             let mut view = Evidence::with_depth(camera, mask, depth);
             if let Some((_, scale)) = gaussians {
                 view.hole = small_holes(&view.depth, camera, scale);
@@ -138,6 +150,7 @@ impl<'a> Evidence<'a> {
         if let Some((gaussians, scale)) = gaussians {
             let bias = DepthBias::measure(gaussians, &gathered, scale);
             gathered.iter_mut().for_each(|view| view.bias = bias);
+            gathered.iter_mut().zip(&sizes).for_each(|(view, sizes)| view.raise(sizes, scale as f32));
         }
         Ok(gathered)
     }
@@ -147,6 +160,16 @@ impl<'a> Evidence<'a> {
         let cosine = cosines(&depth, camera);
         let hole = vec![false; depth.len()];
         Evidence { camera, mask, depth, cosine, hole, bias: DepthBias::default() }
+    }
+
+    /// Brings the surface nearer where it is drawn by Gaussians that are larger than most, with the standard deviations `sizes` [m] of each
+    /// pixel's: their centres lie deeper (see [`DEEPER`]).
+    fn raise(&mut self, sizes: &[f32], median: f32) {
+        for ((depth, cosine), size) in self.depth.iter_mut().zip(&self.cosine).zip(sizes) {
+            if depth.is_finite() {
+                *depth -= DEEPER * (size - LARGE * median).max(0.0) / cosine.max(LEAST_COSINE);
+            }
+        }
     }
 
     /// The pixel that holds image coordinates; `None` outside the image.
@@ -195,17 +218,28 @@ impl<'a> Evidence<'a> {
     }
 }
 
-/// D / A where the Gaussians are solid and the mask covers, else infinite.
-fn depth_map(gaussians: &Gaussians, camera: &Camera, mask: &[f32]) -> Vec<f32> {
-    let settings = RenderSettings { channels: Channels::AlphaDepth, ..RenderSettings::default() };
-    let rendered = render(gaussians, camera, &settings);
-    rendered
-        .depth
-        .iter()
-        .zip(&rendered.alpha)
-        .zip(mask)
-        .map(|((&depth, &alpha), &mask)| if alpha >= SOLID && mask > 0.0 { depth / alpha } else { f32::INFINITY })
-        .collect()
+/// The Gaussians with their standard deviations as colours, in units of the largest, which comes with them [m].
+fn tinted_by_scale(gaussians: &Gaussians) -> (Gaussians, f32) {
+    let scales: Vec<f32> = (0..gaussians.positions.len()).map(|i| scale(gaussians, i)).collect();
+    let unit = scales.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
+    let constant = |colour: f32| [((f64::from(colour) - 0.5) / C0) as f32; 3];
+    let sh = scales.iter().map(|scale| constant(scale / unit)).collect();
+    (Gaussians { sh_degree: 0, sh, ..gaussians.clone() }, unit)
+}
+
+/// D / A [m] where the Gaussians are solid and the mask covers, else infinite, and the mean standard deviation of what is drawn there [m]; of
+/// Gaussians that are tinted by it in this unit.
+fn depth_and_scale(tinted: &Gaussians, unit: f32, camera: &Camera, mask: &[f32]) -> (Vec<f32>, Vec<f32>) {
+    let rendered = render(tinted, camera, &RenderSettings::default());
+    let pixel = |i: usize| {
+        let alpha = rendered.alpha[i];
+        if alpha >= SOLID && mask[i] > 0.0 {
+            (rendered.depth[i] / alpha, unit * rendered.color[i][0] / alpha)
+        } else {
+            (f32::INFINITY, 0.0)
+        }
+    };
+    (0..mask.len()).map(pixel).unzip()
 }
 
 /// Pixels where the surface [m] lies more than the Gaussians' median scale [m] behind its morphological opening: that fills every hole
@@ -256,4 +290,57 @@ fn cosines(depth: &[f32], camera: &Camera) -> Vec<f32> {
             1.0 / (1.0 + sx * sx + sy * sy).sqrt()
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DMat3;
+
+    use super::*;
+    use gic_splat::Shape;
+
+    const SIZE: usize = 60;
+
+    fn camera() -> Camera {
+        Camera {
+            width: SIZE,
+            height: SIZE,
+            focal: DVec2::splat(60.0),
+            principal: DVec2::splat(0.5 * SIZE as f64),
+            rotation: DMat3::IDENTITY,
+            centre: DVec3::ZERO,
+        }
+    }
+
+    /// A wall of Gaussians a metre in front of the camera, 20 mm apart; those on the right are larger.
+    fn wall(left: f32, right: f32) -> Gaussians {
+        let place = |i: usize| [0.02 * (i % 60) as f32 - 0.59, 0.02 * (i / 60) as f32 - 0.59, 1.0];
+        let positions: Vec<[f32; 3]> = (0..3600).map(place).collect();
+        let scales = positions.iter().map(|p| if p[0] < 0.0 { left } else { right }).collect();
+        let n = positions.len();
+        Gaussians {
+            positions,
+            opacities: vec![0.9; n],
+            shape: Shape::Isotropic { scales },
+            sh_degree: 0,
+            sh: vec![[0.0; 3]; n],
+        }
+    }
+
+    #[test]
+    fn faces_of_large_gaussians_are_brought_nearer_and_others_stay() {
+        let (camera, mask) = (camera(), vec![1.0; SIZE * SIZE]);
+        let (small, large) = (0.012, 0.03);
+        let (tinted, unit) = tinted_by_scale(&wall(small, large));
+        let (depth, sizes) = depth_and_scale(&tinted, unit, &camera, &mask);
+        let mut view = Evidence::with_depth(&camera, &mask, depth);
+        let before = view.depth.clone();
+        view.raise(&sizes, small);
+        let row = SIZE / 2 * SIZE;
+        let [left, right] = [row + 10, row + SIZE - 10];
+        assert!((sizes[left] / small - 1.0).abs() < 0.01 && (sizes[right] / large - 1.0).abs() < 0.01);
+        assert_eq!(view.depth[left], before[left]);
+        let raised = before[right] - view.depth[right];
+        assert!((raised / (DEEPER * (large - LARGE * small)) - 1.0).abs() < 0.02, "{raised}");
+    }
 }

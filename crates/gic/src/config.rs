@@ -87,6 +87,8 @@ pub struct FillConfig {
     pub min_opacity: f32,
     /// What to do where no view sees the boundary.
     pub unseen: UnseenChoice,
+    /// Whether a body that is its own mirror image is completed by it, so that what no view sees is what its image shows.
+    pub symmetry: bool,
 }
 
 impl Default for FillConfig {
@@ -100,6 +102,7 @@ impl Default for FillConfig {
             th_max: defaults.th_max,
             min_opacity: defaults.min_opacity,
             unseen: UnseenChoice::default(),
+            symmetry: true,
         }
     }
 }

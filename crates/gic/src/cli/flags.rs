@@ -87,6 +87,10 @@ pub(crate) struct FillFlags {
     #[arg(long, value_enum)]
     #[serde(skip_serializing_if = "Option::is_none")]
     unseen: Option<UnseenChoice>,
+    /// Whether a body that is its own mirror image is completed by it [default: true]
+    #[arg(long, value_name = "BOOL")]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    symmetry: Option<bool>,
 }
 
 /// Identification

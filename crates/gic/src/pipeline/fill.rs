@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use gic_continuum::{
-    Agreement, Appearance, Drawing, FillSettings, Filling, GroundPlane, MaskedView, Particles, Placement, Unseen,
-    calibrate, compare_with_masks, fill, sample_particles, sample_points,
+    Agreement, Appearance, Completion, Drawing, FillSettings, Filling, GroundPlane, MaskedView, MirrorPlane, Particles,
+    Placement, Unseen, calibrate, compare_with_masks, fill, sample_particles, sample_points,
 };
 use gic_scene::{Hull, HullSettings, HullView, Mask};
 use glam::DVec3;
@@ -46,8 +46,22 @@ pub struct FillSummary {
     pub drawing_scale: f64,
     /// Agreement of the re-rendered continuum with the mask of each camera at the first frame, intersection over union.
     pub mask_iou: Vec<f64>,
+    /// Mirror planes of the body at the first frame; none of older runs.
+    #[serde(default)]
+    pub mirror_planes: Vec<Mirror>,
     /// Every frame.
     pub frames: Vec<FrameFilling>,
+}
+
+/// A plane whose two sides are mirror images.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Mirror {
+    /// Unit normal.
+    pub normal: [f64; 3],
+    /// Distance of the plane from the origin along its normal [m].
+    pub offset_m: f64,
+    /// How far mirrored points of the surface lie from it, in the mean [m].
+    pub misfit_m: f64,
 }
 
 /// The filling of one frame.
@@ -111,13 +125,16 @@ impl Run<'_> {
             atomic::create_folder(&self.path(folder))?;
         }
         let mut frames = Vec::new();
-        let mut first = None;
+        let (mut first, mut completion) = (None, Completion::default());
         let count = source.scene.times.len();
         for (frame, &time_s) in source.scene.times.iter().enumerate() {
             self.check_interrupt(Stage::Fill)?;
             let masks = source.masks(frame)?;
             let views = source.masked_views(frame, &masks);
-            let filling = filling(&source, frame, &views, &settings)?;
+            let mut filling = filling(&source, frame, &views, &settings)?;
+            if self.config.fill.symmetry {
+                completion.next(&mut filling);
+            }
             let spacing = *spacing.get_or_insert_with(|| self.particle_spacing(size, &filling));
             // Only the first frame's particles are simulated and need volumes of their own.
             let place = if frame == 0 { sample_particles } else { sample_points };
@@ -152,6 +169,12 @@ impl Run<'_> {
             return Err(Error::Usage { problem: "the scene has no frames".into(), hint: None });
         };
         write_body(&self.path("continuum.ply"), &particles)?;
+        let symmetry = completion.rest();
+        if !symmetry.planes.is_empty() {
+            let (planes, off) = (symmetry.planes.len(), 1e3 * symmetry.misfit());
+            let text = format!("the body is its own mirror image in {planes} planes (to {off:.1} mm): completed by it");
+            self.events.note(Stage::Fill.name(), text);
+        }
         let mean = mask_iou.iter().sum::<f64>() / mask_iou.len().max(1) as f64;
         self.events.note(
             Stage::Fill.name(),
@@ -170,6 +193,7 @@ impl Run<'_> {
             splat_opacity: appearance.opacity,
             drawing_scale: drawn.scale,
             mask_iou,
+            mirror_planes: symmetry.planes.iter().map(Mirror::from).collect(),
             frames,
         };
         atomic::write_json(&self.path("fill.json"), &summary)
@@ -200,7 +224,11 @@ impl Run<'_> {
         let source = self.source()?;
         let masks = source.masks(0)?;
         let settings = self.fill_settings(continuum.summary.object_size_m);
-        filling(&source, 0, &source.masked_views(0, &masks), &settings)
+        let mut filling = filling(&source, 0, &source.masked_views(0, &masks), &settings)?;
+        if self.config.fill.symmetry {
+            Completion::default().next(&mut filling);
+        }
+        Ok(filling)
     }
 
     pub(super) fn fill_settings(&self, size: f64) -> FillSettings {
@@ -264,6 +292,12 @@ impl Run<'_> {
             })
             .collect::<Result<_>>()?;
         Ok(Continuum { summary, particles, appearance, surfaces })
+    }
+}
+
+impl From<&MirrorPlane> for Mirror {
+    fn from(plane: &MirrorPlane) -> Mirror {
+        Mirror { normal: plane.normal.to_array(), offset_m: plane.offset, misfit_m: plane.misfit }
     }
 }
 
