@@ -26,8 +26,9 @@ const CONTENDS: f64 = 1.3;
 /// How much more than the deepest a valley may cost at its end to be tried with sharper masks.
 const ALIKE: f64 = 1.05;
 
-/// How far beyond a valley's walls to look, in the parameters' coordinates: a factor of two in a modulus.
-const HOP: f64 = 0.3;
+/// How far beyond a valley's walls to look, in the parameters' coordinates: a factor of two in a modulus, and where nothing is found there, one of
+/// 1.26. A stiff ring that comes down on its rim has valleys that narrow.
+const HOPS: [f64; 2] = [0.3, 0.1];
 
 /// Valleys that may be left for the next one.
 const MOST_HOPS: usize = 3;
@@ -80,9 +81,10 @@ impl Job<'_> {
             let Some(best) = ends.first() else { return Err(failed(reason)) };
             let beyond = self.beyond(&simulation, launched, best)?;
             let Some(Ok(found)) = beyond.map(|state| fit(state, BLUR, LONG_FIT)) else { break };
-            let deeper = found.cost < best.cost;
+            // Back in the valley that was left, there is nothing new next door.
+            let another = found.cost < best.cost && !self.same_valley(&found.state, &best.state);
             ends.push(found);
-            if !deeper {
+            if !another {
                 break;
             }
         }
@@ -126,7 +128,7 @@ impl Job<'_> {
         self.parameters().iter().zip(pairs).filter(|(p, _)| p.grid > 1).all(|(_, (a, b))| (a - b).abs() < 0.2)
     }
 
-    /// Where a deeper valley next to that of `fit` may begin: each parameter of which there are several starts is moved by [`HOP`] both
+    /// Where a deeper valley next to that of `fit` may begin: each parameter of which there are several starts is moved by one of the [`HOPS`] both
     /// ways, the others to where they suit it best, and of those that cost little more than `fit` the one counts that undercuts the
     /// valley's curvature most. Along a valley's floor nothing undercuts it.
     fn beyond(&self, simulation: &Simulation, launched: &Launch, fit: &Fit) -> Result<Option<State>, IdentifyError> {
@@ -140,18 +142,24 @@ impl Job<'_> {
             prior: None,
         };
         let normal = problem.normal(&problem.clusters(&fit.motion, tangents), &fit.state);
-        let (foretold, states): (Vec<f64>, Vec<State>) = (0..problem.unknowns.len())
-            .filter(|k| self.is_varied(&problem.unknowns[*k]))
-            .flat_map(|k| [(k, HOP), (k, -HOP)])
-            .filter_map(|(k, hop)| probe(&problem, &normal, fit, (k, hop)))
-            .unzip();
-        let costs = self.costs(simulation, problem.objective, &states, &problem.level)?;
-        let undercut = |((cost, foretold), state): ((Result<f64, String>, f64), State)| {
-            let cost = cost.ok().filter(|cost| *cost < foretold.min(CONTENDS * fit.cost))?;
-            Some((foretold - cost, state))
-        };
-        let probes = costs.into_iter().zip(foretold).zip(states).filter_map(undercut);
-        Ok(probes.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, state)| state))
+        for hop in HOPS {
+            let (foretold, states): (Vec<f64>, Vec<State>) = (0..problem.unknowns.len())
+                .filter(|k| self.is_varied(&problem.unknowns[*k]))
+                .flat_map(|k| [(k, hop), (k, -hop)])
+                .filter_map(|(k, hop)| probe(&problem, &normal, fit, (k, hop)))
+                .unzip();
+            let costs = self.costs(simulation, problem.objective, &states, &problem.level)?;
+            let undercut = |((cost, foretold), state): ((Result<f64, String>, f64), State)| {
+                let cost = cost.ok().filter(|cost| *cost < foretold.min(CONTENDS * fit.cost))?;
+                Some((foretold - cost, state))
+            };
+            let probes = costs.into_iter().zip(foretold).zip(states).filter_map(undercut);
+            let found = probes.max_by(|a, b| a.0.total_cmp(&b.0));
+            if found.is_some() {
+                return Ok(found.map(|(_, state)| state));
+            }
+        }
+        Ok(None)
     }
 }
 
