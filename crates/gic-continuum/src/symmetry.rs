@@ -87,7 +87,7 @@ impl Symmetry {
     pub fn of(filling: &Filling) -> Symmetry {
         let surface = KnownSurface::new(filling);
         let mut planes: Vec<MirrorPlane> = Vec::new();
-        while planes.len() < 3 {
+        while planes.len() < 3 && surface.seen.len() >= FEW {
             let Some(more) = surface.with_another(&planes) else { break };
             planes = more;
         }
@@ -466,6 +466,13 @@ mod tests {
         let before = filling.field.clone();
         filling.complete(&symmetry);
         assert_eq!(filling.field, before);
+    }
+
+    #[test]
+    fn a_body_that_no_view_sees_has_no_planes() {
+        let mut filling = filled(|p| cross(turned().inverse() * (p - centre())));
+        filling.doubt = vec![1.0; filling.field.len()];
+        assert_eq!(Symmetry::of(&filling).planes, Vec::new());
     }
 
     #[test]

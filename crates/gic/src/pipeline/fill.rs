@@ -132,9 +132,7 @@ impl Run<'_> {
             let masks = source.masks(frame)?;
             let views = source.masked_views(frame, &masks);
             let mut filling = filling(&source, frame, &views, &settings)?;
-            if self.config.fill.symmetry {
-                completion.next(&mut filling);
-            }
+            self.complete(&mut completion, &mut filling);
             let spacing = *spacing.get_or_insert_with(|| self.particle_spacing(size, &filling));
             // Only the first frame's particles are simulated and need volumes of their own.
             let place = if frame == 0 { sample_particles } else { sample_points };
@@ -225,10 +223,15 @@ impl Run<'_> {
         let masks = source.masks(0)?;
         let settings = self.fill_settings(continuum.summary.object_size_m);
         let mut filling = filling(&source, 0, &source.masked_views(0, &masks), &settings)?;
-        if self.config.fill.symmetry {
-            Completion::default().next(&mut filling);
-        }
+        self.complete(&mut Completion::default(), &mut filling);
         Ok(filling)
+    }
+
+    /// Completes the next frame's body by its mirror images, if that is wanted. One view tells nothing of a body's far side.
+    fn complete(&self, completion: &mut Completion, filling: &mut Filling) {
+        if self.config.fill.symmetry && filling.views_used > 1 {
+            completion.next(filling);
+        }
     }
 
     pub(super) fn fill_settings(&self, size: f64) -> FillSettings {
