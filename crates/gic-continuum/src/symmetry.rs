@@ -84,8 +84,7 @@ impl MirrorPlane {
 
 impl Symmetry {
     /// The mirror planes of a body, none where the part of its surface that is seen has none.
-    pub fn of(filling: &Filling) -> Symmetry {
-        let surface = KnownSurface::new(filling);
+    fn of(surface: &KnownSurface) -> Symmetry {
         let mut planes: Vec<MirrorPlane> = Vec::new();
         while planes.len() < 3 && surface.seen.len() >= FEW {
             let Some(more) = surface.with_another(&planes) else { break };
@@ -128,11 +127,12 @@ impl Completion {
         if self.deformed {
             return;
         }
-        let symmetry = Symmetry::of(filling);
+        let surface = KnownSurface::new(filling);
+        let symmetry = Symmetry::of(&surface);
         let rest = self.rest.get_or_insert_with(|| symmetry.clone());
         self.deformed = rest.planes.is_empty() || !symmetry.is_still(rest);
         if !self.deformed {
-            filling.complete(&symmetry);
+            filling.complete(&symmetry, &surface);
         }
     }
 
@@ -143,12 +143,12 @@ impl Completion {
 }
 
 impl Filling {
-    /// Completes a body by its mirror images: afterwards it is symmetric, and what no view sees is what its images show.
-    pub fn complete(&mut self, symmetry: &Symmetry) {
+    /// Completes a body with this surface by its mirror images: afterwards what no view sees is what its images show.
+    fn complete(&mut self, symmetry: &Symmetry, surface: &KnownSurface) {
         if symmetry.planes.is_empty() {
             return;
         }
-        let (distances, doubts) = KnownSurface::new(self).distances(self);
+        let (distances, doubts) = surface.distances(self);
         let band = BAND * self.field.spacing;
         let look = |point: DVec3| {
             // Beyond the grid there is nothing.
@@ -436,7 +436,8 @@ mod tests {
         let mut filling = overfilled();
         let truth = filled(|p| cross(turned().inverse() * (p - centre()))).volume();
         let before = filling.volume() / truth - 1.0;
-        let symmetry = Symmetry::of(&filling);
+        let surface = KnownSurface::new(&filling);
+        let symmetry = Symmetry::of(&surface);
         assert_eq!(symmetry.planes.len(), 3);
         for plane in &symmetry.planes {
             let own = turned().inverse() * plane.normal;
@@ -444,7 +445,7 @@ mod tests {
             let off = plane.normal.dot(centre()) - plane.offset;
             assert!(angle < 0.5 && off.abs() < 0.001, "{angle} degrees, {off} m");
         }
-        filling.complete(&symmetry);
+        filling.complete(&symmetry, &surface);
         let after = filling.volume() / truth - 1.0;
         println!("volume {before:+.4} before, {after:+.4} after");
         assert!(before > 0.01 && after.abs() < 0.005, "{before} before, {after} after");
@@ -461,10 +462,11 @@ mod tests {
         ];
         let body = |p: DVec3| balls.iter().map(|(c, r)| (p - centre() - *c).length() - r).fold(f64::INFINITY, f64::min);
         let mut filling = filled(body);
-        let symmetry = Symmetry::of(&filling);
+        let surface = KnownSurface::new(&filling);
+        let symmetry = Symmetry::of(&surface);
         assert_eq!(symmetry.planes, Vec::new());
         let before = filling.field.clone();
-        filling.complete(&symmetry);
+        filling.complete(&symmetry, &surface);
         assert_eq!(filling.field, before);
     }
 
@@ -472,7 +474,7 @@ mod tests {
     fn a_body_that_no_view_sees_has_no_planes() {
         let mut filling = filled(|p| cross(turned().inverse() * (p - centre())));
         filling.doubt = vec![1.0; filling.field.len()];
-        assert_eq!(Symmetry::of(&filling).planes, Vec::new());
+        assert_eq!(Symmetry::of(&KnownSurface::new(&filling)).planes, Vec::new());
     }
 
     #[test]
