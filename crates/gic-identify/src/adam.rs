@@ -38,7 +38,7 @@ pub(crate) fn adam(job: &Job, free: usize, start: State, iterations: usize) -> R
         if best.as_ref().is_none_or(|(least, _)| loss < *least) {
             best = Some((loss, state.clone()));
         }
-        job.report(Stage::Material, &Iterate { state: state.clone(), cost: loss })?;
+        job.report(Stage::Material, &Iterate { steps: count as usize, state: state.clone(), cost: loss })?;
         count += 1;
         let mut delta = Vec::new();
         for (k, unknown) in unknowns.iter().enumerate() {

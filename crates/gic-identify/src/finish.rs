@@ -1,5 +1,6 @@
 //! Intervals and checks at the estimate, and everything into one result.
 
+use std::ops::ControlFlow;
 use std::sync::atomic::Ordering;
 
 use glam::DVec3;
@@ -56,12 +57,12 @@ impl Job<'_> {
             prior: Some(&prior),
         };
         let count = problem.unknowns.len();
-        let motion = simulation.motion(state, &problem.level).map_err(self.failure(1))?;
         let (check, finer) = (self.settings.resolution_check, self.simulation(launched.free));
-        let (tangents, refined) = rayon::join(
-            || Tangents::measure(&problem, state, &motion),
+        let ((motion, tangents), refined) = rayon::join(
+            || Tangents::measure_with_motion(&problem, state),
             || check.and_then(|factor| refined(finer, factor, state)),
         );
+        let motion = motion.map_err(self.failure(1))?;
         self.tell(Event::Working).map_err(|_| IdentifyError::Interrupted)?;
         let (mut covariance, mut alone, mut shifts, mut settled) = (None, None, None, None);
         match tangents {
@@ -169,7 +170,7 @@ impl Job<'_> {
             least_gain: LEAST_GAIN,
             ..Limits::HANDOVER
         };
-        let report = &mut |iterate: &Iterate| self.report(Stage::Joint, iterate);
+        let report = &mut |step: &Iterate| self.report(Stage::Joint, step).map(ControlFlow::Continue);
         let known = Known { motion: moved, tangents, clusters: None };
         let fit = minimise(&problem, told, Some(known), limits, report).map_err(self.failure(1))?;
         Ok((fit.state, fit.motion))

@@ -1,5 +1,7 @@
 //! Levenberg-Marquardt on Jacobians from independent forward runs, in parallel, kept up to date by secants in between.
 
+use std::ops::ControlFlow;
+
 use rayon::prelude::*;
 
 use crate::normal::{Cluster, Normal};
@@ -16,9 +18,6 @@ const LEAST_PROMISE: f64 = 0.1;
 /// What a Jacobian that was carried along promises is so uncertain that up to this many times the least gain are not worth a new one.
 const NOT_WORTH: f64 = 4.0;
 
-/// Steps before a search may be given up.
-const PATIENCE: usize = 2;
-
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Limits {
@@ -30,27 +29,21 @@ pub(crate) struct Limits {
     pub gain_tolerance: f64,
     /// Converged when the cost falls by less than this, or cannot fall by more.
     pub least_gain: f64,
-    /// What still costs more than this after [`PATIENCE`] steps is given up.
-    pub hopeless: f64,
     /// Whether forward runs are dear, so that Jacobians are carried along by secants rather than measured at every step.
     pub secants: bool,
 }
 
 impl Limits {
     /// Of stages that only have to hand over a good start, without any steps.
-    pub(crate) const HANDOVER: Limits = Limits {
-        iterations: 0,
-        step_tolerance: 0.05,
-        gain_tolerance: 0.01,
-        least_gain: 0.0,
-        hopeless: f64::INFINITY,
-        secants: true,
-    };
+    pub(crate) const HANDOVER: Limits =
+        Limits { iterations: 0, step_tolerance: 0.05, gain_tolerance: 0.01, least_gain: 0.0, secants: true };
 }
 
 /// One accepted step, for traces.
 #[derive(Clone, Debug)]
 pub(crate) struct Iterate {
+    /// How many steps led here.
+    pub steps: usize,
     pub state: State,
     pub cost: f64,
 }
@@ -65,6 +58,14 @@ pub(crate) struct Fit {
     pub tangents: Option<Tangents>,
     /// Those of `motion` and `tangents`, where they were needed.
     pub clusters: Option<Vec<Cluster>>,
+}
+
+impl Fit {
+    /// What a further search from here need not work out again; `None` where no step was asked for.
+    pub(crate) fn known(self) -> Option<Known> {
+        let (motion, clusters) = (self.motion, self.clusters);
+        self.tangents.map(|tangents| Known { motion, tangents, clusters })
+    }
 }
 
 /// What is known at the start of a search, so that it need not be worked out again.
@@ -85,29 +86,44 @@ pub(crate) struct Tangents {
 }
 
 impl Tangents {
-    /// One forward run per unknown. A perturbation that fails is tried in the other direction.
+    /// One forward run per unknown from `state`, whose own `motion` is known. A perturbation that fails is tried in the other direction.
     pub(crate) fn measure(problem: &Problem, state: &State, motion: &Motion) -> Result<Tangents, String> {
-        let attempts: Result<Vec<(Motion, f64)>, String> = problem
-            .unknowns
-            .par_iter()
-            .with_max_len(1)
-            .map(|unknown| {
-                let step = unknown.difference_step(problem.parameters);
-                if *unknown == Unknown::Splat {
-                    // Only the drawing changes: no rollout.
-                    return Ok((motion.drawn_wider(step), step));
-                }
-                let (_, high) = unknown.limits(problem.parameters);
-                let forward = if state.get(*unknown) + step <= high { step } else { -step };
-                let run = |step: f64| {
-                    let moved = state.moved(&[*unknown], &[step], problem.parameters);
-                    problem.forward.motion(&moved, &problem.level).map(|m| (m, step))
-                };
-                run(forward).or_else(|_| run(-forward))
-            })
-            .collect();
-        let (motions, steps) = attempts?.into_iter().unzip();
-        Ok(Tangents { motions, steps, fresh: true })
+        Tangents::runs(problem, state).map(|runs| Tangents::of_runs(runs, motion))
+    }
+
+    /// The motion at `state` and its tangents: one forward run more than there are unknowns, all side by side.
+    pub(crate) fn measure_with_motion(
+        problem: &Problem,
+        state: &State,
+    ) -> (Result<Motion, String>, Result<Tangents, String>) {
+        let (motion, runs) =
+            rayon::join(|| problem.forward.motion(state, &problem.level), || Tangents::runs(problem, state));
+        let tangents = motion.as_ref().map_err(Clone::clone).and_then(|m| Ok(Tangents::of_runs(runs?, m)));
+        (motion, tangents)
+    }
+
+    /// A perturbed motion and its step per unknown; no motion where only the drawing changes.
+    fn runs(problem: &Problem, state: &State) -> Result<Vec<(Option<Motion>, f64)>, String> {
+        let run = |unknown: &Unknown| {
+            let step = unknown.difference_step(problem.parameters);
+            if *unknown == Unknown::Splat {
+                return Ok((None, step));
+            }
+            let (_, high) = unknown.limits(problem.parameters);
+            let forward = if state.get(*unknown) + step <= high { step } else { -step };
+            let run = |step: f64| {
+                let moved = state.moved(&[*unknown], &[step], problem.parameters);
+                problem.forward.motion(&moved, &problem.level).map(|m| (Some(m), step))
+            };
+            run(forward).or_else(|_| run(-forward))
+        };
+        problem.unknowns.par_iter().with_max_len(1).map(run).collect()
+    }
+
+    fn of_runs(runs: Vec<(Option<Motion>, f64)>, motion: &Motion) -> Tangents {
+        let drawn = |(run, step): (Option<Motion>, f64)| (run.unwrap_or_else(|| motion.drawn_wider(step)), step);
+        let (motions, steps) = runs.into_iter().map(drawn).unzip();
+        Tangents { motions, steps, fresh: true }
     }
 
     /// Leaves those of the `unknowns` that `is_kept`, and returns these; what follows the unknowns' own goes.
@@ -169,26 +185,28 @@ fn sum_of(a: &[f32], b: &[f32], c: &[f32]) -> Vec<f32> {
 
 /// Minimises from `start`, where much may be known already; fails only where the start itself cannot be simulated.
 ///
-/// A failed forward run is a rejected step: the damping grows until the step stays where the simulator works.
+/// A failed forward run is a rejected step: the damping grows until the step stays where the simulator works. `accepted` hears of every step and
+/// may end the search there.
 pub(crate) fn minimise(
     problem: &Problem,
     start: State,
     known: Option<Known>,
     limits: Limits,
-    accepted: &mut dyn FnMut(&Iterate) -> Result<(), String>,
+    accepted: &mut dyn FnMut(&Iterate) -> Result<ControlFlow<()>, String>,
 ) -> Result<Fit, String> {
     let (motion, tangents, mut clusters) = match known {
         Some(Known { motion, tangents, clusters }) => (motion, Some(tangents), clusters),
-        None => (problem.forward.motion(&start, &problem.level)?, None, None),
+        None if limits.iterations == 0 => (problem.forward.motion(&start, &problem.level)?, None, None),
+        None => {
+            let (motion, tangents) = Tangents::measure_with_motion(problem, &start);
+            (motion?, Some(tangents?), None)
+        }
     };
     let cost = problem.cost(&start, &motion);
     let mut fit = Fit { cost, state: start, motion, tangents: None, clusters: None };
-    if limits.iterations == 0 {
-        return Ok(Fit { tangents, clusters, ..fit });
-    }
     let mut tangents = match tangents {
-        Some(tangents) => tangents,
-        None => Tangents::measure(problem, &fit.state, &fit.motion)?,
+        Some(tangents) if limits.iterations > 0 => tangents,
+        tangents => return Ok(Fit { tangents, clusters, ..fit }),
     };
     let mut lambda = 1e-3;
     let mut iteration = 0;
@@ -232,7 +250,7 @@ pub(crate) fn minimise(
             .map(|(u, d)| d.abs() / u.difference_step(problem.parameters))
             .fold(0.0, f64::max);
         lambda = if damping > lambda { damping } else { (lambda * 0.1).max(1e-6) };
-        accepted(&Iterate { state: state.clone(), cost })?;
+        let heard = accepted(&Iterate { steps: iteration, state: state.clone(), cost })?;
         let trusted = tangents.fresh || gain >= TRUSTED_GAIN * promised;
         if limits.secants {
             tangents.carry(problem, &fit.motion, &motion, &delta);
@@ -240,8 +258,7 @@ pub(crate) fn minimise(
         (fit.state, fit.cost, fit.motion) = (state, cost, motion);
         // A small gain along a stale direction says little about what is left.
         let arrived = share < limits.gain_tolerance || gain < limits.least_gain && (trusted || !worth_measuring);
-        let hopeless = iteration >= PATIENCE && cost > limits.hopeless;
-        if size < limits.step_tolerance || arrived || hopeless {
+        if size < limits.step_tolerance || arrived || heard.is_break() {
             break;
         }
         if iteration < limits.iterations && !(limits.secants && trusted) {

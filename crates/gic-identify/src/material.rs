@@ -2,7 +2,7 @@
 
 use crate::IdentifyError;
 use crate::adam::adam;
-use crate::levenberg::{Fit, Limits};
+use crate::levenberg::{Fit, Iterate, Limits};
 use crate::normal::Normal;
 use crate::objective::Problem;
 use crate::result::Stage;
@@ -16,6 +16,9 @@ use crate::velocity::Launch;
 const SHORT_FIT: usize = 5;
 const LONG_FIT: usize = 14;
 const SHARP_FIT: usize = 8;
+
+/// Steps before a search may be given up.
+const PATIENCE: usize = 2;
 
 /// How much more than the best a start may cost during its short fit.
 const HOPELESS: f64 = 3.0;
@@ -45,20 +48,21 @@ impl Job<'_> {
             return adam(self, launched.free, start, iterations).map_err(failed);
         }
         let simulation = self.simulation(launched.free);
-        let fit_within = |start: State, pooling: usize, limits: Limits| {
+        let fit_unless = |start: State, pooling: usize, iterations: usize, is_idle: &dyn Fn(&Iterate) -> bool| {
             let (unknowns, level) = (self.free_materials(), self.touched_frames(launched, pooling));
-            self.minimise(Stage::Material, &simulation, self.base_objective(), unknowns, level, start, limits)
+            let limits = Limits { iterations, ..Limits::HANDOVER };
+            let is_idle = |step: &Iterate| step.steps >= PATIENCE && is_idle(step);
+            let objective = self.base_objective();
+            self.minimise(Stage::Material, &simulation, objective, unknowns, level, start, limits, &is_idle)
         };
-        let fit = |start: State, pooling: usize, iterations: usize| {
-            fit_within(start, pooling, Limits { iterations, ..Limits::HANDOVER })
-        };
+        let fit = |start: State, pooling: usize, iterations: usize| fit_unless(start, pooling, iterations, &|_| false);
         // Some steps from each start tell which valley is worth the rest; those that have arrived stop earlier.
         let done = self.checkpoint.borrow().fits.len();
         let mut reason = String::new();
         for start in starts.into_iter().skip(done) {
             let best = self.checkpoint.borrow().fits.iter().flatten().map(|fit| fit.0).fold(f64::INFINITY, f64::min);
-            let limits = Limits { iterations: SHORT_FIT, hopeless: HOPELESS * best, ..Limits::HANDOVER };
-            let found = fit_within(start, BLUR, limits).map(|fit| (fit.cost, fit.state)).map_err(|e| reason = e).ok();
+            let found = fit_unless(start, BLUR, SHORT_FIT, &|step| step.cost > HOPELESS * best);
+            let found = found.map(|fit| (fit.cost, fit.state)).map_err(|e| reason = e).ok();
             if self.stopped.get() {
                 return Err(IdentifyError::Interrupted);
             }
@@ -68,7 +72,11 @@ impl Job<'_> {
         // Valleys that are about as deep so far are walked to their ends, and those next door to the deepest.
         let mut ends: Vec<Fit> = Vec::new();
         for state in self.contenders(fits.into_iter().flatten().collect(), CONTENDS) {
-            match fit(state, BLUR, LONG_FIT) {
+            // What comes down into a valley that was walked already would end where that walk did.
+            let is_known = |step: &Iterate| {
+                ends.iter().any(|end| end.cost <= step.cost && self.same_valley(&end.state, &step.state))
+            };
+            match fit_unless(state, BLUR, LONG_FIT, &is_known) {
                 Ok(found) => ends.push(found),
                 Err(e) => reason = e,
             }

@@ -46,7 +46,11 @@ impl Neighbours {
     }
 
     fn cell_of(&self, p: DVec3) -> IVec3 {
-        ((p - self.low) / self.cell).floor().as_ivec3()
+        // Rounding down by a cast, which is an instruction where `floor` may be a call.
+        let scaled = (p - self.low) / self.cell;
+        let towards_zero = scaled.as_ivec3();
+        let above = towards_zero.as_dvec3().cmpgt(scaled);
+        towards_zero.saturating_sub(IVec3::select(above, IVec3::ONE, IVec3::ZERO))
     }
 
     fn key(&self, c: IVec3) -> usize {
@@ -118,13 +122,16 @@ impl Neighbours {
         let high = self.cell_of(p + radius).min(self.size - 1);
         for x in low.x..=high.x {
             for y in low.y..=high.y {
-                for z in low.z..=high.z {
-                    let key = self.key(IVec3::new(x, y, z));
-                    for i in self.starts[key] as usize..self.starts[key + 1] as usize {
-                        let d = self.points[i].distance_squared(p);
-                        if d <= radius * radius {
-                            visit(d, self.ids[i] as usize, self.points[i]);
-                        }
+                if low.z > high.z {
+                    continue;
+                }
+                // Cells along z follow each other.
+                let (first, last) = (self.key(IVec3::new(x, y, low.z)), self.key(IVec3::new(x, y, high.z)));
+                let run = self.starts[first] as usize..self.starts[last + 1] as usize;
+                for (q, id) in self.points[run.clone()].iter().zip(&self.ids[run]) {
+                    let d = q.distance_squared(p);
+                    if d <= radius * radius {
+                        visit(d, *id as usize, *q);
                     }
                 }
             }

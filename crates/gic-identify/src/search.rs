@@ -66,7 +66,9 @@ impl Job<'_> {
         let limits = Limits { iterations: COARSE_STEPS, gain_tolerance: 0.02, ..Limits::HANDOVER };
         for (_, start) in ranked.iter().take(coarse_fits) {
             let (start, level, unknowns) = ((*start).clone(), level.clone(), unknowns.clone());
-            if let Ok(fit) = self.minimise(Stage::Search, &simulation, objective, unknowns, level, start, limits) {
+            if let Ok(fit) =
+                self.minimise(Stage::Search, &simulation, objective, unknowns, level, start, limits, &|_| false)
+            {
                 found.push((fit.cost, fit.state));
             }
             if self.stopped.get() {

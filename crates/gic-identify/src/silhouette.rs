@@ -198,18 +198,26 @@ impl Eye {
 }
 
 impl Footprint {
-    /// Falloff of each column.
-    fn fill(&self, columns: &mut Vec<f32>) {
-        columns.clear();
-        let count = self.columns.1 - self.columns.0;
-        columns.extend(Falloff::new(self.columns.0, self.centre.0, self.variance).take(count));
+    /// Writes the falloff of each column to the beginning of `row`, and returns it.
+    fn falloff<'a>(&self, row: &'a mut [f32]) -> &'a [f32] {
+        let columns = &mut row[..self.columns.1 - self.columns.0];
+        let mut falloff = Falloff::new(self.columns.0, self.centre.0, self.variance);
+        for column in &mut *columns {
+            *column = falloff.value;
+            falloff.advance();
+        }
+        columns
     }
 
     /// Each row with its alpha at the centre column.
     fn rows(&self) -> impl Iterator<Item = (usize, f32)> {
-        let falloff = Falloff::new(self.rows.0, self.centre.1, self.variance);
+        let mut falloff = Falloff::new(self.rows.0, self.centre.1, self.variance);
         let peak = self.peak;
-        (self.rows.0..self.rows.1).zip(falloff).map(move |(j, value)| (j, peak * value))
+        (self.rows.0..self.rows.1).map(move |j| {
+            let value = falloff.value;
+            falloff.advance();
+            (j, peak * value)
+        })
     }
 }
 
@@ -226,16 +234,11 @@ impl Falloff {
         let (d, half) = (first as f32 + 0.5 - centre, -0.5 / variance);
         Falloff { value: (half * d * d).exp(), ratio: (half * (2.0 * d + 1.0)).exp(), growth: (2.0 * half).exp() }
     }
-}
 
-impl Iterator for Falloff {
-    type Item = f32;
-
-    fn next(&mut self) -> Option<f32> {
-        let value = self.value;
+    /// To the next pixel.
+    fn advance(&mut self) {
         self.value *= self.ratio;
         self.ratio *= self.growth;
-        Some(value)
     }
 }
 
@@ -244,15 +247,15 @@ pub(crate) fn alpha(positions: &[[f32; 3]], splats: Splats, camera: &Camera) -> 
     let width = camera.width;
     let mut transmittance = vec![1.0f32; width * camera.height];
     let eye = Eye::new(camera);
-    let mut columns = Vec::new();
+    let mut row = vec![0.0f32; width];
     for (i, position) in positions.iter().enumerate() {
         let Some(footprint) = eye.footprint(*position, splats.opacities[i], splats.scales[i] * splats.factor) else {
             continue;
         };
-        footprint.fill(&mut columns);
+        let columns = footprint.falloff(&mut row);
         let (x0, x1) = footprint.columns;
         for (j, weight) in footprint.rows() {
-            for (t, column) in transmittance[j * width + x0..j * width + x1].iter_mut().zip(&columns) {
+            for (t, column) in transmittance[j * width + x0..j * width + x1].iter_mut().zip(columns) {
                 *t *= 1.0 - weight * column;
             }
         }
@@ -277,11 +280,11 @@ pub(crate) fn alpha_backward(
 ) {
     let width = camera.width;
     let eye = Eye::new(camera);
-    let mut columns = Vec::new();
+    let mut row = vec![0.0f32; width];
     for (i, position) in positions.iter().enumerate() {
         let sigma_m = splats.scales[i] * splats.factor;
         let Some(footprint) = eye.footprint(*position, splats.opacities[i], sigma_m) else { continue };
-        footprint.fill(&mut columns);
+        let columns = footprint.falloff(&mut row);
         let (x0, x1) = footprint.columns;
         // d loss / d centre and d loss / d log(sigma in pixels).
         let (mut dx, mut dy, mut spread) = (0.0f32, 0.0f32, 0.0f32);
@@ -317,11 +320,15 @@ pub(crate) fn alpha_backward(
 
 /// Pixels whose centres lie within `radius` of `at`, clipped to the picture; `None` where there are none.
 fn span(at: f32, radius: f32, length: usize) -> Option<(usize, usize)> {
-    let (low, high) = ((at - radius - 0.5).ceil(), (at + radius - 0.5).floor());
-    if !(high >= 0.0 && low < length as f32 && low <= high) {
+    let (low, high) = (at - radius - 0.5, at + radius - 0.5);
+    if !(high >= 0.0 && low <= length as f32 - 1.0) {
         return None;
     }
-    Some((low.max(0.0) as usize, (high as usize + 1).min(length)))
+    // Rounding up and down by casts, which are instructions where `ceil` and `floor` may be calls.
+    let below = low.max(0.0) as usize;
+    let first = if (below as f32) < low { below + 1 } else { below };
+    let end = (high as usize + 1).min(length);
+    (first < end).then_some((first, end))
 }
 
 /// Side of a pixel of `camera` at the distance of `point` [m].
@@ -381,7 +388,10 @@ mod tests {
         fn falloff_is_the_gaussian(first in 0usize..400, off in 0.0f32..4.0, variance in 0.0834f32..60.0) {
             let centre = first as f32 + off * variance.sqrt();
             let count = (8.0 * variance.sqrt()).ceil() as usize;
-            for (k, found) in Falloff::new(first, centre, variance).take(count).enumerate() {
+            let mut falloff = Falloff::new(first, centre, variance);
+            for k in 0..count {
+                let found = falloff.value;
+                falloff.advance();
                 let d = f64::from((first + k) as f32 + 0.5 - centre);
                 let exact = (-0.5 * d * d / f64::from(variance)).exp();
                 prop_assert!((f64::from(found) - exact).abs() < 2e-5, "{k}: {found} instead of {exact}");

@@ -173,6 +173,7 @@ impl Job<'_> {
         self.tell(Event::Reached(&checkpoint)).map_err(|_| IdentifyError::Interrupted)
     }
 
+    /// A search without priors, which ends early at a step that `is_idle`.
     #[allow(clippy::too_many_arguments)]
     pub(crate) fn minimise(
         &self,
@@ -183,9 +184,13 @@ impl Job<'_> {
         level: Level,
         start: State,
         limits: Limits,
+        is_idle: &dyn Fn(&Iterate) -> bool,
     ) -> Result<Fit, String> {
         let problem = Problem { forward, objective, unknowns, parameters: self.parameters(), level, prior: None };
-        minimise(&problem, start, None, limits, &mut |iterate| self.report(stage, iterate))
+        minimise(&problem, start, None, limits, &mut |iterate| {
+            self.report(stage, iterate)?;
+            Ok(if is_idle(iterate) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+        })
     }
 }
 
@@ -395,8 +400,8 @@ impl Job<'_> {
             let mut here = match known {
                 Some(known) => known,
                 None => {
-                    let motion = simulation.motion(&state, &level).map_err(self.failure(1))?;
-                    let tangents = Tangents::measure(&problem, &state, &motion).map_err(self.failure(1))?;
+                    let (motion, tangents) = Tangents::measure_with_motion(&problem, &state);
+                    let (motion, tangents) = (motion.map_err(self.failure(1))?, tangents.map_err(self.failure(1))?);
                     Known { motion, tangents, clusters: None }
                 }
             };
@@ -406,10 +411,10 @@ impl Job<'_> {
             let problem = Problem { objective: Objective { weights: &weights, ..self.base_objective() }, ..problem };
             // The cost is in units of chi-squared: what matters is the absolute gain.
             let limits = Limits { iterations, gain_tolerance, least_gain: LEAST_GAIN, ..Limits::HANDOVER };
-            let report = &mut |iterate: &Iterate| self.report(Stage::Joint, iterate);
+            let report = &mut |step: &Iterate| self.report(Stage::Joint, step).map(ControlFlow::Continue);
             let fit = minimise(&problem, state, Some(here), limits, report).map_err(self.failure(1))?;
-            state = fit.state;
-            known = fit.tangents.map(|tangents| Known { motion: fit.motion, tangents, clusters: fit.clusters });
+            state = fit.state.clone();
+            known = fit.known();
         }
         Ok(state)
     }

@@ -1,5 +1,7 @@
 //! Stage 1: initial velocity from the frames before contact. The contact frame is found, not given.
 
+use std::ops::ControlFlow;
+
 use glam::DVec3;
 
 use crate::Input;
@@ -44,7 +46,7 @@ pub(crate) fn launch(
         let problem = problem(&flight, objective, unknowns, level);
         let limits =
             Limits { iterations: 10, step_tolerance: 0.1, gain_tolerance: 1e-4, secants: false, ..Limits::HANDOVER };
-        let fit = minimise(&problem, state.clone(), None, limits, &mut |_| Ok(()))?;
+        let fit = minimise(&problem, state.clone(), None, limits, &mut |_| Ok(ControlFlow::Continue(())))?;
         *state = fit.state.clone();
         Ok(fit)
     };
