@@ -16,6 +16,7 @@
 //!    ([`crate::Completion`]).
 //! 4. *Depths know of the Gaussians' sizes.* Where a surface is drawn by large ones, it lies further in front of their centres.
 
+use gic_scene::Camera;
 use gic_splat::{Gaussians, Shape};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -23,7 +24,7 @@ use rayon::prelude::*;
 use crate::internal::{InternalParticles, internal_particles};
 use crate::unseen::place_unseen;
 use crate::view::Evidence;
-use crate::{ContinuumError, DensityField, FillSettings, MaskedView};
+use crate::{ContinuumError, DensityField, FillSettings, MaskedView, Symmetry};
 
 /// Fewer Gaussians than this are no body.
 const MIN_GAUSSIANS: usize = 8;
@@ -114,23 +115,52 @@ impl Filling {
 /// Algorithm 1: the density field of one frame from its Gaussians and masks.
 pub fn fill(gaussians: &Gaussians, views: &[MaskedView], settings: &FillSettings) -> Result<Filling, ContinuumError> {
     settings.validate()?;
-    let usable = usable_gaussians(gaussians, views, settings)?;
-    let flecks = FillSettings { levels: FLECK_LEVELS, ..*settings };
-    let usable = drop_isolated(&usable, &initialize_field(&usable, &flecks)?);
-    if usable.positions.len() < MIN_GAUSSIANS {
-        return Err(ContinuumError::TooFewGaussians {
-            total: gaussians.positions.len(),
-            kept: usable.positions.len(),
-            needed: MIN_GAUSSIANS,
-        });
-    }
+    let usable = usable_gaussians(gaussians, &Evidence::gather(views, None)?, settings)?;
     let [small, scale] = quartiles_of_scale(&usable);
     let evidence = Evidence::gather(views, Some((&usable, scale)))?;
-    let grid = initialize_field(&usable, settings)?;
     let inset = settings.depth_inset * small + settings.depth_offset;
-    let particles = internal_particles(&grid, &evidence, inset, settings);
-    let mut field = coarse_to_fine(&particles, &usable, settings);
-    let doubt = place_unseen(&mut field, &evidence, inset, settings);
+    body(&usable, &evidence, inset, settings).map(|body| Filling { gaussians_given: gaussians.positions.len(), ..body })
+}
+
+/// What outlines alone leave of a body whose mirror planes they show: the mirror images of all views see it, too, and none of the Gaussians'
+/// depths count. The views may be of several moments, with cameras moved to where they would have seen the body in this one.
+pub fn fill_outlines(
+    gaussians: &Gaussians,
+    views: &[MaskedView],
+    symmetry: &Symmetry,
+    settings: &FillSettings,
+) -> Result<Filling, ContinuumError> {
+    settings.validate()?;
+    let outlines = Evidence::gather(views, None)?;
+    let views_used = outlines.len();
+    let mirrored: Vec<Vec<Camera>> = outlines.iter().map(|view| symmetry.cameras(view.camera)).collect();
+    let evidence = with_images(outlines, &mirrored);
+    let usable = usable_gaussians(gaussians, &evidence, settings)?;
+    let body = body(&usable, &evidence, 0.0, settings)?;
+    Ok(Filling { gaussians_given: gaussians.positions.len(), views_used, ..body })
+}
+
+/// The views and all that their `mirrored` cameras see: the same pictures.
+fn with_images<'a>(mut views: Vec<Evidence<'a>>, mirrored: &'a [Vec<Camera>]) -> Vec<Evidence<'a>> {
+    for k in 0..views.len() {
+        for camera in &mirrored[k] {
+            views.push(Evidence { camera, ..views[k].clone() });
+        }
+    }
+    views
+}
+
+/// Lines 5 to 15: the body that views leave, whose depths lie `inset` [m] below the surface.
+fn body(
+    usable: &Gaussians,
+    evidence: &[Evidence],
+    inset: f64,
+    settings: &FillSettings,
+) -> Result<Filling, ContinuumError> {
+    let grid = initialize_field(usable, settings)?;
+    let particles = internal_particles(&grid, evidence, inset, settings);
+    let mut field = coarse_to_fine(&particles, usable, settings);
+    let doubt = place_unseen(&mut field, evidence, inset, settings);
     smooth(&mut field);
     if !field.values.iter().any(|&v| f64::from(v) >= settings.th_min) {
         return Err(ContinuumError::Empty);
@@ -141,18 +171,17 @@ pub fn fill(gaussians: &Gaussians, views: &[MaskedView], settings: &FillSettings
         th_min: settings.th_min,
         th_max: settings.th_max,
         gaussians_used: usable.positions.len(),
-        gaussians_given: gaussians.positions.len(),
+        gaussians_given: usable.positions.len(),
         views_used: evidence.len(),
     })
 }
 
-/// The Gaussians that count: finite, opaque enough, and outside no mask.
+/// The Gaussians that count: finite, opaque enough, outside no mask, and no flecks.
 fn usable_gaussians(
     gaussians: &Gaussians,
-    views: &[MaskedView],
+    masks: &[Evidence],
     settings: &FillSettings,
 ) -> Result<Gaussians, ContinuumError> {
-    let masks = Evidence::gather(views, None)?;
     let counts = |i: usize| {
         let p = gaussians.positions[i];
         let point = DVec3::new(f64::from(p[0]), f64::from(p[1]), f64::from(p[2]));
@@ -163,11 +192,17 @@ fn usable_gaussians(
             && masks.iter().all(|view| view.look(point).is_none_or(|seen| seen.coverage >= OUTSIDE))
     };
     let total = gaussians.positions.len();
+    let enough = |kept: usize| match kept {
+        MIN_GAUSSIANS.. => Ok(()),
+        _ => Err(ContinuumError::TooFewGaussians { total, kept, needed: MIN_GAUSSIANS }),
+    };
     let kept: Vec<usize> = (0..total).into_par_iter().filter(|&i| counts(i)).collect();
-    if kept.len() < MIN_GAUSSIANS {
-        return Err(ContinuumError::TooFewGaussians { total, kept: kept.len(), needed: MIN_GAUSSIANS });
-    }
-    Ok(select(gaussians, &kept))
+    enough(kept.len())?;
+    let usable = select(gaussians, &kept);
+    let flecks = FillSettings { levels: FLECK_LEVELS, ..*settings };
+    let usable = drop_isolated(&usable, &initialize_field(&usable, &flecks)?);
+    enough(usable.positions.len())?;
+    Ok(usable)
 }
 
 /// Without the Gaussians that have fewer than [`NEIGHBOURS`] others in the voxels of `grid` around them. A fleck that hovers inside the

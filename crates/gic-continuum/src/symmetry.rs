@@ -7,7 +7,8 @@
 //! 1. Planes of all directions near the body's middle are scored by how far a few mirrored surface points lie from the surface; the best
 //!    are fitted by iterated least squares (point-to-plane distances: Chen & Medioni 1992).
 //! 2. Up to three at right angles to each other are kept, and fitted together.
-//! 3. The signed distances from the surface at a place and at all its mirror images are averaged, each by how well the views know the
+//! 3. They are moved to where the outlines agree with each other's mirror images (see [`crate::outline`]): outlines are sharper than surfaces.
+//! 4. The signed distances from the surface at a place and at all its mirror images are averaged, each by how well the views know the
 //!    surface there.
 
 use gic_metrics::KdTree;
@@ -15,7 +16,7 @@ use glam::DVec3;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::{DensityField, Filling};
+use crate::{DensityField, Filling, MaskedView};
 
 /// Directions of planes that are tried, evenly over a half sphere: 8 degrees apart.
 const DIRECTIONS: usize = 400;
@@ -49,9 +50,6 @@ const DAMPING: f64 = 1e-3;
 const ARRIVED: f64 = 1e-4;
 /// What no view sees counts as this much of what one does.
 const UNSEEN_SHARE: f64 = 1e-3;
-/// What the views see of a place itself counts so many times as much as what they see of one of its images: planes are known to a
-/// millimetre or two.
-const OWN: f64 = 4.0;
 /// Distances are known up to so many voxels.
 const BAND: f64 = 6.0;
 /// Voxels over which the density falls from 1 to 0 across the surface.
@@ -80,6 +78,11 @@ impl MirrorPlane {
     pub fn mirror(&self, point: DVec3) -> DVec3 {
         point - 2.0 * (self.normal.dot(point) - self.offset) * self.normal
     }
+
+    /// The plane with another normal, as far from a point [m] as before.
+    pub(crate) fn turned(&self, normal: DVec3, point: DVec3) -> MirrorPlane {
+        MirrorPlane { normal, offset: self.offset + (normal - self.normal).dot(point), ..*self }
+    }
 }
 
 impl Symmetry {
@@ -104,7 +107,7 @@ impl Symmetry {
     }
 
     /// All images of a point: itself, its mirror images, their mirror images.
-    fn images(&self, point: DVec3) -> impl Iterator<Item = DVec3> + '_ {
+    pub(crate) fn images(&self, point: DVec3) -> impl Iterator<Item = DVec3> + '_ {
         (0..1usize << self.planes.len()).map(move |subset| {
             let chosen = self.planes.iter().enumerate().filter(|(k, _)| subset >> k & 1 == 1);
             chosen.fold(point, |image, (_, plane)| plane.mirror(image))
@@ -115,15 +118,17 @@ impl Symmetry {
 /// Completes a body by its symmetry in the frames of a video, as long as it keeps the shape that it has in the first.
 #[derive(Debug, Default)]
 pub struct Completion {
-    /// The symmetry of the body at rest, once the first frame is completed.
+    /// The symmetry of the first frame's surface, once that is known.
     rest: Option<Symmetry>,
+    /// What the first frame was completed by.
+    first: Option<Symmetry>,
     /// Whether it has changed its shape since.
     deformed: bool,
 }
 
 impl Completion {
-    /// Completes the next frame.
-    pub fn next(&mut self, filling: &mut Filling) {
+    /// Completes the next frame, which these views show.
+    pub fn next(&mut self, filling: &mut Filling, views: &[MaskedView]) {
         if self.deformed {
             return;
         }
@@ -132,13 +137,17 @@ impl Completion {
         let rest = self.rest.get_or_insert_with(|| symmetry.clone());
         self.deformed = rest.planes.is_empty() || !symmetry.is_still(rest);
         if !self.deformed {
+            // Outlines are sharper than surfaces.
+            let sharper = symmetry.on_outlines(views).map(|sharper| surface.measured(sharper));
+            let symmetry = sharper.unwrap_or(symmetry);
             filling.complete(&symmetry, &surface);
+            self.first.get_or_insert(symmetry);
         }
     }
 
-    /// The symmetry of the body in the first frame; none before that.
-    pub fn rest(self) -> Symmetry {
-        self.rest.unwrap_or(Symmetry { planes: Vec::new() })
+    /// The symmetry by which the first frame's body was completed; `None` before that, or where it has no mirror planes.
+    pub fn first(&self) -> Option<&Symmetry> {
+        self.first.as_ref()
     }
 }
 
@@ -159,10 +168,9 @@ impl Filling {
             .into_par_iter()
             .map(|i| {
                 let (mut sum, mut total, mut doubt) = (0.0, 0.0, 1.0f64);
-                for (k, image) in symmetry.images(self.field.centre(self.field.voxel(i))).enumerate() {
+                for image in symmetry.images(self.field.centre(self.field.voxel(i))) {
                     let (distance, doubtful) = look(image);
-                    let itself = if k == 0 { OWN } else { 1.0 };
-                    let share = itself * (UNSEEN_SHARE + (1.0 - doubtful).powi(2));
+                    let share = UNSEEN_SHARE + (1.0 - doubtful).powi(2);
                     sum += share * distance;
                     total += share;
                     doubt = doubt.min(doubtful);
@@ -254,7 +262,7 @@ impl KnownSurface {
 
     /// The planes and the best other one at right angles to them, fitted together; `None` where no other one fits.
     fn with_another(&self, planes: &[MirrorPlane]) -> Option<Vec<MirrorPlane>> {
-        let mut tried: Vec<MirrorPlane> = normals(planes)
+        let mut tried: Vec<MirrorPlane> = normals(planes, CIRCLE)
             .into_par_iter()
             .flat_map_iter(|normal| {
                 (-OFFSETS..=OFFSETS).map(move |step| {
@@ -313,7 +321,7 @@ impl KnownSurface {
             let rotation = glam::DQuat::from_scaled_axis(turn.clamp_length_max(0.1));
             let arrived = turn.length() < ARRIVED && step.rows_range(3..).amax() < ARRIVED * self.size;
             for (k, plane) in planes.iter_mut().enumerate() {
-                *plane = self.through(*plane, rotation * plane.normal);
+                *plane = plane.turned(rotation * plane.normal, self.middle);
                 plane.offset += step[3 + k].clamp(-0.05 * self.size, 0.05 * self.size);
             }
             if arrived {
@@ -326,9 +334,10 @@ impl KnownSurface {
         planes
     }
 
-    /// The plane with another normal, as far from the body's middle as before.
-    fn through(&self, plane: MirrorPlane, normal: DVec3) -> MirrorPlane {
-        MirrorPlane { normal, offset: plane.offset + (normal - plane.normal).dot(self.middle), ..plane }
+    /// The planes with how far mirrored points of this surface lie from it.
+    fn measured(&self, mut symmetry: Symmetry) -> Symmetry {
+        symmetry.planes.iter_mut().for_each(|plane| plane.misfit = self.misfit(plane, MANY));
+        symmetry
     }
 
     /// Signed distance from the surface [m] at each voxel, cut to the band, and how much the surface next to it is in doubt.
@@ -354,23 +363,23 @@ impl KnownSurface {
     }
 }
 
-/// Directions at right angles to planes, evenly: over a half sphere, a half circle, or the one that is left.
-fn normals(planes: &[MirrorPlane]) -> Vec<DVec3> {
+/// Directions at right angles to planes, evenly: over a half sphere, `circle` of them over a half circle, or the one that is left.
+pub(crate) fn normals(planes: &[MirrorPlane], circle: usize) -> Vec<DVec3> {
     match planes {
-        [] => (0..DIRECTIONS).map(direction).collect(),
+        [] => (0..DIRECTIONS).map(|k| direction(k, DIRECTIONS)).collect(),
         [one] => {
             let (a, b) = one.normal.any_orthonormal_pair();
-            let angle = |k: usize| std::f64::consts::PI * k as f64 / CIRCLE as f64;
-            (0..CIRCLE).map(|k| angle(k).cos() * a + angle(k).sin() * b).collect()
+            let angle = |k: usize| std::f64::consts::PI * k as f64 / circle as f64;
+            (0..circle).map(|k| angle(k).cos() * a + angle(k).sin() * b).collect()
         }
         [one, other, ..] => vec![one.normal.cross(other.normal).normalize_or(DVec3::Y)],
     }
 }
 
-/// The k-th of [`DIRECTIONS`] directions, evenly over a half sphere (a Fibonacci spiral).
-fn direction(k: usize) -> DVec3 {
+/// The k-th of `count` directions, evenly over a half sphere (a Fibonacci spiral).
+pub(crate) fn direction(k: usize, count: usize) -> DVec3 {
     let golden = std::f64::consts::PI * (1.0 + 5f64.sqrt());
-    let z = (k as f64 + 0.5) / DIRECTIONS as f64;
+    let z = (k as f64 + 0.5) / count as f64;
     let (sin, cos) = (golden * (k as f64 + 0.5)).sin_cos();
     let radius = (1.0 - z * z).sqrt();
     DVec3::new(radius * cos, radius * sin, z)
@@ -482,14 +491,14 @@ mod tests {
         let sheared =
             |p: DVec3, by: f64| cross(turned().inverse() * (p - centre() - by * (p.y - centre().y) * DVec3::X));
         let mut completion = Completion::default();
-        completion.next(&mut filled(|p| sheared(p, 0.0)));
+        completion.next(&mut filled(|p| sheared(p, 0.0)), &[]);
         for shear in [0.3, 0.0] {
             let mut later = filled(|p| sheared(p, shear));
             let before = later.field.clone();
-            completion.next(&mut later);
+            completion.next(&mut later, &[]);
             assert_eq!(later.field, before, "sheared by {shear}");
         }
-        assert_eq!(completion.rest().planes.len(), 3);
+        assert_eq!(completion.first().map(|first| first.planes.len()), Some(3));
     }
 
     proptest! {

@@ -39,6 +39,7 @@ pub struct MaskedView<'a> {
 }
 
 /// A view with its mask, its rendered depth map and how obliquely it sees the surface.
+#[derive(Clone)]
 pub(crate) struct Evidence<'a> {
     pub(crate) camera: &'a Camera,
     pub(crate) mask: &'a [f32],

@@ -3,13 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use gic_continuum::{
-    Agreement, Appearance, Completion, Drawing, FillSettings, Filling, GroundPlane, MaskedView, MirrorPlane, Particles,
-    Placement, Unseen, calibrate, compare_with_masks, fill, sample_particles, sample_points,
+    Agreement, Appearance, Drawing, FillSettings, Filling, GroundPlane, MirrorPlane, Particles, Placement, Unseen,
+    calibrate, compare_with_masks, sample_particles, sample_points,
 };
 use gic_scene::{Hull, HullSettings, HullView, Mask};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::bodies::Bodies;
 use super::source::Source;
 use super::{Run, Stage};
 use crate::atomic;
@@ -49,6 +50,10 @@ pub struct FillSummary {
     /// Mirror planes of the body at the first frame; none of older runs.
     #[serde(default)]
     pub mirror_planes: Vec<Mirror>,
+    /// Frames whose outlines alone made the body of the first, because the surface showed none of the symmetry that they show; 0 where the
+    /// surface made it.
+    #[serde(default)]
+    pub outline_frames: usize,
     /// Every frame.
     pub frames: Vec<FrameFilling>,
 }
@@ -60,7 +65,8 @@ pub struct Mirror {
     pub normal: [f64; 3],
     /// Distance of the plane from the origin along its normal [m].
     pub offset_m: f64,
-    /// How far mirrored points of the surface lie from it, in the mean [m].
+    /// How far mirrored points of the surface lie from it, in the mean [m]; where the plane was found by outlines, by how much rays along them
+    /// miss their mirror images.
     pub misfit_m: f64,
 }
 
@@ -125,14 +131,13 @@ impl Run<'_> {
             atomic::create_folder(&self.path(folder))?;
         }
         let mut frames = Vec::new();
-        let (mut first, mut completion) = (None, Completion::default());
+        let (mut first, mut bodies) = (None, self.bodies());
         let count = source.scene.times.len();
         for (frame, &time_s) in source.scene.times.iter().enumerate() {
             self.check_interrupt(Stage::Fill)?;
             let masks = source.masks(frame)?;
             let views = source.masked_views(frame, &masks);
-            let mut filling = filling(&source, frame, &views, &settings)?;
-            self.complete(&mut completion, &mut filling);
+            let filling = bodies.next(&source, frame, &views, &settings)?;
             let spacing = *spacing.get_or_insert_with(|| self.particle_spacing(size, &filling));
             // Only the first frame's particles are simulated and need volumes of their own.
             let place = if frame == 0 { sample_particles } else { sample_points };
@@ -167,12 +172,10 @@ impl Run<'_> {
             return Err(Error::Usage { problem: "the scene has no frames".into(), hint: None });
         };
         write_body(&self.path("continuum.ply"), &particles)?;
-        let symmetry = completion.rest();
-        if !symmetry.planes.is_empty() {
-            let (planes, off) = (symmetry.planes.len(), 1e3 * symmetry.misfit());
-            let text = format!("the body is its own mirror image in {planes} planes (to {off:.1} mm): completed by it");
-            self.events.note(Stage::Fill.name(), text);
-        }
+        let planes = bodies.symmetry().map_or(&[][..], |symmetry| {
+            self.events.note(Stage::Fill.name(), bodies.told(symmetry));
+            &symmetry.planes
+        });
         let mean = mask_iou.iter().sum::<f64>() / mask_iou.len().max(1) as f64;
         self.events.note(
             Stage::Fill.name(),
@@ -191,7 +194,8 @@ impl Run<'_> {
             splat_opacity: appearance.opacity,
             drawing_scale: drawn.scale,
             mask_iou,
-            mirror_planes: symmetry.planes.iter().map(Mirror::from).collect(),
+            mirror_planes: planes.iter().map(Mirror::from).collect(),
+            outline_frames: bodies.outline_frames(),
             frames,
         };
         atomic::write_json(&self.path("fill.json"), &summary)
@@ -222,16 +226,11 @@ impl Run<'_> {
         let source = self.source()?;
         let masks = source.masks(0)?;
         let settings = self.fill_settings(continuum.summary.object_size_m);
-        let mut filling = filling(&source, 0, &source.masked_views(0, &masks), &settings)?;
-        self.complete(&mut Completion::default(), &mut filling);
-        Ok(filling)
+        self.bodies().next(&source, 0, &source.masked_views(0, &masks), &settings)
     }
 
-    /// Completes the next frame's body by its mirror images, if that is wanted. One view tells nothing of a body's far side.
-    fn complete(&self, completion: &mut Completion, filling: &mut Filling) {
-        if self.config.fill.symmetry && filling.views_used > 1 {
-            completion.next(filling);
-        }
+    fn bodies(&self) -> Bodies {
+        Bodies::new(self.config.fill.symmetry)
     }
 
     pub(super) fn fill_settings(&self, size: f64) -> FillSettings {
@@ -309,11 +308,6 @@ fn known_doubts(read: &[f32]) -> Vec<f32> {
     read.iter().map(|d| if d.is_nan() { 0.0 } else { *d }).collect()
 }
 
-/// Fills one frame.
-fn filling(source: &Source, frame: usize, views: &[MaskedView], settings: &FillSettings) -> Result<Filling> {
-    fill(&source.gaussians.at(source.scene.times[frame]), views, settings).map_err(failed(frame))
-}
-
 /// Largest side of the box around the visual hull at the first frame [m].
 fn object_size(source: &Source) -> Result<f64> {
     let masks = source.masks(0)?;
@@ -328,7 +322,7 @@ fn object_size(source: &Source) -> Result<f64> {
     Ok((high - low).max_element())
 }
 
-fn failed<E>(frame: usize) -> impl FnOnce(E) -> Error
+pub(super) fn failed<E>(frame: usize) -> impl FnOnce(E) -> Error
 where
     E: Into<Box<dyn std::error::Error + Send + Sync>>,
 {

@@ -236,12 +236,17 @@ impl Run<'_> {
         if let Some(scan) = self.scan() {
             cameras.extend(scan.moved(&self.registration()?.best.similarity()).cameras);
         }
+        let known_surfaces = match continuum.summary.outline_frames {
+            0 => continuum.surfaces.len(),
+            frames => frames.min(continuum.surfaces.len()),
+        };
         let mut observations = Vec::new();
         for (frame, &time_s) in self.scene.times.iter().enumerate() {
             let masks = self.masks(frame)?;
             let views = self.scene.views_at(frame).iter().zip(masks);
-            // A scan has no surface in later frames.
-            let surface = continuum.surfaces.get(frame).cloned().unwrap_or_default();
+            // A scan has no surface in later frames, and where outlines made the body its surface is known only while they do.
+            let surfaces = &continuum.surfaces[..known_surfaces];
+            let surface = surfaces.get(frame).cloned().unwrap_or_default();
             observations.push(Observation {
                 time_s,
                 surface: surface.points,

@@ -4,6 +4,7 @@
 //! stages whose results are missing or whose stamp no longer fits, and says why.
 
 mod appearance;
+mod bodies;
 mod export;
 mod fill;
 mod gaussians;
@@ -14,6 +15,7 @@ mod register;
 mod select;
 mod source;
 mod stamp;
+mod still;
 
 use std::path::{Path, PathBuf};
 

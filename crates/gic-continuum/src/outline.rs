@@ -1,0 +1,490 @@
+//! Mirror planes from outlines alone, for a body of which too little surface is known.
+//!
+//! A body that is its own mirror image looks to a camera's mirror image as it looks to the camera, mirrored. So each ray along an outline must
+//! somewhere pass within all the other outlines and all their mirror images: silhouette coherence (Hernandez, Schmitt & Cipolla 2007, who
+//! find the motion of a turntable by it). Three cameras and three planes make twenty-four outlines, which a wrong plane contradicts by pixels.
+
+use gic_scene::{Camera, Hull, HullSettings, HullView, Mask};
+use glam::{DMat3, DQuat, DVec3};
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+
+use crate::symmetry::{direction, normals};
+use crate::{MaskedView, MirrorPlane, Symmetry};
+
+/// Rays along the outline of each view, and places on each of them.
+const RAYS: usize = 70;
+const PLACES: usize = 80;
+/// How far the places reach to both sides of the body's middle, over its size.
+const REACH: f64 = 0.75;
+/// Pixels within this of the outline are on it [pixels].
+const ON_OUTLINE: f32 = 1.3;
+/// Places that lie further outside of a view's own outlines are not looked at [pixels].
+const OUTSIDE: f32 = 6.0;
+/// A ray misses by no more than this [pixels].
+const FARTHEST: f32 = 10.0;
+/// Directions of one plane's normal that are tried, and of another's around each.
+const DIRECTIONS: usize = 60;
+const CIRCLE: usize = 5;
+/// The best so many are fitted.
+const CANDIDATES: usize = 16;
+/// Rounds of fitting, its finite-difference steps [rad, sizes], and its largest steps.
+const ROUNDS: usize = 16;
+const STEP: f64 = 2e-3;
+const LARGEST_TURN: f64 = 0.2;
+const LARGEST_SHIFT: f64 = 0.05;
+/// A fit has arrived where a round gains less than this share.
+const ARRIVED: f64 = 1e-3;
+/// Planes are none where rays miss by more than this, root mean square [pixels]. True ones have .1 to .4, others 1.6 and more.
+const LARGEST_MISS: f64 = 0.5;
+/// Sets of planes agree as well as the best where their rays miss by so many times as much.
+const ALIKE: f64 = 1.25;
+
+/// One view's outline.
+struct Outline {
+    camera: Camera,
+    /// Signed distance of each pixel's centre from the outline, positive inside [pixels], row-major.
+    distance: Vec<f32>,
+}
+
+impl Outline {
+    fn new(camera: &Camera, mask: &[f32]) -> Outline {
+        let inside: Vec<bool> = mask.iter().map(|m| *m >= 0.5).collect();
+        let outside: Vec<bool> = inside.iter().map(|i| !i).collect();
+        let (to_outside, to_inside) = (distances(&outside, camera.width), distances(&inside, camera.width));
+        let signed = |(out, into): (f32, f32)| if out > 0.0 { out - 0.5 } else { 0.5 - into };
+        Outline { camera: camera.clone(), distance: to_outside.into_iter().zip(to_inside).map(signed).collect() }
+    }
+
+    /// How far within the outline a point [m] appears [pixels]; infinitely where this view does not see it.
+    fn look(&self, point: DVec3) -> f32 {
+        let Some((pixel, _)) = self.camera.project(point) else { return f32::INFINITY };
+        let (w, h) = (self.camera.width, self.camera.height);
+        let (x, y) = (pixel.x - 0.5, pixel.y - 0.5);
+        if !(x >= 0.0 && y >= 0.0 && x < w as f64 - 1.0 && y < h as f64 - 1.0) {
+            return f32::INFINITY;
+        }
+        let (i, j) = (x as usize, y as usize);
+        let (s, t) = ((x - i as f64) as f32, (y - j as f64) as f32);
+        let at = |i: usize, j: usize| self.distance[j * w + i];
+        let row = |j: usize| at(i, j) + s * (at(i + 1, j) - at(i, j));
+        row(j) + t * (row(j + 1) - row(j))
+    }
+}
+
+/// The outlines of a body in one moment.
+struct Outlines {
+    views: Vec<Outline>,
+    /// Places along rays that touch the outlines, with how far they are within the outlines of all views, the innermost first.
+    rays: Vec<Vec<(f32, DVec3)>>,
+    /// Cells of the hull.
+    hull: Vec<DVec3>,
+    middle: DVec3,
+    /// Largest side of the hull's box [m].
+    size: f64,
+}
+
+impl Outlines {
+    /// `None` where masks are missing or empty, or have no hull in common.
+    fn new(views: &[MaskedView]) -> Option<Outlines> {
+        let masked = views.iter().filter_map(|view| Some((view.camera, view.mask?)));
+        let masks: Vec<(&Camera, Mask)> = masked
+            .map(|(camera, mask)| {
+                (camera, Mask { width: camera.width, height: camera.height, coverage: mask.to_vec() })
+            })
+            .collect();
+        let hull_views: Vec<HullView> = masks.iter().map(|(camera, mask)| HullView { camera, mask }).collect();
+        let hull = Hull::carve(&hull_views, &HullSettings::default())?;
+        let (low, high) = hull.bounds();
+        let points = hull.points();
+        let mut outlines = Outlines {
+            views: masks.par_iter().map(|(camera, mask)| Outline::new(camera, &mask.coverage)).collect(),
+            rays: Vec::new(),
+            middle: points.iter().sum::<DVec3>() / points.len() as f64,
+            size: (high - low).max_element(),
+            hull: points,
+        };
+        outlines.rays = outlines.views.iter().flat_map(|view| outlines.rays_of(view)).collect();
+        Some(outlines)
+    }
+
+    fn rays_of<'a>(&'a self, view: &'a Outline) -> impl Iterator<Item = Vec<(f32, DVec3)>> + 'a {
+        let width = view.camera.width;
+        let touching = |(i, d): (usize, &f32)| (*d > 0.0 && *d < ON_OUTLINE).then_some(i);
+        let pixels: Vec<usize> = view.distance.iter().enumerate().filter_map(touching).collect();
+        let depth = view.camera.to_camera(self.middle).z;
+        (0..RAYS.min(pixels.len())).map(move |k| {
+            let i = pixels[k * pixels.len() / RAYS.min(pixels.len())];
+            let pixel = glam::DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+            let along = |n: usize| REACH * self.size * (2.0 * n as f64 / (PLACES - 1) as f64 - 1.0);
+            let places = (0..PLACES).map(|n| view.camera.unproject(pixel, (depth + along(n)).max(1e-3)));
+            let known = places.map(|p| (self.within_all(p), p)).filter(|(d, _)| *d > -OUTSIDE);
+            let mut places: Vec<(f32, DVec3)> = known.collect();
+            places.sort_by(|a, b| b.0.total_cmp(&a.0));
+            places
+        })
+    }
+
+    /// How far within the outlines of all views a point appears [pixels].
+    fn within_all(&self, point: DVec3) -> f32 {
+        self.views.iter().map(|view| view.look(point)).fold(f32::INFINITY, f32::min)
+    }
+
+    /// The same with all mirror images of the outlines; no more than `own`, what it is without them, and looked at no further once it is
+    /// less than `least`.
+    fn within_images(&self, point: DVec3, own: f32, symmetry: &Symmetry, least: f32) -> f32 {
+        let mut within = own;
+        for image in symmetry.images(point).skip(1) {
+            for view in &self.views {
+                within = within.min(view.look(image));
+                if within <= least {
+                    return within;
+                }
+            }
+        }
+        within
+    }
+
+    /// How far each ray misses the body that all outlines and their images leave [pixels]; zero where it touches.
+    fn misses(&self, symmetry: &Symmetry) -> DVector<f64> {
+        let miss = |ray: &Vec<(f32, DVec3)>| {
+            let mut best = -FARTHEST;
+            for &(own, place) in ray {
+                if own <= best || best >= 0.0 {
+                    break;
+                }
+                best = best.max(self.within_images(place, own, symmetry, best));
+            }
+            f64::from(-best.min(0.0))
+        };
+        DVector::from_iterator(self.rays.len(), self.rays.iter().map(miss))
+    }
+
+    /// Planes fitted so that no ray misses, by Gauss-Newton's method with damping, and how far they miss, root mean square [pixels].
+    fn fit(&self, start: Symmetry) -> (f64, Symmetry) {
+        let unknowns = 3 + start.planes.len();
+        let (mut symmetry, mut damping) = (start, 1e-2);
+        let mut misses = self.misses(&symmetry);
+        for _ in 0..ROUNDS {
+            let mut jacobian = DMatrix::zeros(misses.len(), unknowns);
+            for k in 0..unknowns {
+                let mut step = DVector::zeros(unknowns);
+                step[k] = STEP;
+                let moved = self.misses(&self.moved(&symmetry, &step));
+                jacobian.set_column(k, &((moved - &misses) / STEP));
+            }
+            let (hessian, gradient) = (jacobian.tr_mul(&jacobian), jacobian.tr_mul(&misses));
+            let before = misses.norm_squared();
+            let least = 1e-9 + 1e-6 * hessian.trace();
+            let mut gained = 0.0;
+            for _ in 0..5 {
+                let mut damped = hessian.clone();
+                for i in 0..unknowns {
+                    damped[(i, i)] += damping * (hessian[(i, i)] + least);
+                }
+                let Some(step) = damped.cholesky().map(|c| -c.solve(&gradient)) else { break };
+                let moved = self.moved(&symmetry, &step);
+                let new = self.misses(&moved);
+                gained = before - new.norm_squared();
+                if gained > 0.0 {
+                    (symmetry, misses, damping) = (moved, new, damping * 0.2);
+                    break;
+                }
+                damping *= 10.0;
+            }
+            if gained <= ARRIVED * before {
+                break;
+            }
+        }
+        ((misses.norm_squared() / misses.len().max(1) as f64).sqrt(), symmetry)
+    }
+
+    /// The planes turned together about the body's middle by the first three unknowns [rad], and each shifted by its own [sizes].
+    fn moved(&self, symmetry: &Symmetry, step: &DVector<f64>) -> Symmetry {
+        let turn = DVec3::new(step[0], step[1], step[2]).clamp_length_max(LARGEST_TURN);
+        let rotation = DQuat::from_scaled_axis(turn);
+        let planes = symmetry.planes.iter().enumerate().map(|(k, plane)| {
+            let turned = plane.turned(rotation * plane.normal, self.middle);
+            MirrorPlane {
+                offset: turned.offset + self.size * step[3 + k].clamp(-LARGEST_SHIFT, LARGEST_SHIFT),
+                ..turned
+            }
+        });
+        Symmetry { planes: planes.collect() }
+    }
+
+    /// The volume, in cells of the hull, that all outlines and their images leave.
+    fn volume(&self, symmetry: &Symmetry) -> usize {
+        self.hull.iter().filter(|p| self.within_images(**p, f32::INFINITY, symmetry, 0.0) > 0.0).count()
+    }
+
+    /// Three planes at right angles that agree with all outlines. Of several sets that agree as well, which a body with more planes than three has, that which
+    /// leaves the least of the hull.
+    fn planes(&self) -> Option<Symmetry> {
+        let through = |normal: DVec3| MirrorPlane { normal, offset: normal.dot(self.middle), misfit: 0.0 };
+        let starts: Vec<Symmetry> = (0..DIRECTIONS)
+            .map(|k| through(direction(k, DIRECTIONS)))
+            .flat_map(|first| {
+                let seconds = normals(&[first], CIRCLE).into_iter().map(through);
+                seconds.map(move |second| vec![first, second, through(first.normal.cross(second.normal))])
+            })
+            .map(|planes| Symmetry { planes })
+            .collect();
+        let mut rated: Vec<(f64, Symmetry)> =
+            starts.into_par_iter().map(|start| (self.misses(&start).norm_squared(), start)).collect();
+        rated.sort_by(|a, b| a.0.total_cmp(&b.0));
+        rated.truncate(CANDIDATES);
+        let fits: Vec<(f64, Symmetry)> = rated.into_par_iter().map(|(_, start)| self.fit(start)).collect();
+        let least = fits.iter().map(|(miss, _)| *miss).fold(f64::INFINITY, f64::min);
+        let agreeing = fits.into_iter().filter(|(miss, _)| *miss <= LARGEST_MISS.min(ALIKE * least));
+        agreeing.map(|(miss, s)| self.measured(miss, s)).min_by_key(|s| self.volume(s))
+    }
+
+    /// The planes with their misfit in metres at the body.
+    fn measured(&self, miss: f64, mut symmetry: Symmetry) -> Symmetry {
+        let pixel = |view: &Outline| view.camera.to_camera(self.middle).z / view.camera.focal.x;
+        let pixel = self.views.iter().map(pixel).sum::<f64>() / self.views.len().max(1) as f64;
+        symmetry.planes.iter_mut().for_each(|plane| plane.misfit = miss * pixel);
+        symmetry
+    }
+}
+
+impl Symmetry {
+    /// Three mirror planes at right angles that all outlines of a body agree with; none where there are no three. Fewer are not looked for: three
+    /// outlines of anything agree with some plane.
+    pub fn of_outlines(views: &[MaskedView]) -> Symmetry {
+        let found = Outlines::new(views).and_then(|outlines| outlines.planes());
+        found.unwrap_or(Symmetry { planes: Vec::new() })
+    }
+
+    /// The planes of the same body a moment later, if it has moved as a rigid one: by about `moved` [m], and turned but little.
+    pub fn followed(&self, views: &[MaskedView], moved: DVec3) -> Option<Symmetry> {
+        let shifted = |p: &MirrorPlane| MirrorPlane { offset: p.offset + p.normal.dot(moved), ..*p };
+        Symmetry { planes: self.planes.iter().map(shifted).collect() }.on_outlines(views)
+    }
+
+    /// The planes, fitted to the outlines; `None` where they do not agree.
+    pub(crate) fn on_outlines(&self, views: &[MaskedView]) -> Option<Symmetry> {
+        let outlines = Outlines::new(views)?;
+        let (miss, symmetry) = outlines.fit(self.clone());
+        (miss <= LARGEST_MISS).then(|| outlines.measured(miss, symmetry))
+    }
+
+    /// Where three planes meet [m]; `None` of fewer.
+    fn centre(&self) -> Option<DVec3> {
+        let [a, b, c] = self.planes.as_slice() else { return None };
+        Some(a.offset * a.normal + b.offset * b.normal + c.offset * c.normal)
+    }
+
+    /// A camera that sees the body at rest as `camera` sees it where its planes are `later`; `None` where fewer than three planes leave the
+    /// body's motion open.
+    pub fn camera_at_rest(&self, later: &Symmetry, camera: &Camera) -> Option<Camera> {
+        let (here, there) = (self.centre()?, later.centre()?);
+        let axes = |s: &Symmetry| DMat3::from_cols(s.planes[0].normal, s.planes[1].normal, s.planes[2].normal);
+        let back = axes(self) * axes(later).transpose();
+        Some(Camera {
+            rotation: back * camera.rotation,
+            centre: here + back * (camera.centre - there),
+            ..camera.clone()
+        })
+    }
+
+    /// The mirror images of a camera: to them, the body looks as it does to the camera. Their axes are left-handed where a single mirror
+    /// made them.
+    pub(crate) fn cameras(&self, camera: &Camera) -> Vec<Camera> {
+        let origins: Vec<DVec3> = self.images(DVec3::ZERO).skip(1).collect();
+        let axes = camera.rotation;
+        let columns = [axes.x_axis, axes.y_axis, axes.z_axis].map(|a| self.images(a).skip(1).collect::<Vec<_>>());
+        let centres = self.images(camera.centre).skip(1);
+        (centres.enumerate())
+            .map(|(k, centre)| {
+                let [x, y, z] = [0, 1, 2].map(|c: usize| columns[c][k] - origins[k]);
+                Camera { rotation: DMat3::from_cols(x, y, z), centre, ..camera.clone() }
+            })
+            .collect()
+    }
+}
+
+/// Distance of each pixel from the nearest of those that are `set` [pixels], row-major: lower envelopes of parabolas along columns, then along
+/// rows (Felzenszwalb & Huttenlocher 2012).
+fn distances(set: &[bool], width: usize) -> Vec<f32> {
+    let height = set.len() / width;
+    let far = (width * width + height * height) as f64;
+    let mut squares: Vec<f64> = set.iter().map(|s| if *s { 0.0 } else { far }).collect();
+    for x in 0..width {
+        let column: Vec<f64> = (0..height).map(|y| squares[y * width + x]).collect();
+        envelope(&column).into_iter().enumerate().for_each(|(y, d)| squares[y * width + x] = d);
+    }
+    for row in squares.chunks_exact_mut(width) {
+        let lowest = envelope(row);
+        row.copy_from_slice(&lowest);
+    }
+    squares.into_iter().map(|d| d.sqrt() as f32).collect()
+}
+
+/// At each place the least of all parabolas `heights[q] + (p - q)^2`.
+fn envelope(heights: &[f64]) -> Vec<f64> {
+    // The lowest parabolas from left to right, and from where each is the lowest.
+    let mut lowest: Vec<(usize, f64)> = Vec::new();
+    for (q, height) in heights.iter().enumerate() {
+        let from = loop {
+            let Some(&(r, since)) = lowest.last() else { break f64::NEG_INFINITY };
+            let (a, b) = (q as f64, r as f64);
+            let meet = (height + a * a - heights[r] - b * b) / (2.0 * (a - b));
+            if meet > since {
+                break meet;
+            }
+            lowest.pop();
+        };
+        lowest.push((q, from));
+    }
+    let mut k = 0;
+    (0..heights.len())
+        .map(|p| {
+            while k + 1 < lowest.len() && lowest[k + 1].1 <= p as f64 {
+                k += 1;
+            }
+            let q = lowest[k].0;
+            heights[q] + (p as f64 - q as f64).powi(2)
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec2;
+
+    use super::*;
+
+    const SIZE: usize = 120;
+
+    fn camera(from: DVec3) -> Camera {
+        let z = (CENTRE - from).normalize();
+        let x = z.cross(DVec3::Y).normalize();
+        Camera {
+            width: SIZE,
+            height: SIZE,
+            focal: DVec2::splat(150.0),
+            principal: DVec2::splat(0.5 * SIZE as f64),
+            rotation: DMat3::from_cols(x, z.cross(x), z),
+            centre: from,
+        }
+    }
+
+    const CENTRE: DVec3 = DVec3::new(0.02, 0.4, -0.03);
+
+    fn cameras() -> Vec<Camera> {
+        [DVec3::new(0.9, 0.9, 0.2), DVec3::new(-0.5, 0.7, 0.8), DVec3::new(-0.4, 1.0, -0.7)].map(camera).to_vec()
+    }
+
+    /// The mask of a body, by marching along rays of four to a pixel.
+    fn mask(camera: &Camera, distance: &dyn Fn(DVec3) -> f64) -> Vec<f32> {
+        let hit = |pixel: DVec2| {
+            let direction = (camera.unproject(pixel, 1.0) - camera.centre).normalize();
+            let mut along = 0.3;
+            while along < 2.2 {
+                let off = distance(camera.centre + along * direction);
+                if off < 1e-4 {
+                    return true;
+                }
+                along += off.max(1e-4);
+            }
+            false
+        };
+        let corners = [DVec2::new(0.25, 0.25), DVec2::new(0.75, 0.25), DVec2::new(0.25, 0.75), DVec2::new(0.75, 0.75)];
+        (0..SIZE * SIZE)
+            .map(|i| {
+                let pixel = DVec2::new((i % SIZE) as f64, (i / SIZE) as f64);
+                corners.iter().filter(|c| hit(pixel + **c)).count() as f32 / 4.0
+            })
+            .collect()
+    }
+
+    fn turned() -> DQuat {
+        DQuat::from_euler(glam::EulerRot::XYZ, 0.4, 0.7, -0.3)
+    }
+
+    fn cuboid(p: DVec3, half: DVec3) -> f64 {
+        let q = p.abs() - half;
+        q.max(DVec3::ZERO).length() + q.max_element().min(0.0)
+    }
+
+    /// Three bars of different lengths, crosswise, `moved` [m].
+    fn cross(p: DVec3, moved: DVec3) -> f64 {
+        let bars = [DVec3::new(0.16, 0.04, 0.04), DVec3::new(0.04, 0.13, 0.04), DVec3::new(0.04, 0.04, 0.145)];
+        let own = turned().inverse() * (p - CENTRE - moved);
+        bars.map(|half| cuboid(own, half)).into_iter().fold(f64::INFINITY, f64::min)
+    }
+
+    fn views<'a>(cameras: &'a [Camera], masks: &'a [Vec<f32>]) -> Vec<MaskedView<'a>> {
+        cameras.iter().zip(masks).map(|(camera, mask)| MaskedView { camera, mask: Some(mask) }).collect()
+    }
+
+    fn assert_planes(symmetry: &Symmetry, centre: DVec3) {
+        assert_eq!(symmetry.planes.len(), 3);
+        for plane in &symmetry.planes {
+            let own = turned().inverse() * plane.normal;
+            let angle = own.abs().max_element().min(1.0).acos().to_degrees();
+            let off = plane.normal.dot(centre) - plane.offset;
+            println!("{angle:.2} degrees, {:.2} mm", 1e3 * off);
+            assert!(angle < 1.0 && off.abs() < 0.003, "{angle} degrees, {off} m");
+        }
+    }
+
+    #[test]
+    fn three_outlines_tell_three_planes_and_follow_them() {
+        let (cameras, moved) = (cameras(), DVec3::new(0.01, -0.05, 0.02));
+        let at = |moved: DVec3| -> Vec<Vec<f32>> { cameras.iter().map(|c| mask(c, &|p| cross(p, moved))).collect() };
+        let masks = at(DVec3::ZERO);
+        let symmetry = Symmetry::of_outlines(&views(&cameras, &masks));
+        assert_planes(&symmetry, CENTRE);
+        let masks = at(moved);
+        let later = symmetry.followed(&views(&cameras, &masks), 0.8 * moved).expect("it is the same body");
+        assert_planes(&later, CENTRE + moved);
+        // What a camera sees later it would have seen before from where the body's motion takes it back to.
+        let back = symmetry.camera_at_rest(&later, &cameras[0]).expect("three planes");
+        let (now, then) = (cameras[0].project(CENTRE + moved).unwrap().0, back.project(CENTRE).unwrap().0);
+        assert!(now.distance(then) < 0.6, "{now} {then}");
+    }
+
+    #[test]
+    fn a_body_without_mirror_planes_has_none() {
+        let balls = [
+            (DVec3::new(-0.02, 0.0, 0.0), 0.07),
+            (DVec3::new(0.13, 0.02, 0.0), 0.045),
+            (DVec3::new(0.03, 0.12, 0.02), 0.03),
+            (DVec3::new(-0.02, 0.05, 0.13), 0.05),
+        ];
+        let body = |p: DVec3| balls.iter().map(|(c, r)| (p - CENTRE - *c).length() - r).fold(f64::INFINITY, f64::min);
+        let cameras = cameras();
+        let masks: Vec<Vec<f32>> = cameras.iter().map(|c| mask(c, &body)).collect();
+        assert_eq!(Symmetry::of_outlines(&views(&cameras, &masks)).planes, Vec::new());
+        assert_eq!(Symmetry::of_outlines(&[]).planes, Vec::new());
+    }
+
+    #[test]
+    fn a_mirrored_camera_sees_the_mirror_image() {
+        let planes = [DVec3::new(0.6, 0.0, 0.8), DVec3::new(-0.8, 0.0, 0.6)];
+        let planes = planes.map(|normal| MirrorPlane { normal, offset: normal.dot(CENTRE), misfit: 0.0 });
+        let symmetry = Symmetry { planes: planes.to_vec() };
+        let (camera, point) = (&cameras()[0], CENTRE + DVec3::new(0.1, -0.05, 0.03));
+        let seen = camera.project(point).unwrap();
+        let images: Vec<DVec3> = symmetry.images(point).skip(1).collect();
+        assert_eq!(images.len(), 3);
+        for (mirrored, image) in symmetry.cameras(camera).iter().zip(images) {
+            let found = mirrored.project(image).unwrap();
+            assert!(found.0.distance(seen.0) < 1e-9 && (found.1 - seen.1).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn distances_agree_with_brute_force() {
+        let width = 23;
+        let set: Vec<bool> = (0..width * 17).map(|i| (i * 7919 + i * i * 31) % 53 == 0).collect();
+        let (x, y) = (|i: usize| (i % width) as f32, |i: usize| (i / width) as f32);
+        for (i, found) in distances(&set, width).into_iter().enumerate() {
+            let nearest = (0..set.len()).filter(|k| set[*k]).map(|k| (x(i) - x(k)).hypot(y(i) - y(k)));
+            assert!((found - nearest.fold(f32::INFINITY, f32::min)).abs() < 1e-4);
+        }
+    }
+}
