@@ -11,8 +11,8 @@ use crate::interval::{FRAMES_PER_LAG, groups, scatter};
 use crate::normal::{Cluster, Modality, Weights};
 
 /// How many times larger the errors of surfaces are after contact than their scatter shows: an extracted surface is wrong in one and the same
-/// way in all frames that resemble each other. Fitted to surfaces alone, six scenes had errors of 3.1 times their standard errors. Only
-/// intervals know of it: a ninth of the weight moved no estimate nearer.
+/// way in all frames that resemble each other. Fitted to surfaces alone, six scenes had errors of 3.1 times their standard errors. And bodies
+/// that are completed by their mirror planes are so in flight only: what surfaces show there says little of those after contact.
 const UNDERSTATED: f64 = 3.0;
 
 /// Weights for clusters that were linearised at a fit; `free` leading observations are free flight. No weight exceeds its ceiling.
@@ -25,8 +25,16 @@ pub(crate) fn effective_weights(clusters: &[Cluster], unknowns: usize, free: usi
             weigh_phase(&phase, modality, unknowns, ceilings, &mut weights);
         }
     }
-    weights.understated[free..].fill(UNDERSTATED);
+    weights.understate(free);
     weights
+}
+
+impl Weights {
+    /// From the observation `free` on, surfaces count as little as their errors want, which are larger than they show.
+    pub(crate) fn understate(&mut self, free: usize) {
+        self.understated[free..].fill(UNDERSTATED);
+        self.surface[free..].iter_mut().for_each(|weight| *weight /= UNDERSTATED * UNDERSTATED);
+    }
 }
 
 fn weigh_phase(phase: &[Cluster], modality: Modality, unknowns: usize, ceilings: &Weights, weights: &mut Weights) {
@@ -119,7 +127,9 @@ mod tests {
         // Variance 0.01, from a small sample: 33 clusters a frame with its neighbours.
         let mean = weights.mask.iter().sum::<f64>() / FRAMES as f64;
         assert!(mean < 150.0 && mean > 50.0, "{:?}", weights.mask);
-        assert_eq!(weights.surface, ceilings.surface);
+        // After contact surfaces count as little as their true errors want.
+        assert_eq!(weights.surface[..FREE], ceilings.surface[..FREE]);
+        assert_eq!(weights.surface[FREE], ceilings.surface[FREE] / (UNDERSTATED * UNDERSTATED));
     }
 
     #[test]

@@ -334,7 +334,9 @@ impl Job<'_> {
             let used = &values[..launched.free.clamp(1, count)];
             used.iter().sum::<f64>() / used.len() as f64
         };
-        Weights::uniform(mean(&own.mask), mean(&own.surface), count)
+        let mut weights = Weights::uniform(mean(&own.mask), mean(&own.surface), count);
+        weights.understate(launched.free);
+        weights
     }
 
     /// The weights that the data's own noise gives at a fit.
