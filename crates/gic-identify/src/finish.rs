@@ -44,8 +44,13 @@ impl Job<'_> {
         self.result(launched, state, estimates, DVec3::NAN, motion)
     }
 
-    /// Intervals, checks, and everything into one result.
-    pub(crate) fn finish(&self, launched: &Launch, state: &State) -> Result<Identification, IdentifyError> {
+    /// Intervals, checks, and everything into one result; `known` is what was measured at `state` before.
+    pub(crate) fn finish(
+        &self,
+        launched: &Launch,
+        state: &State,
+        known: Option<Known>,
+    ) -> Result<Identification, IdentifyError> {
         let simulation = self.simulation(launched.free);
         let prior = self.joint_prior(launched);
         let problem = Problem {
@@ -59,7 +64,10 @@ impl Job<'_> {
         let count = problem.unknowns.len();
         let (check, finer) = (self.settings.resolution_check, self.simulation(launched.free));
         let ((motion, tangents), refined) = rayon::join(
-            || Tangents::measure_with_motion(&problem, state),
+            || match known {
+                Some(Known { motion, tangents, .. }) => (Ok(motion), Ok(tangents)),
+                None => Tangents::measure_with_motion(&problem, state),
+            },
             || check.and_then(|factor| refined(finer, factor, state)),
         );
         let motion = motion.map_err(self.failure(1))?;

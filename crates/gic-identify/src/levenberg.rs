@@ -86,6 +86,11 @@ pub(crate) struct Tangents {
 }
 
 impl Tangents {
+    /// Whether they were measured where they are, rather than carried there.
+    pub(crate) fn is_fresh(&self) -> bool {
+        self.fresh
+    }
+
     /// One forward run per unknown from `state`, whose own `motion` is known. A perturbation that fails is tried in the other direction.
     pub(crate) fn measure(problem: &Problem, state: &State, motion: &Motion) -> Result<Tangents, String> {
         Tangents::runs(problem, state).map(|runs| Tangents::of_runs(runs, motion))

@@ -33,6 +33,9 @@ const ALIKE: f64 = 1.05;
 /// 1.26. A stiff ring that comes down on its rim has valleys that narrow.
 const HOPS: [f64; 2] = [0.3, 0.1];
 
+/// A probe counts where it undercuts the valley's curvature by more than this share of the cost: what a walk may leave where it ends.
+const UNDERCUT: f64 = 0.01;
+
 /// Valleys that may be left for the next one.
 const MOST_HOPS: usize = 3;
 
@@ -158,7 +161,8 @@ impl Job<'_> {
                 .unzip();
             let costs = self.costs(simulation, problem.objective, &states, &problem.level)?;
             let undercut = |((cost, foretold), state): ((Result<f64, String>, f64), State)| {
-                let cost = cost.ok().filter(|cost| *cost < foretold.min(CONTENDS * fit.cost))?;
+                let most = (foretold - UNDERCUT * fit.cost).min(CONTENDS * fit.cost);
+                let cost = cost.ok().filter(|cost| *cost < most)?;
                 Some((foretold - cost, state))
             };
             let probes = costs.into_iter().zip(foretold).zip(states).filter_map(undercut);

@@ -148,6 +148,8 @@ struct Footprint {
     centre: (f32, f32),
     /// Projected variance [pixels^2].
     variance: f32,
+    /// Of the [`Falloff`] along rows and columns.
+    growth: f32,
     /// Alpha at the centre.
     peak: f32,
     columns: (usize, usize),
@@ -156,19 +158,23 @@ struct Footprint {
 
 /// World-to-camera in single precision.
 struct Eye {
-    rotation: glam::Mat3,
+    turn: glam::Mat3,
     centre: glam::Vec3,
     focal: glam::Vec2,
+    /// Geometric mean of the focal lengths [pixels].
+    mean_focal: f32,
     principal: glam::Vec2,
     size: (usize, usize),
 }
 
 impl Eye {
     fn new(camera: &Camera) -> Eye {
+        let focal = camera.focal.as_vec2();
         Eye {
-            rotation: camera.rotation.as_mat3(),
+            turn: camera.rotation.as_mat3().transpose(),
             centre: camera.centre.as_vec3(),
-            focal: camera.focal.as_vec2(),
+            focal,
+            mean_focal: (focal.x * focal.y).sqrt(),
             principal: camera.principal.as_vec2(),
             size: (camera.width, camera.height),
         }
@@ -177,18 +183,19 @@ impl Eye {
     /// `None` where the Gaussian is not in the picture. A NaN position is not drawn; a Gaussian around the camera itself has no
     /// silhouette.
     fn footprint(&self, position: [f32; 3], opacity: f32, sigma_m: f32) -> Option<Footprint> {
-        let c = self.rotation.transpose() * (glam::Vec3::from_array(position) - self.centre);
+        let c = self.turn * (glam::Vec3::from_array(position) - self.centre);
         if !(c.z > CUTOFF_SIGMAS * sigma_m && c.z > 1e-3) {
             return None;
         }
         let (x, y) = (self.focal.x * c.x / c.z + self.principal.x, self.focal.y * c.y / c.z + self.principal.y);
-        let sigma = (self.focal.x * self.focal.y).sqrt() * sigma_m / c.z;
+        let sigma = self.mean_focal * sigma_m / c.z;
         let variance = sigma * sigma + PIXEL_VARIANCE;
         let radius = CUTOFF_SIGMAS * variance.sqrt();
         Some(Footprint {
             camera: c,
             centre: (x, y),
             variance,
+            growth: (-1.0 / variance).exp(),
             // The low pass widens the Gaussian; its peak falls so that its integral stays.
             peak: opacity * sigma * sigma / variance,
             columns: span(x, radius, self.size.0)?,
@@ -201,7 +208,7 @@ impl Footprint {
     /// Writes the falloff of each column to the beginning of `row`, and returns it.
     fn falloff<'a>(&self, row: &'a mut [f32]) -> &'a [f32] {
         let columns = &mut row[..self.columns.1 - self.columns.0];
-        let mut falloff = Falloff::new(self.columns.0, self.centre.0, self.variance);
+        let mut falloff = Falloff::new(self.columns.0, self.centre.0, self.variance, self.growth);
         for column in &mut *columns {
             *column = falloff.value;
             falloff.advance();
@@ -211,7 +218,7 @@ impl Footprint {
 
     /// Each row with its alpha at the centre column.
     fn rows(&self) -> impl Iterator<Item = (usize, f32)> {
-        let mut falloff = Falloff::new(self.rows.0, self.centre.1, self.variance);
+        let mut falloff = Falloff::new(self.rows.0, self.centre.1, self.variance, self.growth);
         let peak = self.peak;
         (self.rows.0..self.rows.1).map(move |j| {
             let value = falloff.value;
@@ -230,9 +237,10 @@ struct Falloff {
 }
 
 impl Falloff {
-    fn new(first: usize, centre: f32, variance: f32) -> Falloff {
+    /// `growth` is exp(-1 / variance).
+    fn new(first: usize, centre: f32, variance: f32, growth: f32) -> Falloff {
         let (d, half) = (first as f32 + 0.5 - centre, -0.5 / variance);
-        Falloff { value: (half * d * d).exp(), ratio: (half * (2.0 * d + 1.0)).exp(), growth: (2.0 * half).exp() }
+        Falloff { value: (half * d * d).exp(), ratio: (half * (2.0 * d + 1.0)).exp(), growth }
     }
 
     /// To the next pixel.
@@ -314,7 +322,7 @@ pub(crate) fn alpha_backward(
             dy * eye.focal.y / c.z,
             -(dx * eye.focal.x * c.x + dy * eye.focal.y * c.y) / (c.z * c.z) - spread / c.z,
         );
-        gradient[i] += (eye.rotation * across).as_dvec3();
+        gradient[i] += (eye.turn.transpose() * across).as_dvec3();
     }
 }
 
@@ -388,7 +396,7 @@ mod tests {
         fn falloff_is_the_gaussian(first in 0usize..400, off in 0.0f32..4.0, variance in 0.0834f32..60.0) {
             let centre = first as f32 + off * variance.sqrt();
             let count = (8.0 * variance.sqrt()).ceil() as usize;
-            let mut falloff = Falloff::new(first, centre, variance);
+            let mut falloff = Falloff::new(first, centre, variance, (-1.0 / variance).exp());
             for k in 0..count {
                 let found = falloff.value;
                 falloff.advance();

@@ -301,15 +301,15 @@ fn run(mut job: Job) -> Result<Identification, IdentifyError> {
     if !job.settings.joint {
         return job.finish_roughly(&launched, &material);
     }
-    let joint = match resumed.joint {
-        Some(state) => state,
+    let (joint, known) = match resumed.joint {
+        Some(state) => (state, None),
         None => {
-            let state = job.fit_jointly(&launched, material)?;
+            let (state, known) = job.fit_jointly(&launched, material)?;
             job.reach(Some(Stage::Joint), |checkpoint| checkpoint.joint = Some(state.clone()))?;
-            state
+            (state, known)
         }
     };
-    job.finish(&launched, &joint)
+    job.finish(&launched, &joint, known)
 }
 
 impl Job<'_> {
@@ -379,11 +379,12 @@ impl Job<'_> {
 
     /// Everything together, so that errors of stage 1 and of the shape do not bias the material, and the intervals know of them.
     ///
-    /// The noise of the frames after contact is known only once they are explained, so fit and weights take turns.
-    fn fit_jointly(&self, launched: &Launch, start: State) -> Result<State, IdentifyError> {
+    /// The noise of the frames after contact is known only once they are explained, so fit and weights take turns. With the state comes what was
+    /// measured there last, which would be the same if it were measured again.
+    fn fit_jointly(&self, launched: &Launch, start: State) -> Result<(State, Option<Known>), IdentifyError> {
         // The paper stops after its material stage.
         if self.settings.optimizer != Optimizer::LevenbergMarquardt {
-            return Ok(start);
+            return Ok((start, None));
         }
         let (simulation, prior) = (self.simulation(launched.free), self.joint_prior(launched));
         let (unknowns, level) = (self.joint_unknowns(launched), self.all_frames());
@@ -418,6 +419,6 @@ impl Job<'_> {
             state = fit.state.clone();
             known = fit.known();
         }
-        Ok(state)
+        Ok((state, known.filter(|known| known.tangents.is_fresh())))
     }
 }
