@@ -352,9 +352,11 @@ fn envelope(heights: &[f64]) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
+    use gic_splat::{Gaussians, Shape};
     use glam::DVec2;
 
     use super::*;
+    use crate::{FillSettings, fill_outlines};
 
     const SIZE: usize = 120;
 
@@ -445,6 +447,48 @@ mod tests {
         let back = symmetry.camera_at_rest(&later, &cameras[0]).expect("three planes");
         let (now, then) = (cameras[0].project(CENTRE + moved).unwrap().0, back.project(CENTRE).unwrap().0);
         assert!(now.distance(then) < 0.6, "{now} {then}");
+    }
+
+    /// Three outlines leave twice the body; with all that their mirror images and a later moment show, little more than it.
+    #[test]
+    fn outlines_and_their_images_make_the_body() {
+        let (cameras, moved) = (cameras(), DVec3::new(0.01, -0.05, 0.02));
+        let at = |moved: DVec3| -> Vec<Vec<f32>> { cameras.iter().map(|c| mask(c, &|p| cross(p, moved))).collect() };
+        let (masks, later_masks) = (at(DVec3::ZERO), at(moved));
+        let symmetry = Symmetry::of_outlines(&views(&cameras, &masks));
+        let later = symmetry.followed(&views(&cameras, &later_masks), moved).expect("it is the same body");
+        let back: Vec<Camera> = cameras.iter().filter_map(|c| symmetry.camera_at_rest(&later, c)).collect();
+        let range = -16..=16;
+        let places = range.clone().flat_map(|x| {
+            range
+                .clone()
+                .flat_map(move |y| (-16..=16).map(move |z| 0.01 * DVec3::new(f64::from(x), f64::from(y), f64::from(z))))
+        });
+        let positions: Vec<[f32; 3]> = places
+            .map(|p| CENTRE + turned() * p)
+            .filter(|p| cross(*p, DVec3::ZERO) < 0.0)
+            .map(|p| p.as_vec3().to_array())
+            .collect();
+        let count = positions.len();
+        let gaussians = Gaussians {
+            positions,
+            opacities: vec![0.9; count],
+            shape: Shape::Isotropic { scales: vec![0.005; count] },
+            sh_degree: 0,
+            sh: vec![[0.0; 3]; count],
+        };
+        let both = [views(&cameras, &masks), views(&back, &later_masks)].concat();
+        let settings = FillSettings::for_size(0.3);
+        let volume = |symmetry: &Symmetry, views: &[MaskedView]| {
+            let filling = fill_outlines(&gaussians, views, symmetry, &settings).expect("a body");
+            assert_eq!(filling.views_used, views.len());
+            // The three bars share the middle.
+            filling.volume() / (8.0 * 0.04 * 0.04 * (0.16 + 0.13 + 0.145) - 2.0 * 0.08f64.powi(3))
+        };
+        let alone = volume(&Symmetry { planes: Vec::new() }, &both[..3]);
+        let (mirrored, all) = (volume(&symmetry, &both[..3]), volume(&symmetry, &both));
+        println!("{alone:.3} by three outlines, {mirrored:.3} with their images, {all:.3} with a later moment's");
+        assert!(alone > 1.5 && mirrored < 0.85 * alone && all <= mirrored && all > 0.97, "{alone} {mirrored} {all}");
     }
 
     #[test]
