@@ -218,8 +218,8 @@ impl Outlines {
         self.hull.iter().filter(|p| self.within_images(**p, f32::INFINITY, symmetry, 0.0) > 0.0).count()
     }
 
-    /// Three planes at right angles that agree with all outlines. Of several sets that agree as well, which a body with more planes than three has, that which
-    /// leaves the least of the hull.
+    /// Three planes at right angles that agree with all outlines. Of several sets that agree as well, which a body with more planes than three
+    /// has, that which leaves the least of the hull.
     fn planes(&self) -> Option<Symmetry> {
         let through = |normal: DVec3| MirrorPlane { normal, offset: normal.dot(self.middle), misfit: 0.0 };
         let starts: Vec<Symmetry> = (0..DIRECTIONS)
@@ -356,7 +356,8 @@ mod tests {
     use glam::DVec2;
 
     use super::*;
-    use crate::{FillSettings, fill_outlines};
+    use crate::symmetry::tests::turned;
+    use crate::{FillSettings, fill_outlines, symmetry};
 
     const SIZE: usize = 120;
 
@@ -402,20 +403,9 @@ mod tests {
             .collect()
     }
 
-    fn turned() -> DQuat {
-        DQuat::from_euler(glam::EulerRot::XYZ, 0.4, 0.7, -0.3)
-    }
-
-    fn cuboid(p: DVec3, half: DVec3) -> f64 {
-        let q = p.abs() - half;
-        q.max(DVec3::ZERO).length() + q.max_element().min(0.0)
-    }
-
-    /// Three bars of different lengths, crosswise, `moved` [m].
+    /// The cross at its place, `moved` [m].
     fn cross(p: DVec3, moved: DVec3) -> f64 {
-        let bars = [DVec3::new(0.16, 0.04, 0.04), DVec3::new(0.04, 0.13, 0.04), DVec3::new(0.04, 0.04, 0.145)];
-        let own = turned().inverse() * (p - CENTRE - moved);
-        bars.map(|half| cuboid(own, half)).into_iter().fold(f64::INFINITY, f64::min)
+        symmetry::tests::cross(turned().inverse() * (p - CENTRE - moved))
     }
 
     fn views<'a>(cameras: &'a [Camera], masks: &'a [Vec<f32>]) -> Vec<MaskedView<'a>> {

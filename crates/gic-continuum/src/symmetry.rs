@@ -386,7 +386,7 @@ pub(crate) fn direction(k: usize, count: usize) -> DVec3 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use glam::DQuat;
     use proptest::prelude::*;
 
@@ -401,12 +401,12 @@ mod tests {
     }
 
     /// Three bars of different lengths, crosswise.
-    fn cross(p: DVec3) -> f64 {
+    pub(crate) fn cross(p: DVec3) -> f64 {
         let bars = [DVec3::new(0.16, 0.04, 0.04), DVec3::new(0.04, 0.13, 0.04), DVec3::new(0.04, 0.04, 0.145)];
         bars.map(|half| cuboid(p, half)).into_iter().fold(f64::INFINITY, f64::min)
     }
 
-    fn turned() -> DQuat {
+    pub(crate) fn turned() -> DQuat {
         DQuat::from_euler(glam::EulerRot::XYZ, 0.4, 0.7, -0.3)
     }
 

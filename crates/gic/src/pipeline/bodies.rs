@@ -42,11 +42,11 @@ impl Bodies {
         self.completion.next(&mut filling, views);
         if frame == 0 && self.completion.first().is_none() {
             self.still = Still::find(source)?;
+            if let Some(still) = &self.still {
+                return still.fill(source, frame, settings);
+            }
         }
-        match self.still.as_ref().filter(|_| frame == 0) {
-            Some(still) => still.fill(source, frame, settings),
-            None => Ok(filling),
-        }
+        Ok(filling)
     }
 
     /// The symmetry of the body in the first frame, where it has any.

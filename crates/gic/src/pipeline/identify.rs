@@ -236,17 +236,14 @@ impl Run<'_> {
         if let Some(scan) = self.scan() {
             cameras.extend(scan.moved(&self.registration()?.best.similarity()).cameras);
         }
-        let known_surfaces = match continuum.summary.outline_frames {
-            0 => continuum.surfaces.len(),
-            frames => frames.min(continuum.surfaces.len()),
-        };
+        let outlined = continuum.summary.outline_frames;
         let mut observations = Vec::new();
         for (frame, &time_s) in self.scene.times.iter().enumerate() {
             let masks = self.masks(frame)?;
             let views = self.scene.views_at(frame).iter().zip(masks);
             // A scan has no surface in later frames, and where outlines made the body its surface is known only while they do.
-            let surfaces = &continuum.surfaces[..known_surfaces];
-            let surface = surfaces.get(frame).cloned().unwrap_or_default();
+            let surface = continuum.surfaces.get(frame).filter(|_| outlined == 0 || frame < outlined);
+            let surface = surface.cloned().unwrap_or_default();
             observations.push(Observation {
                 time_s,
                 surface: surface.points,

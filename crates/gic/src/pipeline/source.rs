@@ -57,10 +57,15 @@ impl Run<'_> {
     }
 }
 
+/// Mean of points [m].
+pub(super) fn mean(points: &[[f32; 3]]) -> DVec3 {
+    let sum: DVec3 = points.iter().map(|p| DVec3::from_array(p.map(f64::from))).sum();
+    sum / points.len() as f64
+}
+
 /// Of `cameras`, `count` whose directions from the mean of `points` are far apart: each the farthest from those before.
 fn spread(cameras: &[Camera], points: &[[f32; 3]], count: usize) -> Vec<usize> {
-    let sum: DVec3 = points.iter().map(|p| DVec3::from_array(p.map(f64::from))).sum();
-    let centre = sum / points.len() as f64;
+    let centre = mean(points);
     let directions: Vec<DVec3> = cameras.iter().map(|camera| (camera.centre - centre).normalize_or_zero()).collect();
     let mut chosen: Vec<usize> = Vec::new();
     // Cosine to the nearest chosen direction.

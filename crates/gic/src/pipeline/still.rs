@@ -5,10 +5,9 @@
 
 use gic_continuum::{FillSettings, Filling, MaskedView, Symmetry, fill_outlines};
 use gic_scene::{Camera, Mask};
-use glam::DVec3;
 
 use super::fill::failed;
-use super::source::Source;
+use super::source::{Source, mean};
 use crate::error::Result;
 
 /// The first frames, of which all show the same body.
@@ -26,12 +25,13 @@ impl Still {
         if first.planes.is_empty() {
             return Ok(None);
         }
+        let centre = |frame: usize| mean(&source.gaussians.at(source.scene.times[frame]).positions);
+        let start = centre(0);
         let mut still = Still { symmetries: vec![first], masks: vec![masks] };
         for frame in 1..source.scene.times.len() {
             let masks = source.masks(frame)?;
-            let moved = centre(source, frame) - centre(source, 0);
             let views = source.masked_views(frame, &masks);
-            let Some(symmetry) = still.symmetries[0].followed(&views, moved) else { break };
+            let Some(symmetry) = still.symmetries[0].followed(&views, centre(frame) - start) else { break };
             still.symmetries.push(symmetry);
             still.masks.push(masks);
         }
@@ -62,11 +62,4 @@ impl Still {
         let gaussians = source.gaussians.at(source.scene.times[frame]);
         fill_outlines(&gaussians, &views, here, settings).map_err(failed(frame))
     }
-}
-
-/// Mean of the Gaussians' centres in a frame [m].
-fn centre(source: &Source, frame: usize) -> DVec3 {
-    let positions = source.gaussians.at(source.scene.times[frame]).positions;
-    let sum: DVec3 = positions.iter().map(|p| DVec3::from_array(p.map(f64::from))).sum();
-    sum / positions.len().max(1) as f64
 }
