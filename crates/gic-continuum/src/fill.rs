@@ -330,7 +330,7 @@ fn dense_nearby(field: &DensityField, index: usize, density: f32) -> bool {
 }
 
 /// A last gentle filter, so that the level set is smooth; parts so thin that they would vanish keep their density.
-fn smooth(field: &mut DensityField) {
+pub(crate) fn smooth(field: &mut DensityField) {
     let before = field.values.clone();
     field.mean_filter(0.25);
     let lost: Vec<usize> =

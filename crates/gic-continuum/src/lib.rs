@@ -1,6 +1,7 @@
 //! From Gaussians to matter (paper section 4.2): the density field by coarse-to-fine filling, particles for simulation, the
 //! Gaussian-informed continuum, surfaces and meshes.
 
+mod colours;
 mod error;
 mod export;
 mod field;
@@ -18,6 +19,7 @@ mod unseen;
 mod view;
 mod volume;
 
+pub use colours::ColouredView;
 pub use error::ContinuumError;
 pub use export::{ExportError, write_mesh_ply, write_msh, write_obj, write_particles_ply, write_stl};
 pub use field::{DensityField, MAX_VOXELS};

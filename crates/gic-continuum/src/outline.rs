@@ -9,7 +9,7 @@ use glam::{DMat3, DQuat, DVec3};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::symmetry::{direction, normals};
+use crate::symmetry::{Images, direction, normals};
 use crate::{MaskedView, MirrorPlane, Symmetry};
 
 /// Rays along the outline of each view, and places on each of them.
@@ -37,6 +37,8 @@ const LARGEST_SHIFT: f64 = 0.05;
 const ARRIVED: f64 = 1e-3;
 /// Planes are none where rays miss by more than this, root mean square [pixels]. True ones have .1 to .4, others 1.6 and more.
 const LARGEST_MISS: f64 = 0.5;
+/// A body has kept its shape while its planes fit at most so many times worse than at first.
+const UNDEFORMED: f64 = 1.5;
 /// Sets of planes agree as well as the best where their rays miss by so many times as much.
 const ALIKE: f64 = 1.25;
 
@@ -132,9 +134,9 @@ impl Outlines {
 
     /// The same with all mirror images of the outlines; no more than `own`, what it is without them, and looked at no further once it is
     /// less than `least`.
-    fn within_images(&self, point: DVec3, own: f32, symmetry: &Symmetry, least: f32) -> f32 {
+    fn within_images(&self, point: DVec3, own: f32, images: &Images, least: f32) -> f32 {
         let mut within = own;
-        for image in symmetry.images(point).skip(1) {
+        for image in images.of(point).skip(1) {
             for view in &self.views {
                 within = within.min(view.look(image));
                 if within <= least {
@@ -147,13 +149,14 @@ impl Outlines {
 
     /// How far each ray misses the body that all outlines and their images leave [pixels]; zero where it touches.
     fn misses(&self, symmetry: &Symmetry) -> DVector<f64> {
+        let images = symmetry.images();
         let miss = |ray: &Vec<(f32, DVec3)>| {
             let mut best = -FARTHEST;
             for &(own, place) in ray {
                 if own <= best || best >= 0.0 {
                     break;
                 }
-                best = best.max(self.within_images(place, own, symmetry, best));
+                best = best.max(self.within_images(place, own, &images, best));
             }
             f64::from(-best.min(0.0))
         };
@@ -210,12 +213,13 @@ impl Outlines {
                 ..turned
             }
         });
-        Symmetry { planes: planes.collect() }
+        Symmetry { planes: planes.collect(), alike: symmetry.alike.clone() }
     }
 
     /// The volume, in cells of the hull, that all outlines and their images leave.
     fn volume(&self, symmetry: &Symmetry) -> usize {
-        self.hull.iter().filter(|p| self.within_images(**p, f32::INFINITY, symmetry, 0.0) > 0.0).count()
+        let images = symmetry.images();
+        self.hull.iter().filter(|p| self.within_images(**p, f32::INFINITY, &images, 0.0) > 0.0).count()
     }
 
     /// Three planes at right angles that agree with all outlines. Of several sets that agree as well, which a body with more planes than three
@@ -228,7 +232,7 @@ impl Outlines {
                 let seconds = normals(&[first], CIRCLE).into_iter().map(through);
                 seconds.map(move |second| vec![first, second, through(first.normal.cross(second.normal))])
             })
-            .map(|planes| Symmetry { planes })
+            .map(|planes| Symmetry { planes, alike: Vec::new() })
             .collect();
         let mut rated: Vec<(f64, Symmetry)> =
             starts.into_par_iter().map(|start| (self.misses(&start).norm_squared(), start)).collect();
@@ -237,7 +241,19 @@ impl Outlines {
         let fits: Vec<(f64, Symmetry)> = rated.into_par_iter().map(|(_, start)| self.fit(start)).collect();
         let least = fits.iter().map(|(miss, _)| *miss).fold(f64::INFINITY, f64::min);
         let agreeing = fits.into_iter().filter(|(miss, _)| *miss <= LARGEST_MISS.min(ALIKE * least));
-        agreeing.map(|(miss, s)| self.measured(miss, s)).min_by_key(|s| self.volume(s))
+        let agreeing: Vec<_> = agreeing.collect();
+        let complete = agreeing.into_par_iter().map(|(miss, symmetry)| self.with_alike(miss, symmetry));
+        complete.map(|(miss, s)| self.measured(miss, s)).min_by_key(|s| self.volume(s))
+    }
+
+    /// With planes changing places where that agrees with the outlines, too. A body with a square section, or a round one, has more planes
+    /// than three, and twice or six times the images.
+    fn with_alike(&self, miss: f64, symmetry: Symmetry) -> (f64, Symmetry) {
+        [[0, 1], [1, 2], [0, 2]].into_iter().fold((miss, symmetry), |(miss, symmetry), pair| {
+            let alike = [&symmetry.alike[..], &[pair]].concat();
+            let more = self.fit(Symmetry { alike, ..symmetry.clone() });
+            if more.0 <= LARGEST_MISS { more } else { (miss, symmetry) }
+        })
     }
 
     /// The planes with their misfit in metres at the body.
@@ -254,13 +270,15 @@ impl Symmetry {
     /// outlines of anything agree with some plane.
     pub fn of_outlines(views: &[MaskedView]) -> Symmetry {
         let found = Outlines::new(views).and_then(|outlines| outlines.planes());
-        found.unwrap_or(Symmetry { planes: Vec::new() })
+        found.unwrap_or_default()
     }
 
     /// The planes of the same body a moment later, if it has moved as a rigid one: by about `moved` [m], and turned but little.
     pub fn followed(&self, views: &[MaskedView], moved: DVec3) -> Option<Symmetry> {
         let shifted = |p: &MirrorPlane| MirrorPlane { offset: p.offset + p.normal.dot(moved), ..*p };
-        Symmetry { planes: self.planes.iter().map(shifted).collect() }.on_outlines(views)
+        let planes = self.planes.iter().map(shifted).collect();
+        let later = Symmetry { planes, alike: self.alike.clone() }.on_outlines(views)?;
+        (later.misfit() <= UNDEFORMED * self.misfit()).then_some(later)
     }
 
     /// The planes, fitted to the outlines; `None` where they do not agree.
@@ -268,12 +286,6 @@ impl Symmetry {
         let outlines = Outlines::new(views)?;
         let (miss, symmetry) = outlines.fit(self.clone());
         (miss <= LARGEST_MISS).then(|| outlines.measured(miss, symmetry))
-    }
-
-    /// Where three planes meet [m]; `None` of fewer.
-    fn centre(&self) -> Option<DVec3> {
-        let [a, b, c] = self.planes.as_slice() else { return None };
-        Some(a.offset * a.normal + b.offset * b.normal + c.offset * c.normal)
     }
 
     /// A camera that sees the body at rest as `camera` sees it where its planes are `later`; `None` where fewer than three planes leave the
@@ -292,10 +304,10 @@ impl Symmetry {
     /// The mirror images of a camera: to them, the body looks as it does to the camera. Their axes are left-handed where a single mirror
     /// made them.
     pub(crate) fn cameras(&self, camera: &Camera) -> Vec<Camera> {
-        let origins: Vec<DVec3> = self.images(DVec3::ZERO).skip(1).collect();
-        let axes = camera.rotation;
-        let columns = [axes.x_axis, axes.y_axis, axes.z_axis].map(|a| self.images(a).skip(1).collect::<Vec<_>>());
-        let centres = self.images(camera.centre).skip(1);
+        let (images, axes) = (self.images(), camera.rotation);
+        let origins: Vec<DVec3> = images.of(DVec3::ZERO).skip(1).collect();
+        let columns = [axes.x_axis, axes.y_axis, axes.z_axis].map(|a| images.of(a).skip(1).collect::<Vec<_>>());
+        let centres = images.of(camera.centre).skip(1);
         (centres.enumerate())
             .map(|(k, centre)| {
                 let [x, y, z] = [0, 1, 2].map(|c: usize| columns[c][k] - origins[k]);
@@ -351,7 +363,7 @@ fn envelope(heights: &[f64]) -> Vec<f64> {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use gic_splat::{Gaussians, Shape};
     use glam::DVec2;
 
@@ -374,41 +386,43 @@ mod tests {
         }
     }
 
-    const CENTRE: DVec3 = DVec3::new(0.02, 0.4, -0.03);
+    pub(crate) const CENTRE: DVec3 = DVec3::new(0.02, 0.4, -0.03);
 
-    fn cameras() -> Vec<Camera> {
+    pub(crate) fn cameras() -> Vec<Camera> {
         [DVec3::new(0.9, 0.9, 0.2), DVec3::new(-0.5, 0.7, 0.8), DVec3::new(-0.4, 1.0, -0.7)].map(camera).to_vec()
     }
 
-    /// The mask of a body, by marching along rays of four to a pixel.
-    fn mask(camera: &Camera, distance: &dyn Fn(DVec3) -> f64) -> Vec<f32> {
-        let hit = |pixel: DVec2| {
-            let direction = (camera.unproject(pixel, 1.0) - camera.centre).normalize();
-            let mut along = 0.3;
-            while along < 2.2 {
-                let off = distance(camera.centre + along * direction);
-                if off < 1e-4 {
-                    return true;
-                }
-                along += off.max(1e-4);
+    /// Where the ray of a pixel hits a body, by marching.
+    pub(crate) fn hit(camera: &Camera, pixel: DVec2, distance: &dyn Fn(DVec3) -> f64) -> Option<DVec3> {
+        let direction = (camera.unproject(pixel, 1.0) - camera.centre).normalize();
+        let mut along = 0.3;
+        while along < 2.2 {
+            let point = camera.centre + along * direction;
+            let off = distance(point);
+            if off < 1e-4 {
+                return Some(point);
             }
-            false
-        };
-        let corners = [DVec2::new(0.25, 0.25), DVec2::new(0.75, 0.25), DVec2::new(0.25, 0.75), DVec2::new(0.75, 0.75)];
-        (0..SIZE * SIZE)
-            .map(|i| {
-                let pixel = DVec2::new((i % SIZE) as f64, (i / SIZE) as f64);
-                corners.iter().filter(|c| hit(pixel + **c)).count() as f32 / 4.0
-            })
-            .collect()
+            along += off.max(1e-4);
+        }
+        None
     }
 
+    /// The mask of a body, by rays of four to a pixel.
+    pub(crate) fn mask(camera: &Camera, distance: &dyn Fn(DVec3) -> f64) -> Vec<f32> {
+        let corners = [DVec2::new(0.25, 0.25), DVec2::new(0.75, 0.25), DVec2::new(0.25, 0.75), DVec2::new(0.75, 0.75)];
+        let covered = |pixel: DVec2| corners.iter().filter(|c| hit(camera, pixel + **c, distance).is_some()).count();
+        (0..SIZE * SIZE).map(|i| covered(DVec2::new((i % SIZE) as f64, (i / SIZE) as f64)) as f32 / 4.0).collect()
+    }
+
+    /// Volume of the cross [m^3]: its three bars share the middle.
+    pub(crate) const VOLUME: f64 = 8.0 * 0.04 * 0.04 * (0.16 + 0.13 + 0.145) - 2.0 * 0.08 * 0.08 * 0.08;
+
     /// The cross at its place, `moved` [m].
-    fn cross(p: DVec3, moved: DVec3) -> f64 {
+    pub(crate) fn cross(p: DVec3, moved: DVec3) -> f64 {
         symmetry::tests::cross(turned().inverse() * (p - CENTRE - moved))
     }
 
-    fn views<'a>(cameras: &'a [Camera], masks: &'a [Vec<f32>]) -> Vec<MaskedView<'a>> {
+    pub(crate) fn views<'a>(cameras: &'a [Camera], masks: &'a [Vec<f32>]) -> Vec<MaskedView<'a>> {
         cameras.iter().zip(masks).map(|(camera, mask)| MaskedView { camera, mask: Some(mask) }).collect()
     }
 
@@ -439,15 +453,8 @@ mod tests {
         assert!(now.distance(then) < 0.6, "{now} {then}");
     }
 
-    /// Three outlines leave twice the body; with all that their mirror images and a later moment show, little more than it.
-    #[test]
-    fn outlines_and_their_images_make_the_body() {
-        let (cameras, moved) = (cameras(), DVec3::new(0.01, -0.05, 0.02));
-        let at = |moved: DVec3| -> Vec<Vec<f32>> { cameras.iter().map(|c| mask(c, &|p| cross(p, moved))).collect() };
-        let (masks, later_masks) = (at(DVec3::ZERO), at(moved));
-        let symmetry = Symmetry::of_outlines(&views(&cameras, &masks));
-        let later = symmetry.followed(&views(&cameras, &later_masks), moved).expect("it is the same body");
-        let back: Vec<Camera> = cameras.iter().filter_map(|c| symmetry.camera_at_rest(&later, c)).collect();
+    /// Gaussians all over the cross.
+    pub(crate) fn gaussians() -> Gaussians {
         let range = -16..=16;
         let places = range.clone().flat_map(|x| {
             range
@@ -460,22 +467,33 @@ mod tests {
             .map(|p| p.as_vec3().to_array())
             .collect();
         let count = positions.len();
-        let gaussians = Gaussians {
+        Gaussians {
             positions,
             opacities: vec![0.9; count],
             shape: Shape::Isotropic { scales: vec![0.005; count] },
             sh_degree: 0,
             sh: vec![[0.0; 3]; count],
-        };
+        }
+    }
+
+    /// Three outlines leave twice the body; with all that their mirror images and a later moment show, little more than it.
+    #[test]
+    fn outlines_and_their_images_make_the_body() {
+        let (cameras, moved) = (cameras(), DVec3::new(0.01, -0.05, 0.02));
+        let at = |moved: DVec3| -> Vec<Vec<f32>> { cameras.iter().map(|c| mask(c, &|p| cross(p, moved))).collect() };
+        let (masks, later_masks) = (at(DVec3::ZERO), at(moved));
+        let symmetry = Symmetry::of_outlines(&views(&cameras, &masks));
+        let later = symmetry.followed(&views(&cameras, &later_masks), moved).expect("it is the same body");
+        let back: Vec<Camera> = cameras.iter().filter_map(|c| symmetry.camera_at_rest(&later, c)).collect();
+        let gaussians = gaussians();
         let both = [views(&cameras, &masks), views(&back, &later_masks)].concat();
         let settings = FillSettings::for_size(0.3);
         let volume = |symmetry: &Symmetry, views: &[MaskedView]| {
             let filling = fill_outlines(&gaussians, views, symmetry, &settings).expect("a body");
             assert_eq!(filling.views_used, views.len());
-            // The three bars share the middle.
-            filling.volume() / (8.0 * 0.04 * 0.04 * (0.16 + 0.13 + 0.145) - 2.0 * 0.08f64.powi(3))
+            filling.volume() / VOLUME
         };
-        let alone = volume(&Symmetry { planes: Vec::new() }, &both[..3]);
+        let alone = volume(&Symmetry::default(), &both[..3]);
         let (mirrored, all) = (volume(&symmetry, &both[..3]), volume(&symmetry, &both));
         println!("{alone:.3} by three outlines, {mirrored:.3} with their images, {all:.3} with a later moment's");
         assert!(alone > 1.5 && mirrored < 0.85 * alone && all <= mirrored && all > 0.97, "{alone} {mirrored} {all}");
@@ -500,10 +518,10 @@ mod tests {
     fn a_mirrored_camera_sees_the_mirror_image() {
         let planes = [DVec3::new(0.6, 0.0, 0.8), DVec3::new(-0.8, 0.0, 0.6)];
         let planes = planes.map(|normal| MirrorPlane { normal, offset: normal.dot(CENTRE), misfit: 0.0 });
-        let symmetry = Symmetry { planes: planes.to_vec() };
+        let symmetry = Symmetry { planes: planes.to_vec(), alike: Vec::new() };
         let (camera, point) = (&cameras()[0], CENTRE + DVec3::new(0.1, -0.05, 0.03));
         let seen = camera.project(point).unwrap();
-        let images: Vec<DVec3> = symmetry.images(point).skip(1).collect();
+        let images: Vec<DVec3> = symmetry.images().of(point).skip(1).collect();
         assert_eq!(images.len(), 3);
         for (mirrored, image) in symmetry.cameras(camera).iter().zip(images) {
             let found = mirrored.project(image).unwrap();

@@ -12,7 +12,7 @@
 //!    surface there.
 
 use gic_metrics::KdTree;
-use glam::DVec3;
+use glam::{DAffine3, DMat3, DVec3};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -56,10 +56,13 @@ const BAND: f64 = 6.0;
 const RAMP: f64 = 1.5;
 
 /// Mirror planes at right angles to each other.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Symmetry {
     /// The planes, at most three.
     pub planes: Vec<MirrorPlane>,
+    /// Which of three planes may change places: the body is the same along their normals, as a bar with a square section is along two. Looked for
+    /// in outlines only.
+    pub alike: Vec<[usize; 2]>,
 }
 
 /// A plane whose two sides are mirror images.
@@ -93,7 +96,7 @@ impl Symmetry {
             let Some(more) = surface.with_another(&planes) else { break };
             planes = more;
         }
-        Symmetry { planes }
+        Symmetry { planes, alike: Vec::new() }
     }
 
     /// How far mirrored points of the surface lie from it, the mean of the planes [m].
@@ -106,11 +109,59 @@ impl Symmetry {
         self.planes.len() == rest.planes.len() && self.misfit() <= UNDEFORMED * rest.misfit()
     }
 
-    /// All images of a point: itself, its mirror images, their mirror images.
-    pub(crate) fn images(&self, point: DVec3) -> impl Iterator<Item = DVec3> + '_ {
-        (0..1usize << self.planes.len()).map(move |subset| {
-            let chosen = self.planes.iter().enumerate().filter(|(k, _)| subset >> k & 1 == 1);
-            chosen.fold(point, |image, (_, plane)| plane.mirror(image))
+    /// The maps of the body onto itself.
+    pub(crate) fn images(&self) -> Images<'_> {
+        Images { planes: &self.planes, turns: self.turns() }
+    }
+
+    /// Where three planes meet [m]; `None` of fewer.
+    pub(crate) fn centre(&self) -> Option<DVec3> {
+        let [a, b, c] = self.planes.as_slice() else { return None };
+        Some(a.offset * a.normal + b.offset * b.normal + c.offset * c.normal)
+    }
+
+    /// The maps that let planes that are alike change places, other than the identity.
+    fn turns(&self) -> Vec<DAffine3> {
+        let Some(centre) = self.centre() else { return Vec::new() };
+        let mut orders = vec![[0, 1, 2]];
+        let mut k = 0;
+        while k < orders.len() {
+            for &[a, b] in &self.alike {
+                let mut order = orders[k];
+                order.swap(a, b);
+                if !orders.contains(&order) {
+                    orders.push(order);
+                }
+            }
+            k += 1;
+        }
+        let axes = |order: [usize; 3]| {
+            let [a, b, c] = order.map(|i| self.planes[i].normal);
+            DMat3::from_cols(a, b, c)
+        };
+        let turn = |order: &[usize; 3]| {
+            let turn = axes(*order) * axes(orders[0]).transpose();
+            DAffine3::from_mat3_translation(turn, centre - turn * centre)
+        };
+        orders[1..].iter().map(turn).collect()
+    }
+}
+
+/// The maps of a body onto itself.
+pub(crate) struct Images<'a> {
+    planes: &'a [MirrorPlane],
+    turns: Vec<DAffine3>,
+}
+
+impl Images<'_> {
+    /// All images of a point [m]: first itself, then its mirror images and their mirror images, then those of where it is turned to.
+    pub(crate) fn of(&self, point: DVec3) -> impl Iterator<Item = DVec3> + '_ {
+        let turned = self.turns.iter().map(move |turn| turn.transform_point3(point));
+        std::iter::once(point).chain(turned).flat_map(move |start| {
+            (0..1usize << self.planes.len()).map(move |subset| {
+                let chosen = self.planes.iter().enumerate().filter(|(k, _)| subset >> k & 1 == 1);
+                chosen.fold(start, |image, (_, plane)| plane.mirror(image))
+            })
         })
     }
 }
@@ -158,7 +209,7 @@ impl Filling {
             return;
         }
         let (distances, doubts) = surface.distances(self);
-        let band = BAND * self.field.spacing;
+        let (band, images) = (BAND * self.field.spacing, symmetry.images());
         let look = |point: DVec3| {
             // Beyond the grid there is nothing.
             let Some(i) = self.field.discretize(point) else { return (band, 0.0) };
@@ -168,7 +219,7 @@ impl Filling {
             .into_par_iter()
             .map(|i| {
                 let (mut sum, mut total, mut doubt) = (0.0, 0.0, 1.0f64);
-                for image in symmetry.images(self.field.centre(self.field.voxel(i))) {
+                for image in images.of(self.field.centre(self.field.voxel(i))) {
                     let (distance, doubtful) = look(image);
                     let share = UNSEEN_SHARE + (1.0 - doubtful).powi(2);
                     sum += share * distance;
@@ -508,18 +559,20 @@ pub(crate) mod tests {
             offsets in prop::array::uniform3(-1.0f64..1.0),
             a in prop::array::uniform3(-1.0f64..1.0),
             b in prop::array::uniform3(-1.0f64..1.0),
+            pairs in 0usize..4,
         ) {
             let rotation = DQuat::from_scaled_axis(DVec3::from_array(turn));
             let planes = DVec3::AXES.iter().zip(offsets);
             let planes = planes.map(|(axis, offset)| MirrorPlane { normal: rotation * *axis, offset, misfit: 0.0 });
-            let symmetry = Symmetry { planes: planes.collect() };
+            let alike = [[0, 2], [1, 2], [0, 1]][..pairs].to_vec();
+            let symmetry = Symmetry { planes: planes.collect(), alike };
             let (a, b) = (DVec3::from_array(a), DVec3::from_array(b));
-            let images: Vec<DVec3> = symmetry.images(a).collect();
-            prop_assert_eq!(images.len(), 8);
-            for (image, other) in images.iter().zip(symmetry.images(b)) {
+            let images: Vec<DVec3> = symmetry.images().of(a).collect();
+            prop_assert_eq!(images.len(), 8 * [1, 2, 6, 6][pairs]);
+            for (image, other) in images.iter().zip(symmetry.images().of(b)) {
                 prop_assert!((image.distance(other) - a.distance(b)).abs() < 1e-12);
                 // The images of an image are those of the point.
-                let again: Vec<DVec3> = symmetry.images(*image).collect();
+                let again: Vec<DVec3> = symmetry.images().of(*image).collect();
                 prop_assert!(images.iter().all(|i| again.iter().any(|j| i.distance(*j) < 1e-12)));
             }
         }

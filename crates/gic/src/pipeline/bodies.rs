@@ -13,7 +13,7 @@ pub(super) struct Bodies {
     symmetric: bool,
     /// Planes found in the surface.
     completion: Completion,
-    /// Planes found in the outlines, where the surface shows none.
+    /// Planes found in the outlines, where the surface shows less than three.
     still: Option<Still>,
 }
 
@@ -40,7 +40,7 @@ impl Bodies {
             return Ok(filling);
         }
         self.completion.next(&mut filling, views);
-        if frame == 0 && self.completion.first().is_none() {
+        if frame == 0 && self.completion.first().is_none_or(|symmetry| symmetry.planes.len() < 3) {
             self.still = Still::find(source)?;
             if let Some(still) = &self.still {
                 return still.fill(source, frame, settings);
