@@ -26,9 +26,9 @@ const LAST: f32 = 0.09;
 const STRICTER: f32 = std::f32::consts::FRAC_1_SQRT_2;
 /// Layers that are carved with one tolerance, and the share of the surface below which it has come to its end.
 const LAYERS: usize = 40;
+const FEW: f64 = 0.01;
 /// Carving takes the body apart where a layer is so many times as large as the smallest before it.
 const GROWN: f64 = 1.5;
-const FEW: f64 = 0.01;
 /// A place is judged by so many colour channels or more, in the voxels around it and around its images.
 const ENOUGH: f32 = 9.0;
 /// A surface is seen where it lies no deeper behind what is nearest than this [voxels], and not more obliquely than at this cosine.
