@@ -3,10 +3,10 @@
 use gic_mpm::gradient;
 use glam::DVec3;
 
+use crate::footprint::Cloud;
 use crate::levenberg::Iterate;
 use crate::loss::frame_loss;
 use crate::result::Stage;
-use crate::silhouette::Splats;
 use crate::stages::Job;
 use crate::state::{State, Unknown};
 
@@ -67,8 +67,9 @@ fn loss_and_gradient(job: &Job, free: usize, state: &State, unknowns: &[Unknown]
         let positions: Vec<[f32; 3]> = frame.positions.iter().map(|p| p.as_vec3().to_array()).collect();
         // The widths' own change with the positions is left out of the gradient.
         let scales = job.dilution.scales(&frame.positions);
-        let splats = Splats { opacities: &job.input.opacities, scales: &scales, factor: state.splat.exp() as f32 };
-        let loss = frame_loss(moment, &job.context, splats, &positions, true);
+        let (opacities, factor) = (&job.input.opacities, state.splat.exp() as f32);
+        let cloud = Cloud { positions: &positions, opacities, scales: &scales, factor };
+        let loss = frame_loss(moment, &job.context, cloud, true);
         total += share * (loss.chamfer_m + loss.mask_l1);
         Some(loss.gradient.iter().map(|g: &DVec3| *g * share).collect())
     })

@@ -2,9 +2,11 @@
 
 use gic_scene::touches_border;
 
+use crate::footprint::Cloud;
 use crate::loss::frame_loss;
+use crate::mask_view::MaskView;
 use crate::objective::Motion;
-use crate::silhouette::{MaskView, Splats, alpha};
+use crate::silhouette::alpha;
 use crate::stages::Job;
 use crate::state::{State, Unknown};
 use crate::velocity::Launch;
@@ -20,13 +22,14 @@ pub(crate) fn wrong_cameras(input: &Input, target: Target, warnings: &mut Vec<St
         return Vec::new();
     }
     let positions: Vec<[f32; 3]> = input.positions.iter().map(|p| p.as_vec3().to_array()).collect();
-    let splats = Splats { opacities: &input.opacities, scales: &input.scales, factor: 1.0 };
+    let (opacities, scales) = (&input.opacities, &input.scales);
+    let cloud = Cloud { positions: &positions, opacities, scales, factor: 1.0 };
     let overlaps: Vec<(usize, f64)> = input.observations[0]
         .views
         .iter()
         .map(|view| {
             let view = MaskView::new(view.camera, &input.cameras[view.camera], &view.mask, 2);
-            let rendered = alpha(&positions, splats, &view.camera);
+            let rendered = alpha(cloud, &view.camera);
             let (mut both, mut either) = (0.0, 0.0);
             for (a, m) in rendered.iter().zip(&view.mask) {
                 both += f64::from(a.min(*m));
@@ -87,8 +90,7 @@ pub(crate) fn explained(job: &Job, launched: &Launch, motion: &Motion) -> bool {
         .iter()
         .enumerate()
         .map(|(o, moment)| {
-            let splats = motion.splats(o, &job.input.opacities);
-            let loss = frame_loss(moment, &job.context, splats, &motion.positions[o], false);
+            let loss = frame_loss(moment, &job.context, motion.cloud(o, &job.input.opacities), false);
             (loss.chamfer_m, loss.mask_difference.0 / loss.mask_difference.1.max(1e-9))
         })
         .collect();
@@ -181,8 +183,9 @@ mod tests {
 
     fn masks(input: &Input) -> Vec<View> {
         let positions: Vec<[f32; 3]> = input.positions.iter().map(|p| p.as_vec3().to_array()).collect();
-        let splats = Splats { opacities: &input.opacities, scales: &input.scales, factor: 1.0 };
-        let draw = |camera: &Camera| alpha(&positions, splats, camera).iter().map(|a| a.clamp(0.0, 1.0)).collect();
+        let (opacities, scales) = (&input.opacities, &input.scales);
+        let cloud = Cloud { positions: &positions, opacities, scales, factor: 1.0 };
+        let draw = |camera: &Camera| alpha(cloud, camera).iter().map(|a| a.clamp(0.0, 1.0)).collect();
         input.cameras.iter().enumerate().map(|(camera, c)| View { camera, mask: draw(c) }).collect()
     }
 

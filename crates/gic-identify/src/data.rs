@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::silhouette::{MaskView, pixel_size};
+use crate::mask_view::{MaskView, pixel_size};
 use crate::surface::ObservedSurface;
 use crate::{Input, Target};
 

@@ -7,12 +7,12 @@
 
 use glam::DVec3;
 
-use crate::neighbours::Neighbours;
+use crate::surroundings::densities;
 
 /// Limits of the factor on a Gaussian's width.
 const LIMITS: (f32, f32) = (0.8, 1.5);
 
-/// Kernel-weighted neighbour counts at rest.
+/// How dense matter is around each particle at rest.
 #[derive(Clone, Debug)]
 pub(crate) struct Dilution {
     radius: f64,
@@ -25,7 +25,7 @@ impl Dilution {
     /// `spacing` is the particles' mean distance at rest [m].
     pub(crate) fn new(positions: &[DVec3], scales: &[f32], spacing: f64) -> Dilution {
         let radius = 2.0 * spacing;
-        Dilution { radius, rest: counts(positions, radius), scales: scales.to_vec() }
+        Dilution { radius, rest: densities(positions, radius), scales: scales.to_vec() }
     }
 
     /// Standard deviations at rest [m], shape [n].
@@ -35,26 +35,13 @@ impl Dilution {
 
     /// Standard deviations [m] for particles at `positions`, shape [n].
     pub(crate) fn scales(&self, positions: &[DVec3]) -> Vec<f32> {
-        counts(positions, self.radius)
+        densities(positions, self.radius)
             .iter()
             .zip(&self.rest)
             .zip(&self.scales)
             .map(|((now, rest), scale)| scale * (rest / now).cbrt().clamp(LIMITS.0, LIMITS.1))
             .collect()
     }
-}
-
-/// 1 + sum over neighbours of (1 - (d / radius)^2)^2, which changes smoothly as particles move.
-fn counts(positions: &[DVec3], radius: f64) -> Vec<f32> {
-    let tree = Neighbours::new(positions, radius);
-    positions
-        .iter()
-        .map(|p| {
-            let mut sum = 0.0;
-            tree.within(*p, radius, |squared, _, _| sum += (1.0 - squared / (radius * radius)).powi(2));
-            sum as f32
-        })
-        .collect()
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::neighbours::Neighbours;
+use crate::surroundings::{Surroundings, offsets};
 
 /// How far from a particle its neighbours' centre lies where it begins to count as one of the surface, and from where it counts fully, in
 /// units of the radius that makes neighbours. In the middle of a lattice's flat face it is .16, in the next layer below .01.
@@ -33,20 +33,11 @@ impl Face {
 /// The face of each particle, from its neighbours within `radius` [m]. It changes smoothly as particles move.
 pub(crate) fn faces(positions: &[[f32; 3]], radius: f64) -> Vec<Face> {
     let points: Vec<DVec3> = positions.iter().map(|p| glam::Vec3::from_array(*p).as_dvec3()).collect();
-    let tree = Neighbours::new(&points, radius);
-    points
-        .iter()
-        .map(|p| {
-            let (mut sum, mut total) = (DVec3::ZERO, 0.0);
-            tree.within(*p, radius, |squared, _, q| {
-                let weight = (1.0 - squared / (radius * radius)).powi(2);
-                sum += weight * (*p - q);
-                total += weight;
-            });
-            let asymmetry = sum / (total * radius);
-            Face { outward: asymmetry.normalize_or(DVec3::Y), share: rise(asymmetry.length(), RISE) }
-        })
-        .collect()
+    let face = |around: Surroundings| {
+        let asymmetry = around.offset / around.weight;
+        Face { outward: asymmetry.normalize_or(DVec3::Y), share: rise(asymmetry.length(), RISE) }
+    };
+    offsets(&points, radius).into_iter().map(face).collect()
 }
 
 #[cfg(test)]

@@ -4,9 +4,10 @@ use glam::DVec3;
 
 use crate::Loss;
 use crate::data::{Data, Moment};
+use crate::footprint::Cloud;
 use crate::neighbours::Neighbours;
 use crate::objective::Motion;
-use crate::silhouette::{Splats, alpha, alpha_backward};
+use crate::silhouette::{alpha, alpha_backward};
 use crate::surface::Context;
 
 /// Loss of one frame and d loss / d position, shape [n].
@@ -19,13 +20,8 @@ pub(crate) struct FrameLoss {
 }
 
 /// Chamfer distance and mask L1 of one observed moment.
-pub(crate) fn frame_loss(
-    moment: &Moment,
-    context: &Context,
-    splats: Splats,
-    positions: &[[f32; 3]],
-    with_gradient: bool,
-) -> FrameLoss {
+pub(crate) fn frame_loss(moment: &Moment, context: &Context, cloud: Cloud, with_gradient: bool) -> FrameLoss {
+    let positions = cloud.positions;
     let mut loss = FrameLoss {
         chamfer_m: 0.0,
         mask_l1: 0.0,
@@ -40,7 +36,7 @@ pub(crate) fn frame_loss(
     }
     let views = moment.views.len().max(1) as f64;
     for view in &moment.views {
-        let rendered = alpha(positions, splats, &view.camera);
+        let rendered = alpha(cloud, &view.camera);
         let share = 1.0 / (rendered.len() as f64 * views);
         let difference: f64 = rendered.iter().zip(&view.mask).map(|(a, m)| f64::from((a - m).abs())).sum();
         loss.mask_l1 += difference * share;
@@ -48,7 +44,7 @@ pub(crate) fn frame_loss(
         loss.mask_difference.1 += view.mask.iter().map(|m| f64::from(*m)).sum::<f64>();
         if with_gradient {
             let bar: Vec<f32> = rendered.iter().zip(&view.mask).map(|(a, m)| (a - m).signum() * share as f32).collect();
-            alpha_backward(positions, splats, &view.camera, &rendered, &bar, &mut loss.gradient);
+            alpha_backward(cloud, &view.camera, &rendered, &bar, &mut loss.gradient);
         }
     }
     loss
@@ -94,7 +90,7 @@ pub(crate) fn mean_loss(data: &Data, context: &Context, opacities: &[f32], motio
     let mut loss = Loss::default();
     let (mut surfaces, mut masks, mut difference, mut covered) = (0.0f64, 0.0f64, 0.0, 0.0f64);
     for (o, moment) in data.moments.iter().enumerate().skip(1) {
-        let frame = frame_loss(moment, context, motion.splats(o, opacities), &motion.positions[o], false);
+        let frame = frame_loss(moment, context, motion.cloud(o, opacities), false);
         if moment.surface.is_some() {
             loss.chamfer_m += frame.chamfer_m;
             surfaces += 1.0;

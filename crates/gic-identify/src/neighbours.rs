@@ -1,5 +1,7 @@
 //! Nearest points by a dense cell list.
 
+use std::ops::Range;
+
 use glam::{DVec3, IVec3};
 
 /// Points in cells of a uniform grid over their bounding box.
@@ -20,10 +22,10 @@ const MOST_CELLS: f64 = 2.0e6;
 impl Neighbours {
     /// Sorts the points into cells of side `cell` [m].
     pub(crate) fn new(points: &[DVec3], cell: f64) -> Neighbours {
-        let low = points.iter().copied().fold(DVec3::splat(f64::INFINITY), DVec3::min);
-        let high = points.iter().copied().fold(DVec3::splat(f64::NEG_INFINITY), DVec3::max);
-        let extent = if points.is_empty() { DVec3::ZERO } else { high - low };
-        let low = if points.is_empty() { DVec3::ZERO } else { low };
+        // Points that are no numbers are near to nothing, whichever cell they are in.
+        let known = || points.iter().copied().filter(|p| p.is_finite());
+        let low = known().reduce(DVec3::min).unwrap_or(DVec3::ZERO);
+        let extent = known().reduce(DVec3::max).unwrap_or(DVec3::ZERO) - low;
         let mut cell = cell;
         while ((extent / cell).floor() + 1.0).element_product() > MOST_CELLS {
             cell *= 2.0;
@@ -31,8 +33,6 @@ impl Neighbours {
         let size = ((extent / cell).floor() + 1.0).as_ivec3();
         let mut list = Neighbours { points: Vec::new(), ids: Vec::new(), starts: Vec::new(), low, size, cell };
         let keys: Vec<usize> = points.iter().map(|p| list.key(list.cell_of(*p).clamp(IVec3::ZERO, size - 1))).collect();
-        let mut order: Vec<u32> = (0..points.len() as u32).collect();
-        order.sort_by_key(|i| keys[*i as usize]);
         list.starts = vec![0; size.element_product() as usize + 1];
         for key in &keys {
             list.starts[key + 1] += 1;
@@ -40,9 +40,63 @@ impl Neighbours {
         for i in 1..list.starts.len() {
             list.starts[i] += list.starts[i - 1];
         }
-        list.points = order.iter().map(|i| points[*i as usize]).collect();
-        list.ids = order;
+        let mut next = list.starts.clone();
+        list.ids = vec![0; points.len()];
+        for (i, key) in keys.iter().enumerate() {
+            list.ids[next[*key] as usize] = i as u32;
+            next[*key] += 1;
+        }
+        list.points = list.ids.iter().map(|i| points[*i as usize]).collect();
         list
+    }
+
+    /// Number of points.
+    pub(crate) fn len(&self) -> usize {
+        self.points.len()
+    }
+
+    /// The point at a place of the list [m].
+    pub(crate) fn point(&self, place: usize) -> DVec3 {
+        self.points[place]
+    }
+
+    /// Index of the point at a place of the list in the slice that was given.
+    pub(crate) fn id(&self, place: usize) -> usize {
+        self.ids[place] as usize
+    }
+
+    /// The cells that have points.
+    pub(crate) fn occupied(&self) -> impl Iterator<Item = usize> {
+        (0..self.starts.len() - 1).filter(|cell| self.starts[*cell] < self.starts[cell + 1])
+    }
+
+    /// The corner of a cell at which its coordinates are lowest [m].
+    pub(crate) fn corner(&self, cell: usize) -> DVec3 {
+        self.low + self.cell * self.index(cell).as_dvec3()
+    }
+
+    fn index(&self, cell: usize) -> IVec3 {
+        let key = cell as i32;
+        IVec3::new(key / self.size.z / self.size.y, key / self.size.z % self.size.y, key % self.size.z)
+    }
+
+    /// Places of a cell's points.
+    pub(crate) fn in_cell(&self, cell: usize) -> Range<usize> {
+        self.starts[cell] as usize..self.starts[cell + 1] as usize
+    }
+
+    /// Places of the points in a cell and those around it, as runs: cells along z follow each other.
+    pub(crate) fn around(&self, cell: usize) -> [Range<usize>; 9] {
+        let centre = self.index(cell);
+        let (low, high) = ((centre.z - 1).max(0), (centre.z + 1).min(self.size.z - 1));
+        std::array::from_fn(|k| {
+            let (x, y) = (centre.x + k as i32 / 3 - 1, centre.y + k as i32 % 3 - 1);
+            if x < 0 || y < 0 || x >= self.size.x || y >= self.size.y {
+                return 0..0;
+            }
+            let (first, last) = (self.key(IVec3::new(x, y, low)), self.key(IVec3::new(x, y, high)));
+            self.starts[first] as usize..self.starts[last + 1] as usize
+        })
     }
 
     fn cell_of(&self, p: DVec3) -> IVec3 {

@@ -4,9 +4,11 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::data::{Data, Moment};
+use crate::footprint::Cloud;
 use crate::levenberg::Tangents;
+use crate::mask_view::{MaskView, pool};
 use crate::normal::{Cluster, Modality, Normal, Weights};
-use crate::silhouette::{MaskView, Splats, alpha, pool};
+use crate::silhouette::alpha;
 use crate::state::{State, Unknown};
 
 /// Positions of all particles [m] at each observation that takes part, and how large they are drawn.
@@ -30,8 +32,8 @@ impl Motion {
     }
 
     /// What is drawn at an observation.
-    pub(crate) fn splats<'a>(&'a self, o: usize, opacities: &'a [f32]) -> Splats<'a> {
-        Splats { opacities, scales: &self.scales[o], factor: self.splat_factor }
+    pub(crate) fn cloud<'a>(&'a self, o: usize, opacities: &'a [f32]) -> Cloud<'a> {
+        Cloud { positions: &self.positions[o], opacities, scales: &self.scales[o], factor: self.splat_factor }
     }
 }
 
@@ -87,10 +89,10 @@ impl Objective<'_> {
         pooling: usize,
     ) -> Cluster {
         // Outside of this window neither the particles nor the mask are, so that it only saves time.
-        let window = view.window(&base.positions[o], base.splats(o, self.opacities), pooling);
+        let window = view.window(base.cloud(o, self.opacities), pooling);
         let camera = &window.camera(&view.camera);
         let draw = |motion: &Motion| {
-            let full = alpha(&motion.positions[o], motion.splats(o, self.opacities), camera);
+            let full = alpha(motion.cloud(o, self.opacities), camera);
             pool(&full, camera.width, camera.height, pooling)
         };
         let observed = pool(&window.cut(&view.mask, view.camera.width), camera.width, camera.height, pooling);

@@ -1,0 +1,159 @@
+//! One view at the resolution at which it is compared, and which part of it matters.
+
+use gic_scene::Camera;
+use gic_simd::{Kernel, Lanes, Level, dispatch};
+use glam::DVec2;
+
+use crate::footprint::{Cloud, Eye};
+
+/// Pixels around what is drawn, for hypotheses that differ by a small step.
+const MARGIN: usize = 4;
+
+/// One view at the resolution at which it is compared.
+#[derive(Clone, Debug)]
+pub(crate) struct MaskView {
+    /// Index of the camera in the input.
+    pub camera_index: usize,
+    /// The camera at the working resolution.
+    pub camera: Camera,
+    /// Observed coverage, row-major.
+    pub mask: Vec<f32>,
+    /// Where the mask is not empty.
+    covered: Window,
+}
+
+/// A rectangle of pixels: columns and rows from the first up to, not including, the second.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Window {
+    columns: (usize, usize),
+    rows: (usize, usize),
+}
+
+impl Window {
+    const EMPTY: Window = Window { columns: (usize::MAX, 0), rows: (usize::MAX, 0) };
+
+    fn join(&mut self, columns: (usize, usize), rows: (usize, usize)) {
+        self.columns = (self.columns.0.min(columns.0), self.columns.1.max(columns.1));
+        self.rows = (self.rows.0.min(rows.0), self.rows.1.max(rows.1));
+    }
+
+    /// The window grown by `margin` and to whole blocks of `block` pixels, inside a picture of `size`.
+    fn aligned(self, margin: usize, block: usize, size: (usize, usize)) -> Window {
+        let grow = |(low, high): (usize, usize), length: usize| {
+            if low >= high {
+                return (0, 0);
+            }
+            let last = length / block * block;
+            (low.saturating_sub(margin) / block * block, ((high + margin).div_ceil(block) * block).min(last))
+        };
+        Window { columns: grow(self.columns, size.0), rows: grow(self.rows, size.1) }
+    }
+
+    /// The camera that sees the window only.
+    pub(crate) fn camera(&self, camera: &Camera) -> Camera {
+        Camera {
+            width: self.columns.1.saturating_sub(self.columns.0),
+            height: self.rows.1.saturating_sub(self.rows.0),
+            principal: camera.principal - DVec2::new(self.columns.0 as f64, self.rows.0 as f64),
+            ..camera.clone()
+        }
+    }
+
+    /// The window's pixels of a picture that is `width` wide.
+    pub(crate) fn cut(&self, image: &[f32], width: usize) -> Vec<f32> {
+        let row = |j: usize| image[j * width + self.columns.0..j * width + self.columns.1.max(self.columns.0)].iter();
+        (self.rows.0..self.rows.1).flat_map(row).copied().collect()
+    }
+}
+
+impl MaskView {
+    /// Averages a picture over blocks of `factor` x `factor` pixels; an incomplete last row or column is dropped.
+    pub(crate) fn new(camera_index: usize, camera: &Camera, mask: &[f32], factor: usize) -> MaskView {
+        let (camera, mask) = (pooled_camera(camera, factor), pool(mask, camera.width, camera.height, factor));
+        let mut covered = Window::EMPTY;
+        for (i, _) in mask.iter().enumerate().filter(|(_, m)| **m > 0.0) {
+            let (x, y) = (i % camera.width, i / camera.width);
+            covered.join((x, x + 1), (y, y + 1));
+        }
+        MaskView { camera_index, camera, mask, covered }
+    }
+
+    /// The pixels that the particles or the mask cover, with a margin for small moves, in whole blocks of `block` pixels.
+    pub(crate) fn window(&self, cloud: Cloud, block: usize) -> Window {
+        let drawn = dispatch(Level::active(), Extent { cloud, camera: &self.camera, known: self.covered });
+        drawn.aligned(MARGIN, block, (self.camera.width, self.camera.height))
+    }
+}
+
+/// The pixels that particles cover, besides those known.
+struct Extent<'a> {
+    cloud: Cloud<'a>,
+    camera: &'a Camera,
+    known: Window,
+}
+
+impl Kernel for Extent<'_> {
+    type Output = Window;
+
+    #[inline(always)]
+    fn run<L: Lanes<Scalar = f32>>(self) -> Window {
+        let (eye, mut window) = (Eye::new(self.camera), self.known);
+        for first in (0..self.cloud.positions.len()).step_by(L::LANES) {
+            for footprint in eye.footprints::<L>(&self.cloud, first).iter().filter(|f| !f.is_empty()) {
+                window.join(footprint.columns, footprint.rows);
+            }
+        }
+        window
+    }
+}
+
+fn pooled_camera(camera: &Camera, factor: usize) -> Camera {
+    let f = factor as f64;
+    Camera {
+        width: camera.width / factor,
+        height: camera.height / factor,
+        focal: camera.focal / f,
+        principal: camera.principal / f,
+        ..camera.clone()
+    }
+}
+
+/// Mean over blocks of `factor` x `factor` pixels.
+pub(crate) fn pool(image: &[f32], width: usize, height: usize, factor: usize) -> Vec<f32> {
+    if factor == 1 {
+        return image.to_vec();
+    }
+    let (w, h) = (width / factor, height / factor);
+    let share = 1.0 / (factor * factor) as f32;
+    let mut out = vec![0.0f32; w * h];
+    for y in 0..h {
+        let row = &mut out[y * w..(y + 1) * w];
+        for line in 0..factor {
+            let source = &image[(y * factor + line) * width..][..w * factor];
+            for (value, block) in row.iter_mut().zip(source.chunks_exact(factor)) {
+                *value += block.iter().sum::<f32>() * share;
+            }
+        }
+    }
+    out
+}
+
+/// Side of a pixel of `camera` at the distance of `point` [m].
+pub(crate) fn pixel_size(camera: &Camera, point: glam::DVec3) -> Option<f64> {
+    let focal: DVec2 = camera.focal;
+    camera.project(point).map(|(_, depth)| depth / (focal.x * focal.y).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pooling_keeps_the_mean() {
+        let image: Vec<f32> = (0..12 * 8).map(|i| i as f32).collect();
+        let pooled = pool(&image, 12, 8, 4);
+        assert_eq!(pooled.len(), 6);
+        let mean = |v: &[f32]| v.iter().sum::<f32>() / v.len() as f32;
+        assert!((mean(&pooled) - mean(&image)).abs() < 1e-4);
+    }
+}
