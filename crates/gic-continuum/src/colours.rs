@@ -9,6 +9,8 @@
 //! opens the body: then layers grow from one to the next, which shrink where carving comes to a surface, and the body fills its outlines no
 //! longer. So the tolerance is lowered step by step until that happens.
 
+mod agreement;
+
 use gic_scene::{Camera, Picture};
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
@@ -70,6 +72,12 @@ impl Filling {
                 break;
             }
         }
+        self.take_away(&body, &whole);
+        self.settle(&views, symmetry);
+    }
+
+    /// Takes the voxels out of the field that a body has lost of the `whole`.
+    fn take_away(&mut self, body: &Solid, whole: &[bool]) {
         if body.inside == whole {
             return;
         }
@@ -371,19 +379,19 @@ mod tests {
     fn colours_carve_what_outlines_leave() {
         let [before, after, left] = carved(|_, p| stripes(p));
         println!("{before:.3} by outlines, {after:.3} by colours, {left:.4} of the body left");
-        assert!(before > 1.1 && after - 1.0 < 0.8 * (before - 1.0) && left > 0.995, "{before} {after} {left}");
+        assert!(before > 1.1 && (after - 1.0).abs() < 0.25 * (before - 1.0) && left > 0.995, "{before} {after} {left}");
     }
 
     #[test]
     fn one_colour_carves_nothing() {
         let [before, after, left] = carved(|_, _| DVec3::splat(0.6));
-        assert!(after == before && left > 0.995, "{before} {after} {left}");
+        assert!((after - before).abs() < 1e-4 && left > 0.995, "{before} {after} {left}");
     }
 
     /// Cameras that agree on no colour at all must not take the body apart.
     #[test]
-    fn cameras_that_see_other_colours_carve_nothing() {
+    fn cameras_that_see_other_colours_carve_hardly_anything() {
         let [before, after, left] = carved(|k, p| 0.5 * stripes(p) + 0.2 * k as f64);
-        assert!(after == before && left > 0.995, "{before} {after} {left}");
+        assert!(after > 0.98 * before && after <= before && left > 0.995, "{before} {after} {left}");
     }
 }

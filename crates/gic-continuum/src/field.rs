@@ -78,8 +78,13 @@ impl DensityField {
 
     /// Indices of the 3x3x3 voxels around one, those in the grid.
     pub(crate) fn around(&self, index: usize) -> impl Iterator<Item = usize> + '_ {
+        self.within(index, 1)
+    }
+
+    /// Indices of the voxels no more than `reach` voxels from one along each axis, those in the grid.
+    pub(crate) fn within(&self, index: usize, reach: usize) -> impl Iterator<Item = usize> + '_ {
         let [x, y, z] = self.voxel(index);
-        let range = |c: usize, n: usize| c.saturating_sub(1)..(c + 2).min(n);
+        let range = |c: usize, n: usize| c.saturating_sub(reach)..(c + reach + 1).min(n);
         let [xs, ys, zs] = [range(x, self.size[0]), range(y, self.size[1]), range(z, self.size[2])];
         zs.flat_map(move |z| {
             let (xs, ys) = (xs.clone(), ys.clone());

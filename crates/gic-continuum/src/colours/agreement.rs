@@ -1,0 +1,305 @@
+//! Where colours agree best, to a fraction of a voxel.
+//!
+//! Carving ends where colours contradict no longer, which is outside of the surface: by as much as a pixel hides. The surface is where they
+//! agree best. So every place is tried at several depths along its normal (plane sweep), the differences of colours around it and around its
+//! mirror images are summed at each, and it moves to their minimum: a fraction of a voxel, shared with its neighbours as far as the minimum is
+//! flat. With it, the field is carried along, so that edges stay as they are.
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::{Coloured, Place, Solid};
+use crate::{DensityField, Filling, Symmetry};
+
+/// Depths that are tried: from so many voxels inside to so many outside, by halves.
+const INSIDE: usize = 6;
+const DEPTHS: usize = INSIDE + 5;
+/// Rounds of moving and looking again, and the root mean square way below which the surface has arrived [voxels].
+const ROUNDS: usize = 12;
+const ARRIVED: f64 = 0.05;
+/// A place goes no further in a round [voxels].
+const FARTHEST: f64 = 1.5;
+/// Standard deviation of the difference between neighbours' ways, and of a way where nothing is seen [voxels].
+const STIFF: f64 = 0.15;
+const FREE: f64 = 1.0;
+const SWEEPS: usize = 60;
+/// How far from a place matter goes with it, and the standard deviation with which places around share in that [voxels of the field].
+const REACH: usize = 3;
+const FADES: f64 = 0.75;
+/// The body fills its outlines while no view loses more than this share of its own: half a pixel along them.
+const LOST: f64 = 5e-3;
+
+impl Filling {
+    /// Moves the surface to where the colours of `views` agree best at its places and at their images by `symmetry`.
+    pub(super) fn settle(&mut self, views: &[Coloured], symmetry: &Symmetry) {
+        let first = self.field.clone();
+        let filled = Solid::new(&first, self.th_min).filled(views);
+        let mut moved = Motion::none(&first);
+        for _ in 0..ROUNDS {
+            let body = Solid::new(&self.field, self.th_min);
+            let mut surface = body.surface();
+            surface.par_iter_mut().for_each(|place| self.put_on_level(place, &body));
+            let ways = body.ways(views, symmetry, &surface);
+            moved = moved.then(&Motion::of(&first, &surface, &ways, body.grid.spacing));
+            let before = std::mem::replace(&mut self.field.values, moved.carry(&first));
+            let still = Solid::new(&self.field, self.th_min).filled(views);
+            if still.iter().zip(&filled).any(|(now, first)| *now < first - LOST) {
+                self.field.values = before;
+                return;
+            }
+            let squares: f64 = ways.iter().map(|way| way * way).sum();
+            if squares <= ARRIVED * ARRIVED * ways.len() as f64 {
+                return;
+            }
+        }
+    }
+
+    /// Puts a place onto the field's level set, along its normal.
+    fn put_on_level(&self, place: &mut Place, body: &Solid) {
+        let centre = body.grid.centre(body.grid.voxel(place.voxel));
+        let along = |t: f64| centre + t * body.grid.spacing * place.normal;
+        let (mut inside, mut outside) = (0.0, 2.0);
+        if self.field.sample(along(outside)) >= self.th_min {
+            return;
+        }
+        for _ in 0..8 {
+            let middle = 0.5 * (inside + outside);
+            let side = if self.field.sample(along(middle)) >= self.th_min { &mut inside } else { &mut outside };
+            *side = middle;
+        }
+        place.point = along(0.5 * (inside + outside));
+    }
+}
+
+/// How much colours differ at each depth, over what is expected, and by how many that is judged.
+#[derive(Clone, Copy, Default)]
+struct Curve {
+    squared: [f32; DEPTHS],
+    freedom: f32,
+}
+
+impl Curve {
+    fn add(&mut self, other: &Curve) {
+        self.squared.iter_mut().zip(other.squared).for_each(|(own, other)| *own += other);
+        self.freedom += other.freedom;
+    }
+
+    /// Where the curve is least [voxels outward], by a parabola through its lowest values, and its second derivative there [1/voxels^2], that
+    /// of a squared deviation in units of its variance: differences larger than expected count for less.
+    fn least(&self) -> (f64, f64) {
+        let k = (0..DEPTHS).min_by(|a, b| self.squared[*a].total_cmp(&self.squared[*b])).unwrap_or(INSIDE);
+        let middle = k.clamp(1, DEPTHS - 2);
+        let [a, b, c] = [middle - 1, middle, middle + 1].map(|k| f64::from(self.squared[k]));
+        let bend = a - 2.0 * b + c;
+        let excess = f64::from(self.squared[k]) / f64::from(self.freedom);
+        // Flat, or colours that agree nowhere.
+        if self.freedom <= 0.0 || bend <= 0.0 || excess > f64::from(super::FIRST) {
+            return (0.0, 0.0);
+        }
+        let shift = (0.5 * (a - c) / bend).clamp(-1.0, 1.0);
+        // Steps of half a voxel.
+        let at = 0.5 * (middle as f64 + shift - INSIDE as f64);
+        (at, 4.0 * bend / excess.max(1.0))
+    }
+}
+
+impl Solid {
+    /// How far each place of the surface should go outward [voxels].
+    fn ways(&self, views: &[Coloured], symmetry: &Symmetry, surface: &[Place]) -> Vec<f64> {
+        const NONE: u32 = u32::MAX;
+        let depths = self.depths(views, surface);
+        let curves: Vec<Curve> = surface.par_iter().map(|place| self.curve(place, views, &depths)).collect();
+        // Sums over the 3x3x3 voxels around each voxel that has places around it.
+        let (mut slots, mut around) = (vec![NONE; self.inside.len()], Vec::new());
+        for (place, curve) in surface.iter().zip(&curves).filter(|(_, curve)| curve.freedom > 0.0) {
+            for i in self.grid.around(place.voxel) {
+                if slots[i] == NONE {
+                    slots[i] = around.len() as u32;
+                    around.push(Curve::default());
+                }
+                around[slots[i] as usize].add(curve);
+            }
+        }
+        let images = symmetry.images();
+        let least = |place: &Place| {
+            let mut all = Curve::default();
+            for image in images.of(self.grid.centre(self.grid.voxel(place.voxel))) {
+                let slot = self.grid.discretize(image).map_or(NONE, |i| slots[i]);
+                if slot != NONE {
+                    all.add(&around[slot as usize]);
+                }
+            }
+            all.least()
+        };
+        let wanted: Vec<(f64, f64)> = surface.par_iter().map(least).collect();
+        self.shared(surface, &wanted)
+    }
+
+    /// The ways that places want to go, each with its weight, shared among neighbours: Gauss-Seidel's method.
+    fn shared(&self, surface: &[Place], wanted: &[(f64, f64)]) -> Vec<f64> {
+        let mut numbers = vec![usize::MAX; self.inside.len()];
+        surface.iter().enumerate().for_each(|(i, place)| numbers[place.voxel] = i);
+        let neighbours = |i: usize| {
+            let around = self.grid.around(surface[i].voxel).map(|voxel| numbers[voxel]);
+            around.filter(|k| *k != usize::MAX && *k != i).collect::<Vec<_>>()
+        };
+        let neighbours: Vec<Vec<usize>> = (0..surface.len()).into_par_iter().map(neighbours).collect();
+        let (stiff, free) = (STIFF.powi(-2), FREE.powi(-2));
+        let mut ways: Vec<f64> = vec![0.0; surface.len()];
+        for _ in 0..SWEEPS {
+            for i in 0..surface.len() {
+                let (at, weight) = wanted[i];
+                let sum: f64 = neighbours[i].iter().map(|k| ways[*k]).sum();
+                let total = weight + free + stiff * neighbours[i].len() as f64;
+                ways[i] = (weight * at + stiff * sum) / total;
+            }
+        }
+        ways.iter().map(|way| way.clamp(-FARTHEST, FARTHEST)).collect()
+    }
+
+    fn curve(&self, place: &Place, views: &[Coloured], depths: &[Vec<f32>]) -> Curve {
+        let mut all = Curve::default();
+        let seen = views.iter().zip(depths).filter_map(|(view, depths)| {
+            let (_, variance) = view.look(place, depths, super::DEEP * self.grid.spacing)?;
+            let mut colours = [Vec3::ZERO; DEPTHS];
+            for (k, colour) in colours.iter_mut().enumerate() {
+                let way = 0.5 * (k as f64 - INSIDE as f64) * self.grid.spacing;
+                let (_, at, _) = view.pixel(place.point + way * place.normal)?;
+                *colour = Vec3::from_array(view.view.picture.sample(at.x, at.y)?);
+            }
+            Some((view.view.moment, colours, variance.recip()))
+        });
+        let seen: Vec<(usize, [Vec3; DEPTHS], Vec3)> = seen.collect();
+        for same in seen.chunk_by(|a, b| a.0 == b.0) {
+            let weight: Vec3 = same.iter().map(|(_, _, w)| *w).sum();
+            for k in 0..DEPTHS {
+                let mean = same.iter().map(|(_, c, w)| c[k] * *w).sum::<Vec3>() / weight;
+                let squared: Vec3 = same.iter().map(|(_, c, w)| *w * (c[k] - mean) * (c[k] - mean)).sum();
+                all.squared[k] += squared.element_sum();
+            }
+            all.freedom += 3.0 * (same.len() - 1) as f32;
+        }
+        all
+    }
+}
+
+/// The way that matter took to each voxel of a field [m], by component.
+struct Motion([DensityField; 3]);
+
+impl Motion {
+    fn none(field: &DensityField) -> Motion {
+        let none = || DensityField { values: vec![0.0; field.len()], ..*field };
+        Motion([none(), none(), none()])
+    }
+
+    /// The ways of places along their normals, spread over the voxels around them.
+    fn of(field: &DensityField, surface: &[Place], ways: &[f64], unit: f64) -> Motion {
+        let mut sums = vec![(0.0f64, DVec3::ZERO); field.len()];
+        for (place, way) in surface.iter().zip(ways) {
+            let Some(own) = field.discretize(place.point) else { continue };
+            for i in field.within(own, REACH) {
+                let off = (field.centre(field.voxel(i)) - place.point) / (FADES * field.spacing);
+                let weight = (-0.5 * off.length_squared()).exp();
+                sums[i].0 += weight;
+                sums[i].1 += weight * way * unit * place.normal;
+            }
+        }
+        let mut motion = Motion::none(field);
+        for (i, (weight, way)) in sums.into_iter().enumerate().filter(|(_, (weight, _))| *weight > 0.0) {
+            motion.0.iter_mut().zip((way / weight).to_array()).for_each(|(axis, w)| axis.values[i] = w as f32);
+        }
+        motion
+    }
+
+    fn way(&self, point: DVec3) -> DVec3 {
+        let [x, y, z] = &self.0;
+        DVec3::new(x.sample(point), y.sample(point), z.sample(point))
+    }
+
+    fn at(&self, i: usize) -> DVec3 {
+        let [x, y, z] = &self.0;
+        DVec3::new(x.values[i].into(), y.values[i].into(), z.values[i].into())
+    }
+
+    /// This motion, and then another one.
+    fn then(&self, later: &Motion) -> Motion {
+        let mut both = Motion::none(&self.0[0]);
+        let way = |i: usize| {
+            let last = later.at(i);
+            let from = |grid: &DensityField| grid.centre(grid.voxel(i)) - last;
+            last + if last == DVec3::ZERO { self.at(i) } else { self.way(from(&self.0[0])) }
+        };
+        let ways: Vec<DVec3> = (0..self.0[0].len()).into_par_iter().map(way).collect();
+        for (i, way) in ways.into_iter().enumerate() {
+            both.0.iter_mut().zip(way.to_array()).for_each(|(axis, w)| axis.values[i] = w as f32);
+        }
+        both
+    }
+
+    /// The values of a field, carried along.
+    fn carry(&self, field: &DensityField) -> Vec<f32> {
+        let value = |i: usize| {
+            let way = self.at(i);
+            if way == DVec3::ZERO { field.values[i] } else { field.sample(field.centre(field.voxel(i)) - way) as f32 }
+        };
+        (0..field.len()).into_par_iter().map(value).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_least_of_a_parabola_is_found_exactly() {
+        let curve = |at: f64, bend: f64| {
+            let value = |k: usize| (bend * (0.5 * (k as f64 - INSIDE as f64) - at).powi(2) + 3.0) as f32;
+            Curve { squared: std::array::from_fn(value), freedom: 6.0 }
+        };
+        for at in [-2.6, -1.13, 0.0, 0.4, 1.7] {
+            let (found, bend) = curve(at, 5.0).least();
+            assert!((found - at).abs() < 1e-4 && (bend - 10.0).abs() < 1e-3, "{at}: {found} {bend}");
+        }
+        assert_eq!(curve(0.3, 0.0).least(), (0.0, 0.0), "flat");
+        let nowhere = Curve { freedom: 0.5, ..curve(0.3, 5.0) };
+        assert_eq!(nowhere.least(), (0.0, 0.0), "colours that differ at every depth");
+        let many = Curve { freedom: 1.5, ..curve(0.5, 5.0) };
+        assert!((many.least().1 - 5.0).abs() < 1e-3, "differences twice as large as expected count half");
+    }
+
+    /// A ball of 20 voxels across whose density falls linearly over four voxels.
+    fn ball(centre: DVec3) -> DensityField {
+        let mut field = DensityField::covering(DVec3::ZERO, DVec3::splat(0.32), 0.01, 1).expect("a small field");
+        for i in 0..field.len() {
+            let depth = 0.1 - field.centre(field.voxel(i)).distance(centre);
+            field.values[i] = (0.5 + depth / 0.04).clamp(0.0, 1.0) as f32;
+        }
+        field
+    }
+
+    #[test]
+    fn what_is_carried_twice_is_where_it_was_carried_to() {
+        let (field, middle) = (ball(DVec3::splat(0.16)), DVec3::splat(0.16));
+        let body = Solid::new(&field, 0.5);
+        let surface = body.surface();
+        // Outward by three quarters of a voxel, then one way along x by half a voxel, from all places around.
+        let grow = Motion::of(&field, &surface, &vec![1.0; surface.len()], 0.0075);
+        let along: Vec<f64> = surface.iter().map(|place| place.normal.x).collect();
+        let all = Motion::of(&field, &surface, &along, 0.005);
+        let grown = DensityField { values: grow.carry(&field), ..field };
+        let both = DensityField { values: grow.then(&all).carry(&field), ..field };
+        for k in 0..60 {
+            let direction = crate::symmetry::direction(k, 60);
+            let reach = |field: &DensityField| {
+                let samples = (0..400).map(|i| 0.05 + 0.0003 * f64::from(i));
+                samples.take_while(|r| field.sample(middle + *r * direction) >= 0.5).last().expect("a middle")
+            };
+            let (once, twice) = (reach(&grown), reach(&both));
+            // A little less than asked: the normals around it differ.
+            assert!((once - reach(&field) - 0.0068).abs() < 1e-3, "{direction}: {once}");
+            // A way along the normal by the normal's own component moves the level by its square.
+            let wanted = once + 0.005 * direction.x;
+            assert!((twice - wanted).abs() < 1e-3, "{direction}: {twice} instead of {wanted}");
+        }
+    }
+}
