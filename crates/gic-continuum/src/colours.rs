@@ -224,11 +224,12 @@ impl Solid {
     fn surface(&self) -> Vec<Place> {
         let faces = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]];
         let is_free = |i: usize| faces.iter().any(|face| !self.is_inside(self.grid.voxel(i), *face));
+        let vicinity = vicinity();
         (0..self.inside.len())
             .into_par_iter()
             .filter(|&i| self.inside[i] && is_free(i))
             .map(|voxel| {
-                let normal = self.normal(voxel);
+                let normal = self.normal(voxel, &vicinity);
                 let point = self.grid.centre(self.grid.voxel(voxel)) + 0.5 * self.grid.spacing * normal;
                 Place { voxel, point, normal }
             })
@@ -236,19 +237,10 @@ impl Solid {
     }
 
     /// Away from where most of the voxels around are.
-    fn normal(&self, voxel: usize) -> DVec3 {
-        let (at, mut sum) = (self.grid.voxel(voxel), DVec3::ZERO);
-        for dz in -VICINITY..=VICINITY {
-            for dy in -VICINITY..=VICINITY {
-                for dx in -VICINITY..=VICINITY {
-                    if self.is_inside(at, [dx, dy, dz]) {
-                        let offset = DVec3::new(dx as f64, dy as f64, dz as f64);
-                        sum -= offset * (-0.22 * offset.length_squared()).exp();
-                    }
-                }
-            }
-        }
-        sum.normalize_or_zero()
+    fn normal(&self, voxel: usize, vicinity: &[([i64; 3], DVec3)]) -> DVec3 {
+        let at = self.grid.voxel(voxel);
+        let inside = vicinity.iter().filter(|(offset, _)| self.is_inside(at, *offset));
+        (-inside.map(|(_, weighted)| *weighted).sum::<DVec3>()).normalize_or_zero()
     }
 
     fn depths(&self, views: &[Coloured], surface: &[Place]) -> Vec<Vec<f32>> {
@@ -304,6 +296,19 @@ impl Solid {
         }
         around
     }
+}
+
+/// The voxels around one that tell which way its surface looks, and their offsets, weighted [voxels].
+fn vicinity() -> Vec<([i64; 3], DVec3)> {
+    let side = -VICINITY..=VICINITY;
+    let offsets =
+        side.clone().flat_map(|z| side.clone().flat_map(move |y| (-VICINITY..=VICINITY).map(move |x| [x, y, z])));
+    offsets
+        .map(|offset| {
+            let way = DVec3::from_array(offset.map(|c| c as f64));
+            (offset, way * (-0.22 * way.length_squared()).exp())
+        })
+        .collect()
 }
 
 /// How much the colours of a place differ between the views of each moment that see it.

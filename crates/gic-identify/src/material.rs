@@ -29,7 +29,7 @@ const CONTENDS: f64 = 1.3;
 /// How much more than the deepest a valley may cost at its end to be tried with sharper masks.
 const ALIKE: f64 = 1.05;
 
-/// How far beyond a valley's walls to look, in the parameters' coordinates: a factor of two in a modulus, and where nothing is found there, one of
+/// How far beyond a valley's walls to look, in the parameters' coordinates: a factor of two in a modulus, and where that leads nowhere, one of
 /// 1.26. A stiff ring that comes down on its rim has valleys that narrow.
 const HOPS: [f64; 2] = [0.3, 0.1];
 
@@ -87,18 +87,20 @@ impl Job<'_> {
                 return Err(IdentifyError::Interrupted);
             }
         }
-        for _ in 0..MOST_HOPS {
+        let (mut walks, mut hops) = (0, HOPS.iter());
+        while let Some(hop) = hops.next().filter(|_| walks < MOST_HOPS) {
             ends.sort_by(|a, b| a.cost.total_cmp(&b.cost));
             let Some(best) = ends.first() else { return Err(failed(reason)) };
-            let beyond = self.beyond(&simulation, launched, best)?;
-            let Some(Ok(found)) = beyond.map(|state| fit(state, BLUR, LONG_FIT)) else { break };
-            // Back in the valley that was left, there is nothing new next door.
-            let another = found.cost < best.cost && !self.same_valley(&found.state, &best.state);
-            ends.push(found);
-            if !another {
-                break;
+            let beyond = self.beyond(&simulation, launched, best, *hop)?;
+            let Some(Ok(found)) = beyond.map(|state| fit(state, BLUR, LONG_FIT)) else { continue };
+            walks += 1;
+            // Back in the valley that was left, or in a shallower one, there is nothing new next door, but there may be nearer by.
+            if found.cost < best.cost && !self.same_valley(&found.state, &best.state) {
+                hops = HOPS.iter();
             }
+            ends.push(found);
         }
+        ends.sort_by(|a, b| a.cost.total_cmp(&b.cost));
         if self.stopped.get() {
             return Err(IdentifyError::Interrupted);
         }
@@ -139,10 +141,16 @@ impl Job<'_> {
         self.parameters().iter().zip(pairs).filter(|(p, _)| p.grid > 1).all(|(_, (a, b))| (a - b).abs() < 0.2)
     }
 
-    /// Where a deeper valley next to that of `fit` may begin: each parameter of which there are several starts is moved by one of the [`HOPS`] both
+    /// Where a deeper valley next to that of `fit` may begin: each parameter of which there are several starts is moved by `hop` both
     /// ways, the others to where they suit it best, and of those that cost little more than `fit` the one counts that undercuts the
     /// valley's curvature most. Along a valley's floor nothing undercuts it.
-    fn beyond(&self, simulation: &Simulation, launched: &Launch, fit: &Fit) -> Result<Option<State>, IdentifyError> {
+    fn beyond(
+        &self,
+        simulation: &Simulation,
+        launched: &Launch,
+        fit: &Fit,
+        hop: f64,
+    ) -> Result<Option<State>, IdentifyError> {
         let Some(tangents) = &fit.tangents else { return Ok(None) };
         let problem = Problem {
             forward: simulation,
@@ -153,25 +161,19 @@ impl Job<'_> {
             prior: None,
         };
         let normal = problem.normal(&problem.clusters(&fit.motion, tangents), &fit.state);
-        for hop in HOPS {
-            let (foretold, states): (Vec<f64>, Vec<State>) = (0..problem.unknowns.len())
-                .filter(|k| self.is_varied(&problem.unknowns[*k]))
-                .flat_map(|k| [(k, hop), (k, -hop)])
-                .filter_map(|(k, hop)| probe(&problem, &normal, fit, (k, hop)))
-                .unzip();
-            let costs = self.costs(simulation, problem.objective, &states, &problem.level)?;
-            let undercut = |((cost, foretold), state): ((Result<f64, String>, f64), State)| {
-                let most = (foretold - UNDERCUT * fit.cost).min(CONTENDS * fit.cost);
-                let cost = cost.ok().filter(|cost| *cost < most)?;
-                Some((foretold - cost, state))
-            };
-            let probes = costs.into_iter().zip(foretold).zip(states).filter_map(undercut);
-            let found = probes.max_by(|a, b| a.0.total_cmp(&b.0));
-            if found.is_some() {
-                return Ok(found.map(|(_, state)| state));
-            }
-        }
-        Ok(None)
+        let (foretold, states): (Vec<f64>, Vec<State>) = (0..problem.unknowns.len())
+            .filter(|k| self.is_varied(&problem.unknowns[*k]))
+            .flat_map(|k| [(k, hop), (k, -hop)])
+            .filter_map(|(k, hop)| probe(&problem, &normal, fit, (k, hop)))
+            .unzip();
+        let costs = self.costs(simulation, problem.objective, &states, &problem.level)?;
+        let undercut = |((cost, foretold), state): ((Result<f64, String>, f64), State)| {
+            let most = (foretold - UNDERCUT * fit.cost).min(CONTENDS * fit.cost);
+            let cost = cost.ok().filter(|cost| *cost < most)?;
+            Some((foretold - cost, state))
+        };
+        let probes = costs.into_iter().zip(foretold).zip(states).filter_map(undercut);
+        Ok(probes.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, state)| state))
     }
 }
 
