@@ -7,7 +7,7 @@
 //!
 //! How much colours differ on a true surface hangs on the cameras, the light and the material, and nobody gives it. But who carves too much
 //! opens the body: then layers grow from one to the next, which shrink where carving comes to a surface, and the body fills its outlines no
-//! longer. So the tolerance is lowered step by step until that happens.
+//! longer. So the tolerance is lowered step by step until that happens. What is left then settles where colours agree best ([`agreement`]).
 
 mod agreement;
 
@@ -57,7 +57,8 @@ pub struct ColouredView<'a> {
 }
 
 impl Filling {
-    /// Takes away of a body what the colours of `views` contradict at a place and at its images by `symmetry`.
+    /// Takes away of a body what the colours of `views` contradict at a place and at its images by `symmetry`, and moves the surface of what is
+    /// left to where they agree best.
     pub fn carve(&mut self, views: &[ColouredView], symmetry: &Symmetry) {
         let views: Vec<Coloured> = views.par_iter().map(Coloured::new).collect();
         let mut body = Solid::new(&self.field, self.th_min);

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 use super::{Coloured, Place, Solid};
 use crate::{DensityField, Filling, Symmetry};
 
-/// Depths that are tried: from so many voxels inside to so many outside, by halves.
+/// Depths that are tried, half a voxel apart: so many inside of the surface, the surface, and four outside.
 const INSIDE: usize = 6;
 const DEPTHS: usize = INSIDE + 5;
 /// Rounds of moving and looking again, and the root mean square way below which the surface has arrived [voxels].
@@ -22,6 +22,7 @@ const FARTHEST: f64 = 1.5;
 /// Standard deviation of the difference between neighbours' ways, and of a way where nothing is seen [voxels].
 const STIFF: f64 = 0.15;
 const FREE: f64 = 1.0;
+/// Sweeps over all places in which neighbours share their ways.
 const SWEEPS: usize = 60;
 /// How far from a place matter goes with it, and the standard deviation with which places around share in that [voxels of the field].
 const REACH: usize = 3;
