@@ -32,7 +32,7 @@ pub(crate) fn internal_particles(
     inset: f64,
     settings: &FillSettings,
 ) -> InternalParticles {
-    let overviews: Vec<Overview> = views.par_iter().map(Overview::new).collect();
+    let overviews = Overview::all(views);
     let sampling = Sampling::new(grid, inset, settings, views.len());
     let all: Vec<&Overview> = overviews.iter().collect();
     let mut inside = DensityField { values: vec![0.0; grid.len()], ..*grid };
@@ -264,7 +264,7 @@ mod tests {
         for ground in [None, Some(ground)] {
             let settings = FillSettings { ground, ..FillSettings::for_size(0.2) };
             let found = internal_particles(&grid, &views, 0.002, &settings);
-            let overviews: Vec<Overview> = views.iter().map(Overview::new).collect();
+            let overviews = Overview::all(&views);
             let all: Vec<&Overview> = overviews.iter().collect();
             let sampling = Sampling::new(&grid, 0.002, &settings, views.len());
             let (mut whole, mut parts) = (0, 0);

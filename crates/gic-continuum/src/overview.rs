@@ -1,6 +1,9 @@
 //! What one view says about all points of a box: bounds, so that matter far from every surface needs no look at each of its voxels.
 
+use std::sync::Arc;
+
 use glam::{DMat3, DVec3};
+use rayon::prelude::*;
 
 use crate::view::Evidence;
 
@@ -88,6 +91,17 @@ impl Level {
     }
 }
 
+/// A view's pixels in squares of side 1, 2, 4, ... up to all in one.
+fn levels(view: &Evidence) -> Vec<Level> {
+    let (width, height) = (view.camera.width, view.camera.height);
+    let texels = (0..width * height).map(|i| Texel::pixel(view, i)).collect();
+    let mut levels = vec![Level { width, height, texels }];
+    while let Some(level) = levels.last().filter(|l| l.width > 1 || l.height > 1) {
+        levels.push(level.halved());
+    }
+    levels
+}
+
 /// What [`Evidence::look`] says at any point of a box.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Survey {
@@ -103,7 +117,7 @@ pub(crate) enum Survey {
 /// A view with its pixels in squares of side 1, 2, 4, ...
 pub(crate) struct Overview<'a> {
     pub(crate) view: &'a Evidence<'a>,
-    levels: Vec<Level>,
+    levels: Arc<Vec<Level>>,
     /// From world to camera, and the same without signs: half the sides of a box that is aligned with the world to those of one
     /// around it that is aligned with the camera.
     turn: DMat3,
@@ -111,13 +125,18 @@ pub(crate) struct Overview<'a> {
 }
 
 impl<'a> Overview<'a> {
-    pub(crate) fn new(view: &'a Evidence<'a>) -> Overview<'a> {
-        let (width, height) = (view.camera.width, view.camera.height);
-        let texels = (0..width * height).map(|i| Texel::pixel(view, i)).collect();
-        let mut levels = vec![Level { width, height, texels }];
-        while let Some(level) = levels.last().filter(|l| l.width > 1 || l.height > 1) {
-            levels.push(level.halved());
-        }
+    /// Of all views; those that share their pixels, as mirror images do, share their levels, too.
+    pub(crate) fn all(views: &'a [Evidence<'a>]) -> Vec<Overview<'a>> {
+        let same = |a: &Evidence, b: &Evidence| Arc::ptr_eq(&a.depth, &b.depth);
+        let first = |view: &Evidence| views.iter().position(|other| same(other, view));
+        let originals: Vec<usize> =
+            views.iter().enumerate().filter(|(k, v)| first(v) == Some(*k)).map(|(k, _)| k).collect();
+        let known: Vec<Arc<Vec<Level>>> = originals.par_iter().map(|k| Arc::new(levels(&views[*k]))).collect();
+        let shared = |view: &Evidence| originals.iter().position(|k| same(&views[*k], view)).map(|k| known[k].clone());
+        views.iter().filter_map(|view| Some(Overview::with(view, shared(view)?))).collect()
+    }
+
+    fn with(view: &'a Evidence<'a>, levels: Arc<Vec<Level>>) -> Overview<'a> {
         let turn = view.camera.rotation.transpose();
         let widen = DMat3::from_cols(turn.x_axis.abs(), turn.y_axis.abs(), turn.z_axis.abs());
         Overview { view, levels, turn, widen }
@@ -212,7 +231,7 @@ mod tests {
             }
         }
         let view = Evidence::with_depth(&camera, &mask, depth);
-        let overview = Overview::new(&view);
+        let overview = Overview::with(&view, Arc::new(levels(&view)));
         let (mut seen, mut tight) = (0, 0);
         for _ in 0..3000 {
             let mut uniform = |low: f64, high: f64| low + (high - low) * random.random::<f64>();

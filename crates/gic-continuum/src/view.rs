@@ -1,5 +1,7 @@
 //! What one view says about a point: is it inside the mask, and is it in front of the rendered surface?
 
+use std::sync::Arc;
+
 use gic_scene::Camera;
 use gic_splat::sh::C0;
 use gic_splat::{Gaussians, RenderSettings, render};
@@ -38,17 +40,17 @@ pub struct MaskedView<'a> {
     pub mask: Option<&'a [f32]>,
 }
 
-/// A view with its mask, its rendered depth map and how obliquely it sees the surface.
+/// A view with its mask, its rendered depth map and how obliquely it sees the surface. Its mirror images share the pixels.
 #[derive(Clone)]
 pub(crate) struct Evidence<'a> {
     pub(crate) camera: &'a Camera,
     pub(crate) mask: &'a [f32],
     /// D(u) / A(u) [m]; infinite where nothing solid is drawn or no depth is asked for.
-    pub(crate) depth: Vec<f32>,
+    pub(crate) depth: Arc<Vec<f32>>,
     /// Cosine between the ray and the normal of the rendered surface; 1 where there is no depth.
-    pub(crate) cosine: Vec<f32>,
+    pub(crate) cosine: Arc<Vec<f32>>,
     /// Where the rendered surface has a hole no wider than a few Gaussians, through which something behind it is drawn.
-    pub(crate) hole: Vec<bool>,
+    pub(crate) hole: Arc<Vec<bool>>,
     pub(crate) bias: DepthBias,
 }
 
@@ -141,7 +143,7 @@ impl<'a> Evidence<'a> {
             sizes.push(size);
             let mut view = Evidence::with_depth(camera, mask, depth);
             if let Some((_, scale)) = gaussians {
-                view.hole = small_holes(&view.depth, camera, scale);
+                view.hole = Arc::new(small_holes(&view.depth, camera, scale));
             }
             gathered.push(view);
         }
@@ -158,15 +160,15 @@ impl<'a> Evidence<'a> {
 
     /// A view with a depth map [m], infinite where there is no surface; its bias is not measured yet.
     pub(crate) fn with_depth(camera: &'a Camera, mask: &'a [f32], depth: Vec<f32>) -> Evidence<'a> {
-        let cosine = cosines(&depth, camera);
-        let hole = vec![false; depth.len()];
-        Evidence { camera, mask, depth, cosine, hole, bias: DepthBias::default() }
+        let cosine = Arc::new(cosines(&depth, camera));
+        let hole = Arc::new(vec![false; depth.len()]);
+        Evidence { camera, mask, depth: Arc::new(depth), cosine, hole, bias: DepthBias::default() }
     }
 
     /// Brings the surface nearer where it is drawn by Gaussians that are larger than most, with the standard deviations `sizes` [m] of each
     /// pixel's: their centres lie deeper (see [`DEEPER`]).
     fn raise(&mut self, sizes: &[f32], median: f32) {
-        for ((depth, cosine), size) in self.depth.iter_mut().zip(&self.cosine).zip(sizes) {
+        for ((depth, cosine), size) in Arc::make_mut(&mut self.depth).iter_mut().zip(self.cosine.iter()).zip(sizes) {
             if depth.is_finite() {
                 *depth -= DEEPER * (size - LARGE * median).max(0.0) / cosine.max(LEAST_COSINE);
             }
