@@ -16,6 +16,7 @@ use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::fill::smooth;
+use crate::symmetry::Images;
 use crate::{DensityField, Filling, Symmetry};
 
 /// Standard deviation of a colour, in [0, 1], and how far a place may be off in a picture [pixels].
@@ -159,13 +160,23 @@ impl Coloured<'_> {
         depths
     }
 
-    /// Colour of a place and its variance; `None` where this view does not see it.
-    fn look(&self, place: &Place, depths: &[f32], deep: f64) -> Option<(Vec3, Vec3)> {
-        let (i, at, depth) = self.pixel(place.point)?;
+    /// Colours at several ways outward of a place [m] and their variance; `None` where this view does not see it.
+    fn look<const N: usize>(
+        &self,
+        place: &Place,
+        depths: &[f32],
+        deep: f64,
+        ways: &[f64; N],
+    ) -> Option<([Vec3; N], Vec3)> {
+        let (i, _, depth) = self.pixel(place.point)?;
         let towards = (self.view.camera.centre - place.point).normalize_or_zero();
         let seen = self.own[i] && depth < f64::from(depths[i]) + deep && place.normal.dot(towards) > OBLIQUE;
-        let colour = self.view.picture.sample(at.x, at.y).filter(|_| seen)?;
-        Some((Vec3::from_array(colour), self.variance[i]))
+        let mut colours = [Vec3::ZERO; N];
+        for (colour, way) in colours.iter_mut().zip(ways).filter(|_| seen) {
+            let (_, at, _) = self.pixel(place.point + *way * place.normal)?;
+            *colour = Vec3::from_array(self.view.picture.sample(at.x, at.y)?);
+        }
+        seen.then_some((colours, self.variance[i]))
     }
 }
 
@@ -178,17 +189,42 @@ struct Place {
     normal: DVec3,
 }
 
-/// How much colours differ, over what is expected, and by how many that is judged.
-#[derive(Clone, Copy, Default)]
-struct Difference {
-    squared: f32,
+/// How much colours differ at each of several depths, over what is expected, and by how many that is judged.
+#[derive(Clone, Copy)]
+struct Difference<const N: usize> {
+    squared: [f32; N],
     freedom: f32,
 }
 
-impl Difference {
-    fn add(&mut self, other: Difference) {
-        self.squared += other.squared;
+impl<const N: usize> Difference<N> {
+    const NONE: Difference<N> = Difference { squared: [0.0; N], freedom: 0.0 };
+
+    fn add(&mut self, other: &Difference<N>) {
+        self.squared.iter_mut().zip(other.squared).for_each(|(own, other)| *own += other);
         self.freedom += other.freedom;
+    }
+}
+
+/// Sums of differences over the 3x3x3 voxels around each voxel; of those few that have places around them.
+struct Around<const N: usize> {
+    /// Place of each voxel in `sums`.
+    slots: Vec<u32>,
+    sums: Vec<Difference<N>>,
+}
+
+impl<const N: usize> Around<N> {
+    const NO_SLOT: u32 = u32::MAX;
+
+    fn add(&mut self, voxel: usize, difference: &Difference<N>) {
+        if self.slots[voxel] == Self::NO_SLOT {
+            self.slots[voxel] = self.sums.len() as u32;
+            self.sums.push(Difference::NONE);
+        }
+        self.sums[self.slots[voxel] as usize].add(difference);
+    }
+
+    fn at(&self, voxel: usize) -> Option<&Difference<N>> {
+        self.sums.get(self.slots[voxel] as usize)
     }
 }
 
@@ -265,13 +301,10 @@ impl Solid {
         let mut least = usize::MAX;
         for _ in 0..LAYERS {
             let surface = self.surface();
-            let around = self.differences_around(views, &surface);
+            let around = self.differences_around(views, &surface, &[0.0]);
             let contradicted = |place: &&Place| {
-                let mut all = Difference::default();
-                for image in images.of(self.grid.centre(self.grid.voxel(place.voxel))) {
-                    self.grid.discretize(image).into_iter().for_each(|i| all.add(around[i]));
-                }
-                all.freedom >= ENOUGH && all.squared > tolerance * all.freedom
+                let all = self.at_images(&around, &images, place);
+                all.freedom >= ENOUGH && all.squared[0] > tolerance * all.freedom
             };
             let carved: Vec<usize> = surface.par_iter().filter(contradicted).map(|place| place.voxel).collect();
             carved.iter().for_each(|i| self.inside[*i] = false);
@@ -286,16 +319,27 @@ impl Solid {
         false
     }
 
-    /// How much colours differ in the 3x3x3 voxels around each voxel.
-    fn differences_around(&self, views: &[Coloured], surface: &[Place]) -> Vec<Difference> {
-        let depths = self.depths(views, surface);
-        let differences: Vec<Difference> =
-            surface.par_iter().map(|place| difference(place, views, &depths, DEEP * self.grid.spacing)).collect();
-        let mut around = vec![Difference::default(); self.inside.len()];
-        for (place, difference) in surface.iter().zip(differences).filter(|(_, d)| d.freedom > 0.0) {
-            self.grid.around(place.voxel).for_each(|i| around[i].add(difference));
+    /// How much colours differ in the 3x3x3 voxels around each voxel, where places are moved outward by each of `ways` [m].
+    fn differences_around<const N: usize>(&self, views: &[Coloured], surface: &[Place], ways: &[f64; N]) -> Around<N> {
+        let (depths, deep) = (self.depths(views, surface), DEEP * self.grid.spacing);
+        let differences: Vec<Difference<N>> =
+            surface.par_iter().map(|place| difference(place, views, &depths, deep, ways)).collect();
+        let mut around = Around { slots: vec![Around::<N>::NO_SLOT; self.inside.len()], sums: Vec::new() };
+        for (place, difference) in surface.iter().zip(&differences).filter(|(_, d)| d.freedom > 0.0) {
+            self.grid.around(place.voxel).for_each(|i| around.add(i, difference));
         }
         around
+    }
+
+    /// Their sum over a place and its images.
+    fn at_images<const N: usize>(&self, around: &Around<N>, images: &Images, place: &Place) -> Difference<N> {
+        let mut all = Difference::NONE;
+        for image in images.of(self.grid.centre(self.grid.voxel(place.voxel))) {
+            if let Some(sum) = self.grid.discretize(image).and_then(|i| around.at(i)) {
+                all.add(sum);
+            }
+        }
+        all
     }
 }
 
@@ -312,19 +356,28 @@ fn vicinity() -> Vec<([i64; 3], DVec3)> {
         .collect()
 }
 
-/// How much the colours of a place differ between the views of each moment that see it.
-fn difference(place: &Place, views: &[Coloured], depths: &[Vec<f32>], deep: f64) -> Difference {
-    let mut all = Difference::default();
+/// How much the colours of a place, moved outward by each of `ways` [m], differ between the views of each moment that see it.
+fn difference<const N: usize>(
+    place: &Place,
+    views: &[Coloured],
+    depths: &[Vec<f32>],
+    deep: f64,
+    ways: &[f64; N],
+) -> Difference<N> {
+    let mut all = Difference::NONE;
     let seen = views.iter().zip(depths).filter_map(|(view, depths)| {
-        let (colour, variance) = view.look(place, depths, deep)?;
-        Some((view.view.moment, colour, variance.recip()))
+        let (colours, variance) = view.look(place, depths, deep, ways)?;
+        Some((view.view.moment, colours, variance.recip()))
     });
-    let seen: Vec<(usize, Vec3, Vec3)> = seen.collect();
+    let seen: Vec<(usize, [Vec3; N], Vec3)> = seen.collect();
     for same in seen.chunk_by(|a, b| a.0 == b.0) {
         let weight: Vec3 = same.iter().map(|(_, _, w)| *w).sum();
-        let mean = same.iter().map(|(_, c, w)| *c * *w).sum::<Vec3>() / weight;
-        let squared: Vec3 = same.iter().map(|(_, c, w)| *w * (*c - mean) * (*c - mean)).sum();
-        all.add(Difference { squared: squared.element_sum(), freedom: 3.0 * (same.len() - 1) as f32 });
+        for k in 0..N {
+            let mean = same.iter().map(|(_, c, w)| c[k] * *w).sum::<Vec3>() / weight;
+            let squared: Vec3 = same.iter().map(|(_, c, w)| *w * (c[k] - mean) * (c[k] - mean)).sum();
+            all.squared[k] += squared.element_sum();
+        }
+        all.freedom += 3.0 * (same.len() - 1) as f32;
     }
     all
 }

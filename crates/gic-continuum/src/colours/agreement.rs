@@ -5,10 +5,10 @@
 //! mirror images are summed at each, and it moves to their minimum: a fraction of a voxel, shared with its neighbours as far as the minimum is
 //! flat. With it, the field is carried along, so that edges stay as they are.
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 use rayon::prelude::*;
 
-use super::{Coloured, Place, Solid};
+use super::{Coloured, Difference, Place, Solid};
 use crate::{DensityField, Filling, Symmetry};
 
 /// Depths that are tried, half a voxel apart: so many inside of the surface, the surface, and four outside.
@@ -72,19 +72,15 @@ impl Filling {
     }
 }
 
-/// How much colours differ at each depth, over what is expected, and by how many that is judged.
-#[derive(Clone, Copy, Default)]
-struct Curve {
-    squared: [f32; DEPTHS],
-    freedom: f32,
+/// How much colours differ at each depth that is tried.
+type Curve = Difference<DEPTHS>;
+
+/// How far outward a depth lies [voxels].
+fn outward(depth: f64) -> f64 {
+    0.5 * (depth - INSIDE as f64)
 }
 
 impl Curve {
-    fn add(&mut self, other: &Curve) {
-        self.squared.iter_mut().zip(other.squared).for_each(|(own, other)| *own += other);
-        self.freedom += other.freedom;
-    }
-
     /// Where the curve is least [voxels outward], by a parabola through its lowest values, and its second derivative there [1/voxels^2], that
     /// of a squared deviation in units of its variance: differences larger than expected count for less.
     fn least(&self) -> (f64, f64) {
@@ -99,40 +95,17 @@ impl Curve {
         }
         let shift = (0.5 * (a - c) / bend).clamp(-1.0, 1.0);
         // Steps of half a voxel.
-        let at = 0.5 * (middle as f64 + shift - INSIDE as f64);
-        (at, 4.0 * bend / excess.max(1.0))
+        (outward(middle as f64 + shift), 4.0 * bend / excess.max(1.0))
     }
 }
 
 impl Solid {
     /// How far each place of the surface should go outward [voxels].
     fn ways(&self, views: &[Coloured], symmetry: &Symmetry, surface: &[Place]) -> Vec<f64> {
-        const NONE: u32 = u32::MAX;
-        let depths = self.depths(views, surface);
-        let curves: Vec<Curve> = surface.par_iter().map(|place| self.curve(place, views, &depths)).collect();
-        // Sums over the 3x3x3 voxels around each voxel that has places around it.
-        let (mut slots, mut around) = (vec![NONE; self.inside.len()], Vec::new());
-        for (place, curve) in surface.iter().zip(&curves).filter(|(_, curve)| curve.freedom > 0.0) {
-            for i in self.grid.around(place.voxel) {
-                if slots[i] == NONE {
-                    slots[i] = around.len() as u32;
-                    around.push(Curve::default());
-                }
-                around[slots[i] as usize].add(curve);
-            }
-        }
-        let images = symmetry.images();
-        let least = |place: &Place| {
-            let mut all = Curve::default();
-            for image in images.of(self.grid.centre(self.grid.voxel(place.voxel))) {
-                let slot = self.grid.discretize(image).map_or(NONE, |i| slots[i]);
-                if slot != NONE {
-                    all.add(&around[slot as usize]);
-                }
-            }
-            all.least()
-        };
-        let wanted: Vec<(f64, f64)> = surface.par_iter().map(least).collect();
+        let depths: [f64; DEPTHS] = std::array::from_fn(|k| outward(k as f64) * self.grid.spacing);
+        let (around, images) = (self.differences_around(views, surface, &depths), symmetry.images());
+        let wanted: Vec<(f64, f64)> =
+            surface.par_iter().map(|place| self.at_images(&around, &images, place).least()).collect();
         self.shared(surface, &wanted)
     }
 
@@ -156,31 +129,6 @@ impl Solid {
             }
         }
         ways.iter().map(|way| way.clamp(-FARTHEST, FARTHEST)).collect()
-    }
-
-    fn curve(&self, place: &Place, views: &[Coloured], depths: &[Vec<f32>]) -> Curve {
-        let mut all = Curve::default();
-        let seen = views.iter().zip(depths).filter_map(|(view, depths)| {
-            let (_, variance) = view.look(place, depths, super::DEEP * self.grid.spacing)?;
-            let mut colours = [Vec3::ZERO; DEPTHS];
-            for (k, colour) in colours.iter_mut().enumerate() {
-                let way = 0.5 * (k as f64 - INSIDE as f64) * self.grid.spacing;
-                let (_, at, _) = view.pixel(place.point + way * place.normal)?;
-                *colour = Vec3::from_array(view.view.picture.sample(at.x, at.y)?);
-            }
-            Some((view.view.moment, colours, variance.recip()))
-        });
-        let seen: Vec<(usize, [Vec3; DEPTHS], Vec3)> = seen.collect();
-        for same in seen.chunk_by(|a, b| a.0 == b.0) {
-            let weight: Vec3 = same.iter().map(|(_, _, w)| *w).sum();
-            for k in 0..DEPTHS {
-                let mean = same.iter().map(|(_, c, w)| c[k] * *w).sum::<Vec3>() / weight;
-                let squared: Vec3 = same.iter().map(|(_, c, w)| *w * (c[k] - mean) * (c[k] - mean)).sum();
-                all.squared[k] += squared.element_sum();
-            }
-            all.freedom += 3.0 * (same.len() - 1) as f32;
-        }
-        all
     }
 }
 
