@@ -3,12 +3,12 @@
 use gic_mpm::gradient;
 use glam::DVec3;
 
-use crate::footprint::Cloud;
-use crate::levenberg::Iterate;
-use crate::loss::frame_loss;
+use crate::forward::footprint::Cloud;
 use crate::result::Stage;
+use crate::solve::levenberg::Iterate;
+use crate::solve::loss::frame_loss;
 use crate::stages::Job;
-use crate::state::{State, Unknown};
+use crate::unknowns::state::{State, Unknown};
 
 const BETA: (f64, f64) = (0.9, 0.999);
 const EPSILON: f64 = 1e-8;

@@ -3,12 +3,12 @@
 use glam::DVec3;
 
 use crate::Loss;
-use crate::data::{Data, Moment};
-use crate::footprint::Cloud;
+use crate::forward::footprint::Cloud;
+use crate::forward::silhouette::{alpha, alpha_backward};
 use crate::neighbours::Neighbours;
-use crate::objective::Motion;
-use crate::silhouette::{alpha, alpha_backward};
-use crate::surface::Context;
+use crate::observe::data::{Data, Moment};
+use crate::observe::surface::Context;
+use crate::solve::objective::Motion;
 
 /// Loss of one frame and d loss / d position, shape [n].
 pub(crate) struct FrameLoss {

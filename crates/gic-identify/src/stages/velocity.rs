@@ -5,13 +5,13 @@ use std::ops::ControlFlow;
 use glam::DVec3;
 
 use crate::Input;
-use crate::data::Data;
-use crate::flight::Flight;
-use crate::levenberg::{Fit, Limits, Tangents, minimise};
+use crate::forward::flight::Flight;
+use crate::forward::shape::ShapeModes;
 use crate::normal::{Cluster, Normal};
-use crate::objective::{Level, Objective, Problem};
-use crate::shape::ShapeModes;
-use crate::state::{State, Unknown};
+use crate::observe::data::Data;
+use crate::solve::levenberg::{Fit, Limits, Tangents, minimise};
+use crate::solve::objective::{Level, Objective, Problem};
+use crate::unknowns::state::{State, Unknown};
 
 /// What stage 1 found.
 #[derive(Clone, Debug)]

@@ -5,15 +5,15 @@ use rayon::prelude::*;
 
 use crate::IdentifyError;
 use crate::checkpoint::Event;
-use crate::coarse::Coarse;
-use crate::dilution::Dilution;
-use crate::levenberg::Limits;
-use crate::objective::{Forward, Level, Objective};
+use crate::forward::coarse::Coarse;
+use crate::forward::dilution::Dilution;
+use crate::forward::simulation::{Resolution, Simulation};
 use crate::result::Stage;
-use crate::simulation::{Resolution, Simulation};
+use crate::solve::levenberg::Limits;
+use crate::solve::objective::{Forward, Level, Objective};
+use crate::stages::velocity::Launch;
 use crate::stages::{BLUR, Job};
-use crate::state::{State, Unknown};
-use crate::velocity::Launch;
+use crate::unknowns::state::{State, Unknown};
 
 /// Factor between the grid of the search and that of the estimate.
 const COARSE: f64 = 2.0;

@@ -14,7 +14,7 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use crate::Input;
-use crate::faces::faces;
+use crate::forward::faces::faces;
 use crate::neighbours::Neighbours;
 
 /// Standard deviation of the surface's position along its normal, in particle spacings: where a camera sees it, where none does, and

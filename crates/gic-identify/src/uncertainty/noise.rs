@@ -7,8 +7,8 @@
 //! one where frames err independently. The weight is the inverse of both, so that the sum of squares is about one for each independent
 //! piece of information, and priors act with the strength that they claim.
 
-use crate::interval::{FRAMES_PER_LAG, groups, scatter};
 use crate::normal::{Cluster, Modality, Weights};
+use crate::uncertainty::interval::{FRAMES_PER_LAG, groups, scatter};
 
 /// How many times larger the errors of surfaces are after contact than their scatter shows: an extracted surface is wrong in one and the same
 /// way in all frames that resemble each other. Fitted to surfaces alone, six scenes had errors of 3.1 times their standard errors. And bodies

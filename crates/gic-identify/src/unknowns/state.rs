@@ -3,7 +3,7 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::parameter::Parameter;
+use crate::unknowns::parameter::Parameter;
 
 /// One coordinate of the search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,7 +18,7 @@ pub(crate) enum Unknown {
     Offset(usize),
     /// Logarithm of the factor on the Gaussians' standard deviations (a nuisance).
     Splat,
-    /// How far the body differs from its reconstruction along a component of [`crate::shape::ShapeModes`] (a nuisance).
+    /// How far the body differs from its reconstruction along a component of [`crate::forward::shape::ShapeModes`] (a nuisance).
     Shape(usize),
 }
 

@@ -7,7 +7,7 @@
 use gic_scene::Camera;
 use gic_simd::{Kernel, Lanes, Level, MAX_LANES, dispatch};
 
-use crate::footprint::{Cloud, Eye, PIXEL_VARIANCE};
+use crate::forward::footprint::{Cloud, Eye, PIXEL_VARIANCE};
 
 /// Accumulated alpha of the particles in `camera`, row-major, shape [height * width].
 pub(crate) fn alpha(cloud: Cloud, camera: &Camera) -> Vec<f32> {

@@ -2,15 +2,15 @@
 
 use crate::IdentifyError;
 use crate::adam::adam;
-use crate::levenberg::{Fit, Iterate, Limits};
+use crate::forward::simulation::Simulation;
 use crate::normal::Normal;
-use crate::objective::Problem;
 use crate::result::Stage;
 use crate::settings::Optimizer;
-use crate::simulation::Simulation;
+use crate::solve::levenberg::{Fit, Iterate, Limits};
+use crate::solve::objective::Problem;
+use crate::stages::velocity::Launch;
 use crate::stages::{BLUR, Job};
-use crate::state::{State, Unknown};
-use crate::velocity::Launch;
+use crate::unknowns::state::{State, Unknown};
 
 /// Steps from each start, from the best of them, and with sharper masks.
 const SHORT_FIT: usize = 5;

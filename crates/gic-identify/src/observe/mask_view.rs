@@ -4,7 +4,7 @@ use gic_scene::Camera;
 use gic_simd::{Kernel, Lanes, Level, dispatch};
 use glam::DVec2;
 
-use crate::footprint::{Cloud, Eye};
+use crate::forward::footprint::{Cloud, Eye};
 
 /// Pixels around what is drawn, for hypotheses that differ by a small step.
 const MARGIN: usize = 4;

@@ -7,17 +7,17 @@ use glam::DVec3;
 use nalgebra::DMatrix;
 
 use crate::checkpoint::Event;
-use crate::checks;
-use crate::flight::{Flight, placed, volume_factors};
-use crate::interval::{self, half_width};
-use crate::levenberg::{Iterate, Known, Limits, Tangents, minimise};
-use crate::loss::mean_loss;
-use crate::objective::{Forward, Level, Motion, Objective, Problem};
+use crate::forward::flight::{Flight, placed, volume_factors};
+use crate::forward::simulation::Simulation;
 use crate::result::{Estimate, Identification, Loss, Stage};
-use crate::simulation::Simulation;
+use crate::solve::levenberg::{Iterate, Known, Limits, Tangents, minimise};
+use crate::solve::loss::mean_loss;
+use crate::solve::objective::{Forward, Level, Motion, Objective, Problem};
+use crate::stages::velocity::Launch;
 use crate::stages::{Job, LEAST_GAIN};
-use crate::state::{State, Unknown};
-use crate::velocity::Launch;
+use crate::uncertainty::checks;
+use crate::uncertainty::interval::{self, half_width};
+use crate::unknowns::state::{State, Unknown};
 use crate::{IdentifyError, MaterialKind, Parameter};
 
 impl Job<'_> {

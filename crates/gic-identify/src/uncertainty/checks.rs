@@ -2,14 +2,14 @@
 
 use gic_scene::touches_border;
 
-use crate::footprint::Cloud;
-use crate::loss::frame_loss;
-use crate::mask_view::MaskView;
-use crate::objective::Motion;
-use crate::silhouette::alpha;
+use crate::forward::footprint::Cloud;
+use crate::forward::silhouette::alpha;
+use crate::observe::mask_view::MaskView;
+use crate::solve::loss::frame_loss;
+use crate::solve::objective::Motion;
 use crate::stages::Job;
-use crate::state::{State, Unknown};
-use crate::velocity::Launch;
+use crate::stages::velocity::Launch;
+use crate::unknowns::state::{State, Unknown};
 use crate::{Input, Target};
 
 /// Overlap below which a camera's first mask is of something else, provided that most cameras overlap well.

@@ -5,8 +5,8 @@ use std::ops::ControlFlow;
 use rayon::prelude::*;
 
 use crate::normal::{Cluster, Normal};
-use crate::objective::{Motion, Problem};
-use crate::state::{State, Unknown};
+use crate::solve::objective::{Motion, Problem};
+use crate::unknowns::state::{State, Unknown};
 
 /// A Jacobian that was carried along from earlier states is computed anew when a step gains less than this share of what it
 /// promised.

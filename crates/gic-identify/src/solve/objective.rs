@@ -3,13 +3,13 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::data::{Data, Moment};
-use crate::footprint::Cloud;
-use crate::levenberg::Tangents;
-use crate::mask_view::{MaskView, pool};
+use crate::forward::footprint::Cloud;
+use crate::forward::silhouette::alpha;
 use crate::normal::{Cluster, Modality, Normal, Weights};
-use crate::silhouette::alpha;
-use crate::state::{State, Unknown};
+use crate::observe::data::{Data, Moment};
+use crate::observe::mask_view::{MaskView, pool};
+use crate::solve::levenberg::Tangents;
+use crate::unknowns::state::{State, Unknown};
 
 /// Positions of all particles [m] at each observation that takes part, and how large they are drawn.
 #[derive(Clone, Debug)]
@@ -53,7 +53,7 @@ pub(crate) struct Level {
 pub(crate) struct Objective<'a> {
     pub data: &'a Data,
     pub opacities: &'a [f32],
-    pub surface_context: &'a crate::surface::Context,
+    pub surface_context: &'a crate::observe::surface::Context,
     pub weights: &'a Weights,
 }
 

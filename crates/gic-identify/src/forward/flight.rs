@@ -4,10 +4,10 @@ use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
 use crate::Input;
-use crate::data::Data;
-use crate::objective::{Forward, Level, Motion};
-use crate::shape::ShapeModes;
-use crate::state::State;
+use crate::forward::shape::ShapeModes;
+use crate::observe::data::Data;
+use crate::solve::objective::{Forward, Level, Motion};
+use crate::unknowns::state::State;
 
 /// Distance travelled after `time` by gravity alone, as symplectic Euler sums it with steps of `dt`: g t (t + dt) / 2.
 ///

@@ -1,5 +1,10 @@
 //! The stages in order: velocity, search, material, joint, intervals.
 
+mod finish;
+mod material;
+mod search;
+pub(crate) mod velocity;
+
 use std::cell::{Cell, RefCell};
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -9,20 +14,20 @@ use gic_mpm::Options;
 use nalgebra::{DMatrix, DVector};
 
 use crate::checkpoint::{Checkpoint, Event};
-use crate::checks;
-use crate::data::Data;
-use crate::dilution::Dilution;
-use crate::flight::Flight;
-use crate::levenberg::{Fit, Iterate, Known, Limits, Tangents, minimise};
-use crate::noise::effective_weights;
+use crate::forward::dilution::Dilution;
+use crate::forward::flight::Flight;
+use crate::forward::shape::ShapeModes;
+use crate::forward::simulation::{Resolution, Simulation};
 use crate::normal::{Cluster, Weights};
-use crate::objective::{Forward, Level, Objective, Prior, Problem};
+use crate::observe::data::Data;
+use crate::observe::surface::Context;
 use crate::result::{Identification, Stage, Step};
-use crate::shape::ShapeModes;
-use crate::simulation::{Resolution, Simulation};
-use crate::state::{State, Unknown};
-use crate::surface::Context;
-use crate::velocity::{Launch, clearance, launch};
+use crate::solve::levenberg::{Fit, Iterate, Known, Limits, Tangents, minimise};
+use crate::solve::objective::{Forward, Level, Objective, Prior, Problem};
+use crate::stages::velocity::{Launch, clearance, launch};
+use crate::uncertainty::checks;
+use crate::uncertainty::noise::effective_weights;
+use crate::unknowns::state::{State, Unknown};
 use crate::{IdentifyError, Input, MaterialKind, Optimizer, Parameter, Settings};
 
 /// Extra pooling of the masks while the outlines may still be far apart: Gauss-Newton steps reach about as far as the pictures are

@@ -6,10 +6,10 @@
 use glam::{DMat3, DVec3};
 
 use crate::Input;
-use crate::faces::{faces, rise};
+use crate::forward::faces::{faces, rise};
 use crate::neighbours::Neighbours;
 use crate::normal::{Cluster, Modality};
-use crate::objective::Motion;
+use crate::solve::objective::Motion;
 
 /// How many of the nearest points make up what a distance is measured from.
 const NEAREST: usize = 6;

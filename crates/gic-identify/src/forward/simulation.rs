@@ -5,12 +5,12 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use gic_mpm::{Body, Options, Stepping, World, rollout};
 use glam::DVec3;
 
-use crate::data::Data;
-use crate::dilution::Dilution;
-use crate::flight::{fall, placed, substep, volume_factors};
-use crate::objective::{Forward, Level, Motion};
-use crate::shape::ShapeModes;
-use crate::state::State;
+use crate::forward::dilution::Dilution;
+use crate::forward::flight::{fall, placed, substep, volume_factors};
+use crate::forward::shape::ShapeModes;
+use crate::observe::data::Data;
+use crate::solve::objective::{Forward, Level, Motion};
+use crate::unknowns::state::State;
 use crate::{Input, MaterialKind};
 
 /// Which particles are simulated, on which grid.

@@ -1,0 +1,4 @@
+//! What is sought: material parameters, initial motion, and nuisances, as coordinates of a search.
+
+pub(crate) mod parameter;
+pub(crate) mod state;
