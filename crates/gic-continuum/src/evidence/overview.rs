@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-use crate::view::Evidence;
+use crate::evidence::Evidence;
 
 /// Share by which distances are rounded, with room to spare: bounds hold for looks in single precision.
 const ROUNDING: f64 = 1e-6;

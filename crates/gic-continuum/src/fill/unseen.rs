@@ -12,7 +12,7 @@
 
 use rayon::prelude::*;
 
-use crate::view::Evidence;
+use crate::evidence::Evidence;
 use crate::{DensityField, FillSettings, Unseen};
 
 /// Boundary within so many voxels of a rendered surface counts as seen.

@@ -16,15 +16,21 @@
 //!    ([`crate::Completion`]).
 //! 4. *Depths know of the Gaussians' sizes.* Where a surface is drawn by large ones, it lies further in front of their centres.
 
+mod field;
+mod internal;
+mod unseen;
+
 use gic_scene::Camera;
 use gic_splat::{Gaussians, Shape};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::internal::{InternalParticles, internal_particles};
-use crate::unseen::place_unseen;
-use crate::view::Evidence;
-use crate::{ContinuumError, DensityField, FillSettings, MaskedView, Symmetry};
+use self::internal::{InternalParticles, internal_particles};
+use self::unseen::place_unseen;
+use crate::evidence::Evidence;
+use crate::{ContinuumError, FillSettings, MaskedView, Symmetry};
+
+pub use field::{DensityField, MAX_VOXELS};
 
 /// Fewer Gaussians than this are no body.
 const MIN_GAUSSIANS: usize = 8;

@@ -7,9 +7,11 @@
 //! 1. Planes of all directions near the body's middle are scored by how far a few mirrored surface points lie from the surface; the best
 //!    are fitted by iterated least squares (point-to-plane distances: Chen & Medioni 1992).
 //! 2. Up to three at right angles to each other are kept, and fitted together.
-//! 3. They are moved to where the outlines agree with each other's mirror images (see [`crate::outline`]): outlines are sharper than surfaces.
+//! 3. They are moved to where the outlines agree with each other's mirror images (see [`outline`]): outlines are sharper than surfaces.
 //! 4. The signed distances from the surface at a place and at all its mirror images are averaged, each by how well the views know the
 //!    surface there.
+
+mod outline;
 
 use gic_metrics::KdTree;
 use glam::{DAffine3, DMat3, DVec3};
@@ -438,6 +440,8 @@ pub(crate) fn direction(k: usize, count: usize) -> DVec3 {
 
 #[cfg(test)]
 pub(crate) mod tests {
+    pub(crate) use super::outline::tests as outlines;
+
     use glam::DQuat;
     use proptest::prelude::*;
 

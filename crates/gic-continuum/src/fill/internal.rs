@@ -3,8 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::overview::{Overview, Survey};
-use crate::view::Evidence;
+use crate::evidence::{Evidence, Overview, Survey};
 use crate::{DensityField, FillSettings};
 
 /// Side of the boxes that the views are asked about first [voxels]; each is halved as long as some view is undecided about it.

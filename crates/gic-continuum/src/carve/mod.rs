@@ -385,7 +385,7 @@ fn difference<const N: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::outline::tests::{CENTRE, VOLUME, cameras, cross, gaussians, hit, mask, views};
+    use crate::symmetry::tests::outlines::{CENTRE, VOLUME, cameras, cross, gaussians, hit, mask, views};
     use crate::symmetry::tests::turned;
     use crate::{FillSettings, MirrorPlane, fill_outlines};
 

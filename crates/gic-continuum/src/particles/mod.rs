@@ -1,5 +1,7 @@
 //! Particles for simulation: points inside the level set at a requested spacing.
 
+mod informed;
+
 use gic_metrics::KdTree;
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
@@ -7,6 +9,8 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use crate::{ContinuumError, Filling};
+
+pub use informed::{Agreement, Appearance, Drawing, agreement, calibrate, compare_with_masks, informed_gaussians};
 
 /// Points along each axis of a particle's cell that are asked to which particle they belong.
 const SHARE_POINTS: usize = 4;
