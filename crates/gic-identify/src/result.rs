@@ -15,9 +15,7 @@ pub struct Estimate {
     pub value: f64,
     /// 95 % interval.
     pub interval_95: (f64, f64),
-    /// The value that the video alone gives; `None` where nothing else is known of it.
-    pub video_alone: Option<f64>,
-    /// Whether the video alone determines it: its interval would be narrow without what is known besides, and the model explains the video.
+    /// Whether the video determines it: its interval is narrow and the model explains the video.
     pub identifiable: bool,
     /// Whether it was given rather than estimated.
     pub fixed: bool,

@@ -48,8 +48,6 @@ pub struct Settings {
     pub start: Option<Vec<f64>>,
     /// Initial velocity [m/s], when it is known; it is then not estimated.
     pub velocity_m_s: Option<DVec3>,
-    /// Whether what is known of a parameter before any video counts ([`crate::Parameter::known`]); it does not by default.
-    pub prior: bool,
     /// Whether a rotation may be estimated; it still has to show in the data.
     pub rotation: bool,
     /// Whether the joint stage and the intervals follow the material stage. Without them the answer is rough, has no intervals, and costs about
@@ -73,7 +71,6 @@ impl Default for Settings {
             fixed: Vec::new(),
             start: None,
             velocity_m_s: None,
-            prior: false,
             rotation: true,
             joint: true,
             iterations: 12,

@@ -154,8 +154,6 @@ pub struct IdentifyConfig {
     /// Initial velocity [m/s], where it is known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub velocity_m_s: Option<[f64; 3]>,
-    /// Whether what is known of a parameter before any video counts: Poisson's ratio of most solids, .3 +- .1. It does not by default.
-    pub prior: bool,
     /// Whether an initial rotation may be estimated.
     pub rotation: bool,
     /// Most Jacobians of the last stage.
@@ -183,7 +181,6 @@ impl Default for IdentifyConfig {
             fix: BTreeMap::new(),
             start: None,
             velocity_m_s: None,
-            prior: defaults.prior,
             rotation: defaults.rotation,
             iterations: defaults.iterations,
             frames: None,

@@ -131,15 +131,6 @@ impl Tangents {
         Tangents { motions, steps, fresh: true }
     }
 
-    /// Leaves those of the `unknowns` that `is_kept`, and returns these; what follows the unknowns' own goes.
-    pub(crate) fn keep(&mut self, unknowns: &[Unknown], is_kept: impl Fn(&Unknown) -> bool) -> Vec<Unknown> {
-        let mut kept = unknowns.iter().map(&is_kept);
-        self.motions.retain(|_| kept.next().unwrap_or(false));
-        let mut kept = unknowns.iter().map(&is_kept);
-        self.steps.retain(|_| kept.next().unwrap_or(false));
-        unknowns.iter().filter(|u| is_kept(u)).copied().collect()
-    }
-
     /// Carries the tangents from `old` to `new`, `delta` away, and corrects them by what the step showed (Broyden's rank-one
     /// update, on the particles' positions): an iteration then costs one forward run instead of one per unknown.
     pub(crate) fn carry(&mut self, problem: &Problem, old: &Motion, new: &Motion, delta: &[f64]) {

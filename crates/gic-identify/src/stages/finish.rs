@@ -1,6 +1,5 @@
 //! Intervals and checks at the estimate, and everything into one result.
 
-use std::ops::ControlFlow;
 use std::sync::atomic::Ordering;
 
 use glam::DVec3;
@@ -10,11 +9,11 @@ use crate::checkpoint::Event;
 use crate::forward::flight::{Flight, placed, volume_factors};
 use crate::forward::simulation::Simulation;
 use crate::result::{Estimate, Identification, Loss, Stage};
-use crate::solve::levenberg::{Iterate, Known, Limits, Tangents, minimise};
+use crate::solve::levenberg::{Known, Tangents};
 use crate::solve::loss::mean_loss;
-use crate::solve::objective::{Forward, Level, Motion, Objective, Problem};
+use crate::solve::objective::{Forward, Level, Motion, Problem};
+use crate::stages::Job;
 use crate::stages::velocity::Launch;
-use crate::stages::{Job, LEAST_GAIN};
 use crate::uncertainty::checks;
 use crate::uncertainty::interval::{self, half_width};
 use crate::unknowns::state::{State, Unknown};
@@ -72,7 +71,7 @@ impl Job<'_> {
         );
         let motion = motion.map_err(self.failure(1))?;
         self.tell(Event::Working).map_err(|_| IdentifyError::Interrupted)?;
-        let (mut covariance, mut alone, mut shifts, mut settled) = (None, None, None, None);
+        let (mut covariance, mut shifts) = (None, None);
         match tangents {
             Ok(mut tangents) => {
                 // A refined grid is one more direction in which the residuals move: a nuisance, with the whole of its shift.
@@ -94,39 +93,22 @@ impl Job<'_> {
                 let shapes = places(&|u| matches!(u, Unknown::Shape(_)));
                 covariance = interval::covariance(&clusters, &weights, count, &known, &nuisances)
                     .map(|c| c + interval::unrevealed(&clusters, &weights, count, &known, &materials, &shapes));
-                alone = covariance.clone();
-                if let Some(told) = self.informed(state, &problem.unknowns, &mut covariance) {
-                    let objective = Objective { weights: &weights, ..problem.objective };
-                    let again = Problem {
-                        objective,
-                        unknowns: problem.unknowns.clone(),
-                        level: problem.level.clone(),
-                        ..problem
-                    };
-                    settled = Some(self.settle(again, (state, &motion), told, tangents)?);
-                }
             }
             Err(reason) => self.warn(format!("no intervals: {reason}")),
         }
-        let (by_video, informed) = (state, settled.is_some());
-        let (state, motion) = settled.unwrap_or_else(|| (state.clone(), motion));
-        let state = &state;
         let explained = checks::explained(self, launched, &motion);
         checks::at_limits(self, state);
         let place = |unknown: Unknown| problem.unknowns.iter().position(|u| *u == unknown);
-        let width = |covariance: &Option<DMatrix<f64>>, unknown: Unknown| {
+        let deviation = |unknown: Unknown| {
             let k = place(unknown)?;
             covariance.as_ref().map(|c| half_width(c[(k, k)]))
         };
-        let deviation = |unknown: Unknown| width(&covariance, unknown);
         let estimates = (0..self.parameters().len())
             .map(|i| {
                 let (unknown, p) = (Unknown::Material(i), &self.parameters()[i]);
                 let shift = place(unknown).and_then(|k| shifts.as_ref().map(|s| s[k]));
-                let video = self.estimate(p, by_video.material[i], width(&alone, unknown), shift);
-                let both = self.estimate(p, state.material[i], deviation(unknown), shift);
-                let video_alone = p.known.filter(|_| informed && !both.fixed).map(|_| video.value);
-                Estimate { video_alone, identifiable: video.identifiable && explained, ..both }
+                let estimate = self.estimate(p, state.material[i], deviation(unknown), shift);
+                Estimate { identifiable: estimate.identifiable && explained, ..estimate }
             })
             .collect();
         let velocity = [0, 1, 2].map(|a| {
@@ -135,53 +117,6 @@ impl Job<'_> {
         });
         let velocity = DVec3::from_array(velocity);
         Ok(self.result(launched, state, estimates, velocity, Some(&motion)))
-    }
-
-    /// The state with each parameter where it belongs when what is known of it besides the video counts as well, and the covariance then; `None`
-    /// where nothing is known.
-    ///
-    /// It is told only here, not to the fit: the fit takes what a few components explain of a wrong shape for all that can be wrong with
-    /// it, and is so much surer of weakly determined parameters than their intervals that no honest prior would move it.
-    fn informed(&self, state: &State, unknowns: &[Unknown], covariance: &mut Option<DMatrix<f64>>) -> Option<State> {
-        let mut told = None;
-        for (k, unknown) in unknowns.iter().enumerate().filter(|_| self.settings.prior) {
-            let Unknown::Material(i) = *unknown else { continue };
-            let (Some((mean, deviation)), Some(c)) = (self.parameters()[i].prior(), covariance.as_ref()) else {
-                continue;
-            };
-            let from = told.as_ref().unwrap_or(state);
-            let (shift, narrowed) = interval::informed(c, k, (mean - state.material[i], deviation * deviation));
-            told = Some(from.moved(&[*unknown], &[shift], self.parameters()));
-            *covariance = Some(narrowed);
-        }
-        told
-    }
-
-    /// The fit again from `told`, in which parameters that something is known of were moved and are held, so that the others follow. `tangents`
-    /// are those at `from`.
-    fn settle(
-        &self,
-        problem: Problem,
-        (from, motion): (&State, &Motion),
-        told: State,
-        mut tangents: Tangents,
-    ) -> Result<(State, Motion), IdentifyError> {
-        let moved = problem.forward.motion(&told, &problem.level).map_err(self.failure(1))?;
-        let delta: Vec<f64> = problem.unknowns.iter().map(|u| told.get(*u) - from.get(*u)).collect();
-        tangents.carry(&problem, motion, &moved, &delta);
-        let is_free = |u: &Unknown| !matches!(u, Unknown::Material(i) if self.parameters()[*i].known.is_some());
-        let unknowns = tangents.keep(&problem.unknowns, is_free);
-        let problem = Problem { unknowns, ..problem };
-        let limits = Limits {
-            iterations: self.settings.iterations,
-            gain_tolerance: 0.0,
-            least_gain: LEAST_GAIN,
-            ..Limits::HANDOVER
-        };
-        let report = &mut |step: &Iterate| self.report(Stage::Joint, step).map(ControlFlow::Continue);
-        let known = Known { motion: moved, tangents, clusters: None };
-        let fit = minimise(&problem, told, Some(known), limits, report).map_err(self.failure(1))?;
-        Ok((fit.state, fit.motion))
     }
 
     /// Half-width of an unknown's interval from free flight alone, where the position is uncertain, too; 0 where it was not fitted.
@@ -208,7 +143,6 @@ impl Job<'_> {
             parameter: *p,
             value,
             interval_95: interval,
-            video_alone: None,
             identifiable: !at_bound && width < p.widest,
             fixed,
             resolution_shift: shift.map(|s| p.value((coordinate + s).clamp(low, high)) - value),

@@ -40,7 +40,7 @@ const FIRST_FIT: usize = 5;
 const ROUGHLY: f64 = 0.02;
 
 /// The joint stage ends where a step gains less than this of the cost, which is half of chi-squared.
-pub(crate) const LEAST_GAIN: f64 = 0.1;
+const LEAST_GAIN: f64 = 0.1;
 
 /// Standard deviation of the logarithm of the Gaussians' size about the one that fits free flight with the shape as reconstructed.
 const SPLAT_SIGMA: f64 = 0.05;

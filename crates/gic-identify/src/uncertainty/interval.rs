@@ -67,14 +67,6 @@ pub(crate) fn unrevealed(
     covariance
 }
 
-/// What an estimate with a covariance becomes when something else is known of its `place`-th unknown: that it lies `off` from the estimate,
-/// with a variance. How far that unknown moves, and the covariance then (of Gaussians: Bayes' rule).
-pub(crate) fn informed(covariance: &DMatrix<f64>, place: usize, (off, variance): (f64, f64)) -> (f64, DMatrix<f64>) {
-    let column = covariance.column(place).into_owned();
-    let gain = &column / (column[place] + variance);
-    (gain[place] * off, covariance - gain * column.transpose())
-}
-
 /// How far the first `unknowns` columns move per unit of column `other`, which was held fixed: -H^-1 J^T W J_other.
 pub(crate) fn response(
     clusters: &[Cluster],
@@ -153,33 +145,7 @@ fn regularised_inverse(h: &DMatrix<f64>) -> Option<DMatrix<f64>> {
 mod tests {
     use super::*;
     use crate::normal::Modality;
-    use proptest::prelude::*;
     use rand::{RngExt, SeedableRng};
-
-    proptest! {
-        /// Two independent measurements weigh by their informations.
-        #[test]
-        fn what_is_known_besides_adds_its_information(
-            root in prop::collection::vec(-1.0f64..1.0, 9),
-            estimate in prop::collection::vec(-1.0f64..1.0, 3),
-            place in 0usize..3,
-            mean in -1.0f64..1.0,
-            variance in 0.01f64..4.0,
-        ) {
-            let root = DMatrix::from_vec(3, 3, root);
-            let covariance = &root * root.transpose() + DMatrix::identity(3, 3) * 0.1;
-            let estimate = DVector::from_vec(estimate);
-            let (shift, narrowed) = informed(&covariance, place, (mean - estimate[place], variance));
-            let own = covariance.clone().try_inverse().unwrap();
-            let mut both = own.clone();
-            both[(place, place)] += 1.0 / variance;
-            let mut pull = &own * &estimate;
-            pull[place] += mean / variance;
-            let expected = both.try_inverse().unwrap();
-            prop_assert!((&narrowed - &expected).abs().max() < 1e-9);
-            prop_assert!((estimate[place] + shift - (expected * pull)[place]).abs() < 1e-9);
-        }
-    }
 
     #[test]
     fn understated_errors_widen_the_interval() {

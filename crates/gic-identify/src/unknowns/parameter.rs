@@ -41,8 +41,6 @@ pub struct Parameter {
     pub starts: (f64, f64),
     /// Widest half-width of the 95 % interval, in [`Parameter::error_unit`]s, that still counts as identified.
     pub widest: f64,
-    /// Mean and standard deviation of what is known of it before any video, in the unit of its name; `None` for nothing.
-    pub known: Option<(f64, f64)>,
     /// Values of the grid of starts.
     pub(crate) grid: usize,
     transform: Transform,
@@ -52,7 +50,7 @@ pub struct Parameter {
 const NU_LIMIT: f64 = 0.49;
 
 const fn positive(name: &'static str, bounds: (f64, f64), starts: (f64, f64), grid: usize) -> Parameter {
-    Parameter { name, bounds, starts, widest: 0.3, known: None, grid, transform: Transform::Log10 }
+    Parameter { name, bounds, starts, widest: 0.3, grid, transform: Transform::Log10 }
 }
 
 const YOUNG: Parameter = positive("youngs_modulus_pa", (1.0e3, 3.0e7), (1.0e4, 3.0e6), 7);
@@ -61,8 +59,6 @@ const NU: Parameter = Parameter {
     bounds: (0.005, 0.485),
     starts: (0.1, 0.4),
     widest: 0.1,
-    // Most solids: foams and cork less, rubber and gels more.
-    known: Some((0.3, 0.1)),
     grid: 1,
     transform: Transform::Bounded { below: NU_LIMIT },
 };
@@ -72,7 +68,6 @@ const FRICTION: Parameter = Parameter {
     bounds: (1.0, 75.0),
     starts: (15.0, 45.0),
     widest: 5.0,
-    known: None,
     grid: 6,
     transform: Transform::Linear { unit: 20.0 },
 };
@@ -166,13 +161,6 @@ impl Parameter {
             Transform::Bounded { below } => below / (1.0 + (-coordinate).exp()),
             Transform::Linear { unit } => coordinate * unit,
         }
-    }
-
-    /// Mean and standard deviation of the search coordinate before any video; `None` where nothing is known.
-    pub(crate) fn prior(&self) -> Option<(f64, f64)> {
-        let (mean, deviation) = self.known?;
-        let width = self.coordinate(mean + deviation) - self.coordinate(mean - deviation);
-        Some((self.coordinate(mean), 0.5 * width))
     }
 
     /// Limits of the search coordinate.

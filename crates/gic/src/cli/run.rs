@@ -115,9 +115,8 @@ fn print_estimate(run: &Run, context: &Context) -> anyhow::Result<()> {
             (false, true) => "",
             (false, false) => "  NOT DETERMINED by this video",
         };
-        let alone = e.video_alone.map(|v| format!("  (by the video alone {v:.3})")).unwrap_or_default();
         let interval = format!("{:.4e} .. {:.4e}", e.interval_95[0], e.interval_95[1]);
-        context.print(format!("{:<28} {:>12.5e}  {interval:>25}{verdict}{alone}", e.name, e.value));
+        context.print(format!("{:<28} {:>12.5e}  {interval:>25}{verdict}", e.name, e.value));
     }
     for (axis, letter) in ["x", "y", "z"].iter().enumerate() {
         let (v, half) = (found.velocity_m_s[axis], found.velocity_interval_95_m_s[axis]);

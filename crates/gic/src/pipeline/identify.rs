@@ -72,10 +72,7 @@ pub struct EstimateRecord {
     pub value: f64,
     /// 95 % interval.
     pub interval_95: [f64; 2],
-    /// The value that the video alone gives, where something else is known of it.
-    #[serde(default)]
-    pub video_alone: Option<f64>,
-    /// Whether the video alone determines it.
+    /// Whether the video determines it.
     pub identifiable: bool,
     /// Whether it was given.
     pub fixed: bool,
@@ -286,7 +283,6 @@ impl Run<'_> {
             fixed: config.fix.iter().map(|(name, value)| (name.clone(), *value)).collect(),
             start: config.start.clone(),
             velocity_m_s: config.velocity_m_s.map(Into::into),
-            prior: config.prior,
             rotation: config.rotation,
             joint: true,
             iterations: config.iterations,
@@ -369,7 +365,6 @@ fn record(model: &str, found: &Identification) -> IdentifyRecord {
         name: e.parameter.name.into(),
         value: e.value,
         interval_95: e.interval_95.into(),
-        video_alone: e.video_alone,
         identifiable: e.identifiable,
         fixed: e.fixed,
         resolution_shift: e.resolution_shift,

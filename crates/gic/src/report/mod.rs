@@ -60,13 +60,12 @@ fn estimates(found: &IdentifyRecord) -> String {
             (false, true) => "determined",
             (false, false) => "<b>not determined by this video</b>",
         };
-        let alone = e.video_alone.map(|v| format!(" (by the video alone {v:.3})")).unwrap_or_default();
         let shift = e
             .resolution_shift
             .map_or("-".into(), |shift| format!("{}{}", if shift < 0.0 { "" } else { "+" }, short(shift)));
         let _ = write!(
             text,
-            "<tr><td>{}</td><td>{:.5e}</td><td>{:.4e} .. {:.4e}</td><td>{shift}</td><td>{verdict}{alone}</td></tr>",
+            "<tr><td>{}</td><td>{:.5e}</td><td>{:.4e} .. {:.4e}</td><td>{shift}</td><td>{verdict}</td></tr>",
             escape(&e.name),
             e.value,
             e.interval_95[0],
