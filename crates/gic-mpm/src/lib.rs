@@ -1,38 +1,32 @@
 //! A differentiable material point method (MLS-MPM: APIC, quadratic B-splines, explicit symplectic steps; paper section 4.3).
+//!
+//! | folder | what it holds |
+//! |---|---|
+//! | `laws` | the five constitutive laws and their adjoints, a file each; their parameters |
+//! | `colliders` | rigid obstacles: shape, path, contact law |
+//! | `substep` | p2g, grid update, g2p and their adjoints: a readable twin and the fast engine |
+//! | `rollouts` | frames from substeps; gradients and Jacobians of rollouts |
+//! | `math` | 3x3 matrices and their eigenvectors over any number |
 
-mod collider;
-mod contact;
-mod eigen;
+mod colliders;
 mod error;
-mod fast;
-mod gradcheck;
-mod gradient;
-mod grid;
-mod jacobian;
-mod law;
-mod mat3;
-mod material;
+mod laws;
+mod math;
 mod options;
-mod rollout;
-mod scalar;
-mod scene;
-mod simulator;
-mod state;
-mod stencil;
-#[cfg(test)]
-mod substep_tests;
+mod rollouts;
+mod substep;
 mod validate;
 mod world;
 
-pub use collider::{Collider, Contact, Motion, Primitive};
+pub use colliders::collider::{Collider, Contact, Motion, Primitive};
 pub use error::SimulationError;
 pub use gic_simd::Level;
-pub use gradcheck::{GradcheckRow, gradcheck, gradcheck_materials, gradcheck_world};
-pub use gradient::{BodyGradient, Gradient, gradient};
-pub use jacobian::{Differences, Jacobian, Unknown, jacobian};
-pub use law::Rules;
-pub use material::{Material, MaterialError};
+pub use laws::law::Rules;
+pub use laws::material::{Material, MaterialError};
 pub use options::{Options, Precision};
-pub use rollout::{ContactForce, Frame};
-pub use simulator::{Simulator, Snapshot, rollout};
+pub use rollouts::frames::{ContactForce, Frame};
+pub use rollouts::gradcheck::{GradcheckRow, gradcheck, gradcheck_materials, gradcheck_world};
+pub use rollouts::gradient::{BodyGradient, Gradient, gradient};
+pub use rollouts::jacobian::{Differences, Jacobian, Unknown, jacobian};
+pub use rollouts::simulator::{Simulator, Snapshot, rollout};
 pub use world::{Body, Stepping, World};

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::collider::{Collider, Contact, Motion, Primitive};
+use crate::colliders::collider::{Collider, Contact, Motion, Primitive};
 use crate::error::SimulationError;
 use crate::world::{Body, Stepping, World};
 

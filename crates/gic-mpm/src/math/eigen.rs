@@ -2,7 +2,7 @@
 
 use gic_simd::Real;
 
-use crate::mat3::Mat3;
+use crate::math::mat3::Mat3;
 
 /// `A = Q diag(values) Q^T`; the eigenvectors are the columns of Q, in no particular order.
 #[derive(Clone, Copy, Debug)]

@@ -5,8 +5,8 @@ use core::ops::Range;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::mat3::Mat3;
-use crate::scene::Scene;
+use crate::math::mat3::Mat3;
+use crate::substep::prepared_world::Scene;
 use gic_simd::Scalar;
 
 /// Particles in input order. As an adjoint: the derivative of the loss with respect to each number.

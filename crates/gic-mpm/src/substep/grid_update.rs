@@ -6,7 +6,7 @@
 use gic_simd::Scalar;
 use glam::{DVec3, IVec3};
 
-use crate::collider::{PosedCollider, Touch};
+use crate::colliders::collider::{PosedCollider, Touch};
 
 /// Momentum [kg m/s] or velocity [m/s], and mass [kg].
 pub(crate) type Node<R> = [R; 4];

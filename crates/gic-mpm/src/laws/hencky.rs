@@ -17,9 +17,9 @@
 
 use gic_simd::Real;
 
-use super::{Coefficients, Law, LawAdjoint, MAX_COEFFICIENTS, Rules, Updated, trial, trial_adjoint};
-use crate::eigen::Eigen;
-use crate::mat3::{Mat3, each};
+use super::law::{Coefficients, Law, LawAdjoint, MAX_COEFFICIENTS, Rules, Updated, trial, trial_adjoint};
+use crate::math::eigen::Eigen;
+use crate::math::mat3::{Mat3, each};
 
 /// Singular values are raised to this before the logarithm, and so in F_new: a crushed or inverted particle recovers.
 const MIN_STRETCH: f64 = 0.05;

@@ -3,8 +3,14 @@
 use gic_simd::{Kernel, Lanes, Level, Real, dispatch};
 use proptest::prelude::*;
 
-use super::*;
-use crate::eigen::Eigen;
+use super::elastic::Elastic;
+use super::law::*;
+use super::newtonian::Newtonian;
+use super::non_newtonian::NonNewtonian;
+use super::plasticine::Plasticine;
+use super::sand::Sand;
+use crate::math::eigen::Eigen;
+use crate::math::mat3::Mat3;
 
 const DT: f64 = 2e-4;
 const MU: f64 = 4.0e5;

@@ -5,8 +5,8 @@ use core::marker::PhantomData;
 
 use gic_simd::{Lanes, MAX_LANES, Scalar};
 
-use crate::mat3::Mat3;
-use crate::state::{NUMBERS, State};
+use crate::math::mat3::Mat3;
+use crate::substep::state::{NUMBERS, State};
 
 /// Particles per block, on every level.
 pub(super) const BLOCK: usize = MAX_LANES;

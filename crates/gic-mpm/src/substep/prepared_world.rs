@@ -6,9 +6,9 @@ use gic_simd::Scalar;
 use glam::DVec3;
 
 use crate::error::SimulationError;
-use crate::grid::{GridBox, GridUpdate, Impulse};
-use crate::law::{Coefficients, MAX_COEFFICIENTS, Rules};
-use crate::state::State;
+use crate::laws::law::{Coefficients, MAX_COEFFICIENTS, Rules};
+use crate::substep::grid_update::{GridBox, GridUpdate, Impulse};
+use crate::substep::state::State;
 use crate::{Body, Collider, Material, World};
 
 /// Most nodes of the grid, so that f32 holds their indices exactly; beyond, the particles are too far apart for a dense grid.
@@ -242,23 +242,23 @@ macro_rules! with_law {
     ($material:expr, $law:ident => $body:expr) => {
         match $material {
             crate::Material::Elastic { .. } => {
-                type $law<R> = crate::law::Elastic<R>;
+                type $law<R> = crate::laws::elastic::Elastic<R>;
                 $body
             }
             crate::Material::Plasticine { .. } => {
-                type $law<R> = crate::law::Plasticine<R>;
+                type $law<R> = crate::laws::plasticine::Plasticine<R>;
                 $body
             }
             crate::Material::Sand { .. } => {
-                type $law<R> = crate::law::Sand<R>;
+                type $law<R> = crate::laws::sand::Sand<R>;
                 $body
             }
             crate::Material::Newtonian { .. } => {
-                type $law<R> = crate::law::Newtonian<R>;
+                type $law<R> = crate::laws::newtonian::Newtonian<R>;
                 $body
             }
             crate::Material::NonNewtonian { .. } => {
-                type $law<R> = crate::law::NonNewtonian<R>;
+                type $law<R> = crate::laws::non_newtonian::NonNewtonian<R>;
                 $body
             }
         }

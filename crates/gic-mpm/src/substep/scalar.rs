@@ -14,12 +14,12 @@
 
 use gic_simd::{Real, Scalar};
 
-use crate::grid::{GridBox, Impulse, Node};
-use crate::law::Law;
-use crate::mat3::Mat3;
-use crate::scene::{BodyBars, Engine, Scene, SceneBody, Segment, Violation, with_law};
-use crate::state::State;
-use crate::stencil;
+use crate::laws::law::Law;
+use crate::math::mat3::Mat3;
+use crate::substep::grid_update::{GridBox, Impulse, Node};
+use crate::substep::prepared_world::{BodyBars, Engine, Scene, SceneBody, Segment, Violation, with_law};
+use crate::substep::state::State;
+use crate::substep::stencil;
 
 /// Room for the rounding of f32, which may put a particle into the neighbour of the cell that f64 puts it in.
 const ROUNDING_CELLS: f64 = 0.01;

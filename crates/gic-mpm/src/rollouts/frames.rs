@@ -4,11 +4,11 @@ use gic_simd::Scalar;
 use glam::DVec3;
 
 use crate::error::SimulationError;
-use crate::grid::Impulse;
-use crate::law::Law;
-use crate::mat3::Mat3;
-use crate::scene::{Engine, Scene, SceneBody, Segment, Violation, ViolationKind, with_law};
-use crate::state::{State, map_particles};
+use crate::laws::law::Law;
+use crate::math::mat3::Mat3;
+use crate::substep::grid_update::Impulse;
+use crate::substep::prepared_world::{Engine, Scene, SceneBody, Segment, Violation, ViolationKind, with_law};
+use crate::substep::state::{State, map_particles};
 use crate::{Material, Stepping, World};
 
 /// Most substeps per frame that are tried.

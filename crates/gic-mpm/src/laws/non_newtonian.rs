@@ -12,8 +12,8 @@
 use gic_simd::Real;
 
 use super::hencky::{Hencky, Norm, ReturnAdjoint, ReturnMap, Returned, Strain, dot};
-use super::{Coefficients, MAX_COEFFICIENTS, Rules};
-use crate::mat3::each;
+use super::law::{Coefficients, MAX_COEFFICIENTS, Rules};
+use crate::math::mat3::each;
 
 /// Non-Newtonian fluid; coefficients mu, lambda, tau_Y [Pa], eta [Pa s].
 pub(crate) type NonNewtonian<R> = Hencky<R, Viscoplastic<R>>;

@@ -1,4 +1,4 @@
-//! The passes over a chunk of particles: laws and transfers, forward beside backward. The equations are in [`crate::scalar`].
+//! The passes over a chunk of particles: laws and transfers, forward beside backward. The equations are in [`crate::substep::scalar`].
 //!
 //! Forward, a pass takes the particles from the grid of one substep to that of the next (g2p, then law and p2g) while they are in
 //! cache. Backward there are two passes, one on each side of the grid.
@@ -6,11 +6,11 @@
 use gic_simd::{Call, Kernel, Lanes, Scalar, prefetch};
 
 use super::block::{BLOCK, Block};
-use super::rows::{Gift, Pending, Received, Stencils, Window, gather, gather_slopes, scatter};
-use crate::grid::Node;
-use crate::law::{Law, LawAdjoint, MAX_COEFFICIENTS, Rules, Updated};
-use crate::mat3::{Mat3, each};
-use crate::scene::{BodyBars, SceneBody, with_law};
+use super::scatter::{Gift, Pending, Received, Stencils, Window, gather, gather_slopes, scatter};
+use crate::laws::law::{Law, LawAdjoint, MAX_COEFFICIENTS, Rules, Updated};
+use crate::math::mat3::{Mat3, each};
+use crate::substep::grid_update::Node;
+use crate::substep::prepared_world::{BodyBars, SceneBody, with_law};
 
 /// Consecutive sorted particles of one body.
 pub(super) struct Chunk<T> {

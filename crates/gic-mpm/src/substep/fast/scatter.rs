@@ -12,8 +12,8 @@ use core::array;
 use gic_simd::{Lanes, Scalar};
 
 use super::block::BLOCK;
-use crate::mat3::Mat3;
-use crate::stencil;
+use crate::math::mat3::Mat3;
+use crate::substep::stencil;
 
 /// Four numbers per particle, for up to 16 particles, as [`Lanes::transpose`] leaves them. The end is padding: rows are read past a
 /// particle's own four numbers.

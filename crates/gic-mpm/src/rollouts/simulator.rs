@@ -7,25 +7,25 @@ use serde::{Deserialize, Serialize};
 use crate::World;
 use crate::error::SimulationError;
 use crate::options::{Options, Precision};
-use crate::rollout::{Advanced, Frame, Rollout, Timing};
-use crate::scene::{Engine, Scene};
-use crate::state::{NUMBERS, State};
+use crate::rollouts::frames::{Advanced, Frame, Rollout, Timing};
+use crate::substep::prepared_world::{Engine, Scene};
+use crate::substep::state::{NUMBERS, State};
 
 /// Runs an expression with `$engine` bound to the engine that the options ask for.
 macro_rules! with_engine {
     ($options:expr, $engine:ident => $body:expr) => {
         match $options.precision {
             crate::options::Precision::F64 => {
-                let $engine = crate::scalar::ScalarEngine::<f64>::new();
+                let $engine = crate::substep::scalar::ScalarEngine::<f64>::new();
                 $body
             }
             crate::options::Precision::F32 if $options.twin => {
-                let $engine = crate::scalar::ScalarEngine::<f32>::new();
+                let $engine = crate::substep::scalar::ScalarEngine::<f32>::new();
                 $body
             }
             crate::options::Precision::F32 => {
                 let level = $options.level.unwrap_or_else(gic_simd::Level::active);
-                let $engine = crate::fast::FastEngine::<f32>::new(level, $options.parallel);
+                let $engine = crate::substep::fast::FastEngine::<f32>::new(level, $options.parallel);
                 $body
             }
         }

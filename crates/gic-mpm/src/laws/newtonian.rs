@@ -10,8 +10,8 @@
 
 use gic_simd::Real;
 
-use super::{Coefficients, Law, LawAdjoint, MAX_COEFFICIENTS, Rules, Updated};
-use crate::mat3::Mat3;
+use super::law::{Coefficients, Law, LawAdjoint, MAX_COEFFICIENTS, Rules, Updated};
+use crate::math::mat3::Mat3;
 
 /// J stays at least this, as in the published simulator.
 const MIN_J: f64 = 0.05;

@@ -3,9 +3,9 @@
 use glam::{DQuat, DVec3};
 
 use crate::error::SimulationError;
-use crate::gradient::gradient;
 use crate::options::{Options, Precision};
-use crate::simulator::rollout;
+use crate::rollouts::gradient::gradient;
+use crate::rollouts::simulator::rollout;
 use crate::{Body, Collider, Contact, Frame, Material, Motion, Primitive, Rules, Stepping, Unknown, World};
 
 /// Relative step of the central differences.

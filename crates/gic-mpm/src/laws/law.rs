@@ -6,24 +6,9 @@
 //!
 //! The grid then receives the affine term `-dt * rest volume * 4/dx^2 * tau + m C`.
 
-mod elastic;
-mod hencky;
-mod newtonian;
-mod non_newtonian;
-mod plasticine;
-mod sand;
-#[cfg(test)]
-mod tests;
-
-pub(crate) use elastic::Elastic;
-pub(crate) use newtonian::Newtonian;
-pub(crate) use non_newtonian::NonNewtonian;
-pub(crate) use plasticine::Plasticine;
-pub(crate) use sand::Sand;
-
 use gic_simd::Real;
 
-use crate::mat3::Mat3;
+use crate::math::mat3::Mat3;
 
 /// The most coefficients that a law has.
 pub(crate) const MAX_COEFFICIENTS: usize = 4;
@@ -87,13 +72,13 @@ pub(crate) trait Law<R: Real>: Copy + Send + Sync {
 
 /// `(I + dt C) F`.
 #[inline(always)]
-fn trial<R: Real>(dt: R, c: &Mat3<R>, f: &Mat3<R>) -> Mat3<R> {
+pub(super) fn trial<R: Real>(dt: R, c: &Mat3<R>, f: &Mat3<R>) -> Mat3<R> {
     f.add_scaled(dt, &c.times(f))
 }
 
 /// From the derivative with respect to the trial gradient to those with respect to (C, F).
 #[inline(always)]
-fn trial_adjoint<R: Real>(dt: R, c: &Mat3<R>, f: &Mat3<R>, trial_bar: &Mat3<R>) -> (Mat3<R>, Mat3<R>) {
+pub(super) fn trial_adjoint<R: Real>(dt: R, c: &Mat3<R>, f: &Mat3<R>, trial_bar: &Mat3<R>) -> (Mat3<R>, Mat3<R>) {
     let c_bar = trial_bar.times_transposed(f) * dt;
     let f_bar = trial_bar.add_scaled(dt, &c.transposed_times(trial_bar));
     (c_bar, f_bar)

@@ -10,12 +10,12 @@ use glam::DVec3;
 
 use crate::World;
 use crate::error::SimulationError;
-use crate::law::Coefficients;
+use crate::laws::law::Coefficients;
 use crate::options::Options;
-use crate::rollout::{Frame, Rollout, Timing};
-use crate::scene::{BodyBars, Engine, Scene, SceneBody, Segment};
-use crate::simulator::with_engine;
-use crate::state::{State, double, vector};
+use crate::rollouts::frames::{Frame, Rollout, Timing};
+use crate::rollouts::simulator::with_engine;
+use crate::substep::prepared_world::{BodyBars, Engine, Scene, SceneBody, Segment};
+use crate::substep::state::{State, double, vector};
 
 /// Derivatives of a loss with respect to what a body starts with.
 #[derive(Clone, Debug)]

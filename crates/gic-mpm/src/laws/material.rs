@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::law::Coefficients;
+use crate::laws::law::Coefficients;
 
 /// A constitutive law and its parameters in SI units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

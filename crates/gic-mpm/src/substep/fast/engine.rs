@@ -7,11 +7,11 @@ use gic_simd::{Kernel, Level, Scalar, dispatch, oracle};
 use rayon::prelude::*;
 
 use super::block::{BLOCK, Block, SharedState};
-use super::rows::Window;
-use super::transfer::{Chunk, Flags, Forward, G2pAdjoint, P2gAdjoint, Step};
-use crate::grid::{GridBox, GridUpdate, Impulse, Node};
-use crate::scene::{BodyBars, Engine, Scene, SceneBody, Segment, Violation};
-use crate::state::{State, map_particles};
+use super::scatter::Window;
+use super::step::{Chunk, Flags, Forward, G2pAdjoint, P2gAdjoint, Step};
+use crate::substep::grid_update::{GridBox, GridUpdate, Impulse, Node};
+use crate::substep::prepared_world::{BodyBars, Engine, Scene, SceneBody, Segment, Violation};
+use crate::substep::state::{State, map_particles};
 
 /// Particles per chunk, about: few enough for several chunks per core, many enough for a slab to pay.
 const CHUNK_PARTICLES: usize = 16_384;

@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use crate::World;
 use crate::error::SimulationError;
 use crate::options::Options;
-use crate::rollout::Frame;
-use crate::simulator::rollout;
+use crate::rollouts::frames::Frame;
+use crate::rollouts::simulator::rollout;
 
 /// One number of a world that may be sought.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

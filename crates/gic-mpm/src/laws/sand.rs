@@ -6,7 +6,7 @@
 use gic_simd::Real;
 
 use super::hencky::{Hencky, Norm, ReturnAdjoint, ReturnMap, Returned, Strain};
-use super::{Coefficients, MAX_COEFFICIENTS, Rules};
+use super::law::{Coefficients, MAX_COEFFICIENTS, Rules};
 
 /// Sand; coefficients mu, lambda [Pa], alpha.
 pub(crate) type Sand<R> = Hencky<R, DruckerPrager<R>>;

@@ -3,13 +3,13 @@
 //! The loss is linear in every number of the new state, so that nothing an engine computes can hide. Errors are relative to the
 //! derivative itself.
 
-use crate::fast::FastEngine;
-use crate::gradcheck::{gradcheck_materials, gradcheck_world};
-use crate::grid::Impulse;
-use crate::law::Coefficients;
-use crate::scalar::ScalarEngine;
-use crate::scene::{BodyBars, Engine, Scene, Segment};
-use crate::state::{NUMBERS, State};
+use crate::laws::law::Coefficients;
+use crate::rollouts::gradcheck::{gradcheck_materials, gradcheck_world};
+use crate::substep::fast::FastEngine;
+use crate::substep::grid_update::Impulse;
+use crate::substep::prepared_world::{BodyBars, Engine, Scene, Segment};
+use crate::substep::scalar::ScalarEngine;
+use crate::substep::state::{NUMBERS, State};
 use crate::{Level, Material, Rules, World};
 
 const TOLERANCE: f64 = 1e-5;

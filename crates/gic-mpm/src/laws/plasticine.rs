@@ -7,7 +7,7 @@
 use gic_simd::Real;
 
 use super::hencky::{Hencky, Norm, ReturnAdjoint, ReturnMap, Returned, Strain};
-use super::{Coefficients, MAX_COEFFICIENTS, Rules};
+use super::law::{Coefficients, MAX_COEFFICIENTS, Rules};
 
 /// Plasticine; coefficients mu, lambda, tau_Y [Pa].
 pub(crate) type Plasticine<R> = Hencky<R, VonMises<R>>;

@@ -1,0 +1,4 @@
+//! Rigid obstacles: their shape, their path, and how they touch.
+
+pub(crate) mod collider;
+pub(crate) mod contact;
