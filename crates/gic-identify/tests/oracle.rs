@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use gic_identify::{
     Checkpoint, Event, Identification, IdentifyError, Input, MaterialKind, Observation, Settings, Target, identify,
 };
-use gic_mpm::{Body, Collider, Contact, Material, Motion, Options, Primitive, Stepping, World, rollout};
+use gic_mpm::{Body, Collider, ColliderPath, Contact, Material, Options, Primitive, Stepping, World, rollout};
 use glam::{DQuat, DVec3};
 use rand::{RngExt, SeedableRng};
 
@@ -21,7 +21,7 @@ const GRAVITY: DVec3 = DVec3::new(0.0, -9.8, 0.0);
 fn ground() -> Collider {
     Collider {
         primitive: Primitive::HalfSpace { normal: DVec3::Y },
-        motion: Motion::Uniform {
+        path: ColliderPath::Uniform {
             position_m: DVec3::ZERO,
             rotation: DQuat::IDENTITY,
             velocity_m_s: DVec3::ZERO,

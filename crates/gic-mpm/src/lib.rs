@@ -18,7 +18,7 @@ mod substep;
 mod validate;
 mod world;
 
-pub use colliders::collider::{Collider, Contact, Motion, Primitive};
+pub use colliders::collider::{Collider, ColliderPath, Contact, Primitive};
 pub use error::SimulationError;
 pub use gic_simd::Level;
 pub use laws::law::Rules;

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::colliders::collider::{Collider, Contact, Motion, Primitive};
+use crate::colliders::collider::{Collider, ColliderPath, Contact, Primitive};
 use crate::error::SimulationError;
 use crate::world::{Body, Stepping, World};
 
@@ -111,14 +111,14 @@ impl Collider {
             }
             _ => {}
         }
-        match &self.motion {
-            Motion::Uniform { position_m, rotation, velocity_m_s, angular_velocity_rad_s } => {
+        match &self.path {
+            ColliderPath::Uniform { position_m, rotation, velocity_m_s, angular_velocity_rad_s } => {
                 finite(&field("position_m"), *position_m)?;
                 finite(&field("velocity_m_s"), *velocity_m_s)?;
                 finite(&field("angular_velocity_rad_s"), *angular_velocity_rad_s)?;
                 rotated(&field("rotation"), *rotation)
             }
-            Motion::Keyframed { keys, rotation } => {
+            ColliderPath::Keyframed { keys, rotation } => {
                 rotated(&field("rotation"), *rotation)?;
                 if keys.is_empty() {
                     return invalid(field("keys"), "[]", "must hold at least one key");

@@ -1,7 +1,7 @@
 //! Rollouts as users meet them: engines that agree, bits that repeat, states that resume, bounds that hold, errors that help.
 
 use gic_mpm::{
-    Body, Collider, Contact, Frame, Level, Material, MaterialError, Motion, Options, Precision, Primitive,
+    Body, Collider, ColliderPath, Contact, Frame, Level, Material, MaterialError, Options, Precision, Primitive,
     SimulationError, Simulator, Snapshot, Stepping, World, gradcheck_materials, gradcheck_world, rollout,
 };
 use glam::{DQuat, DVec3};
@@ -17,8 +17,8 @@ fn frames(world: &World, options: &Options, count: usize) -> Vec<Frame> {
     all
 }
 
-fn uniform(position_m: DVec3, velocity_m_s: DVec3) -> Motion {
-    Motion::Uniform { position_m, rotation: DQuat::IDENTITY, velocity_m_s, angular_velocity_rad_s: DVec3::ZERO }
+fn uniform(position_m: DVec3, velocity_m_s: DVec3) -> ColliderPath {
+    ColliderPath::Uniform { position_m, rotation: DQuat::IDENTITY, velocity_m_s, angular_velocity_rad_s: DVec3::ZERO }
 }
 
 /// A block large enough for several chunks per body.
@@ -180,7 +180,7 @@ fn a_frame_that_turns_out_unstable_is_redone_with_more_substeps() {
         // A wall at 40 m/s: 2 cells per planned substep.
         world.colliders = vec![Collider {
             primitive: Primitive::HalfSpace { normal: DVec3::X },
-            motion: uniform(DVec3::new(-0.2, 0.0, 0.0), DVec3::new(40.0, 0.0, 0.0)),
+            path: uniform(DVec3::new(-0.2, 0.0, 0.0), DVec3::new(40.0, 0.0, 0.0)),
             contact: Contact::Sticky,
         }];
         let all = frames(&world, &options, 2);

@@ -5,7 +5,7 @@
 mod common;
 
 use common::{GRAVITY, block, body, frame_after, mean, next, side_walls, simulator, world};
-use gic_mpm::{Collider, Contact, Material, Motion, Primitive};
+use gic_mpm::{Collider, ColliderPath, Contact, Material, Primitive};
 use glam::{DQuat, DVec3};
 
 /// A stiff box put on a slope of `angle`: its acceleration downhill [m/s^2] over the last four fifths of `seconds`, and how far [m] it has moved
@@ -104,7 +104,7 @@ fn dent(material: Material) -> (f64, f64) {
     let above = |gap: f64| DVec3::Y * (height + radius + gap);
     let ball = Collider {
         primitive: Primitive::Sphere { radius_m: radius },
-        motion: Motion::Keyframed {
+        path: ColliderPath::Keyframed {
             keys: vec![(0.0, above(0.0)), (0.2, above(-0.02)), (0.3, above(-0.02)), (0.5, above(0.1))],
             rotation: DQuat::IDENTITY,
         },

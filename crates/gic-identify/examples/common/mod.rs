@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use gic_identify::{Input, Observation, View};
-use gic_mpm::{Collider, Contact, Material, Motion, Primitive};
+use gic_mpm::{Collider, ColliderPath, Contact, Material, Primitive};
 use gic_scene::Camera;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
@@ -60,7 +60,7 @@ pub(crate) fn particles(scene: &Path, frame: usize) -> Vec<DVec3> {
 pub(crate) fn ground() -> Collider {
     Collider {
         primitive: Primitive::HalfSpace { normal: DVec3::Y },
-        motion: Motion::Uniform {
+        path: ColliderPath::Uniform {
             position_m: DVec3::ZERO,
             rotation: DQuat::IDENTITY,
             velocity_m_s: DVec3::ZERO,

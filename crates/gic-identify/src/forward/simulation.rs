@@ -93,11 +93,11 @@ impl Simulation<'_> {
     /// The first frame of the rollout. It is the last free one where nothing but a translation happens before and no obstacle moves
     /// (the rollout's clock would start late), and 0 elsewhere.
     fn start(&self, state: &State) -> usize {
-        let still = self.input.colliders.iter().all(|c| match &c.motion {
-            gic_mpm::Motion::Uniform { velocity_m_s, angular_velocity_rad_s, .. } => {
+        let still = self.input.colliders.iter().all(|c| match &c.path {
+            gic_mpm::ColliderPath::Uniform { velocity_m_s, angular_velocity_rad_s, .. } => {
                 *velocity_m_s == DVec3::ZERO && *angular_velocity_rad_s == DVec3::ZERO
             }
-            gic_mpm::Motion::Keyframed { keys, .. } => keys.len() <= 1,
+            gic_mpm::ColliderPath::Keyframed { keys, .. } => keys.len() <= 1,
         });
         if still && state.angular == DVec3::ZERO { self.data.moments[self.free.max(1) - 1].frame } else { 0 }
     }

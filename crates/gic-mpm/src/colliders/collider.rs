@@ -5,9 +5,9 @@ use glam::{DQuat, DVec3};
 /// What happens to the grid velocity inside an obstacle, relative to the obstacle's own velocity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Contact {
-    /// No relative motion.
+    /// No relative path.
     Sticky,
-    /// No relative motion along the normal in either direction; Coulomb friction along the surface.
+    /// No relative path along the normal in either direction; Coulomb friction along the surface.
     Slip {
         /// Coulomb coefficient.
         friction: f64,
@@ -61,7 +61,7 @@ pub enum Primitive {
 
 /// Where an obstacle is over time.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Motion {
+pub enum ColliderPath {
     /// Starts at a place and keeps a velocity.
     Uniform {
         /// Position of its origin at time 0 [m].
@@ -87,8 +87,8 @@ pub enum Motion {
 pub struct Collider {
     /// Its shape.
     pub primitive: Primitive,
-    /// Its motion.
-    pub motion: Motion,
+    /// Where it is over time.
+    pub path: ColliderPath,
     /// Its contact law.
     pub contact: Contact,
 }
@@ -105,7 +105,7 @@ pub(crate) struct Pose {
     pub(crate) angular_velocity: DVec3,
 }
 
-impl Motion {
+impl ColliderPath {
     /// The pose at a time [s].
     pub(crate) fn pose(&self, time: f64) -> Pose {
         match self {
@@ -206,24 +206,24 @@ fn profile_distance(a: f64, b: f64, a_normal: DVec3, b_normal: DVec3) -> (f64, D
 impl Collider {
     /// The plane through a point [m] with a unit normal, at rest; solid behind it.
     pub fn plane(point: DVec3, normal: DVec3, contact: Contact) -> Self {
-        let motion = Motion::Uniform {
+        let path = ColliderPath::Uniform {
             position_m: point,
             rotation: DQuat::IDENTITY,
             velocity_m_s: DVec3::ZERO,
             angular_velocity_rad_s: DVec3::ZERO,
         };
-        Self { primitive: Primitive::HalfSpace { normal }, motion, contact }
+        Self { primitive: Primitive::HalfSpace { normal }, path, contact }
     }
 
     /// Signed distance [m] from a point of the world [m] at a time [s]; negative inside.
     pub fn signed_distance(&self, point: DVec3, time: f64) -> f64 {
-        let pose = self.motion.pose(time);
+        let pose = self.path.pose(time);
         self.primitive.signed_distance(pose.rotation.inverse() * (point - pose.position)).0
     }
 
     /// The obstacle as it is at a time [s].
     pub(crate) fn posed(&self, time: f64) -> PosedCollider<'_> {
-        let pose = self.motion.pose(time);
+        let pose = self.path.pose(time);
         PosedCollider { collider: self, pose, to_local: pose.rotation.inverse() }
     }
 }
@@ -305,13 +305,13 @@ mod tests {
             way in proptest::array::uniform3(-1.0f64..1.0),
             shape in 0usize..6,
         ) {
-            let motion = Motion::Uniform {
+            let path = ColliderPath::Uniform {
                 position_m: DVec3::new(0.1, -0.2, 0.3),
                 rotation: DQuat::from_rotation_z(0.4),
                 velocity_m_s: DVec3::X,
                 angular_velocity_rad_s: DVec3::Y,
             };
-            let collider = Collider { primitive: shapes()[shape], motion, contact: Contact::Sticky };
+            let collider = Collider { primitive: shapes()[shape], path, contact: Contact::Sticky };
             let posed = collider.posed(0.5);
             let (p, way) = (DVec3::from(p), DVec3::from(way));
             let reach = posed.clearance(p);
@@ -326,19 +326,19 @@ mod tests {
     #[test]
     fn keyframes_move_linearly_and_rest_outside() {
         let keys = vec![(1.0, DVec3::ZERO), (3.0, DVec3::X)];
-        let motion = Motion::Keyframed { keys, rotation: DQuat::IDENTITY };
-        assert_eq!(motion.pose(0.0).velocity, DVec3::ZERO);
-        assert_eq!(motion.pose(2.0).position, DVec3::X * 0.5);
-        assert_eq!(motion.pose(2.0).velocity, DVec3::X * 0.5);
-        assert_eq!(motion.pose(9.0).position, DVec3::X);
-        assert_eq!(motion.pose(9.0).velocity, DVec3::ZERO);
+        let path = ColliderPath::Keyframed { keys, rotation: DQuat::IDENTITY };
+        assert_eq!(path.pose(0.0).velocity, DVec3::ZERO);
+        assert_eq!(path.pose(2.0).position, DVec3::X * 0.5);
+        assert_eq!(path.pose(2.0).velocity, DVec3::X * 0.5);
+        assert_eq!(path.pose(9.0).position, DVec3::X);
+        assert_eq!(path.pose(9.0).velocity, DVec3::ZERO);
     }
 
     #[test]
     fn a_spinning_obstacle_carries_its_surface() {
         let collider = Collider {
             primitive: Primitive::Sphere { radius_m: 1.0 },
-            motion: Motion::Uniform {
+            path: ColliderPath::Uniform {
                 position_m: DVec3::ZERO,
                 rotation: DQuat::IDENTITY,
                 velocity_m_s: DVec3::X,

@@ -7,7 +7,9 @@ use crate::error::SimulationError;
 use crate::laws::law::Law;
 use crate::math::mat3::Mat3;
 use crate::substep::grid_update::Impulse;
-use crate::substep::prepared_world::{Engine, Scene, SceneBody, Segment, Violation, ViolationKind, with_law};
+use crate::substep::prepared_world::{
+    Engine, PreparedBody, PreparedWorld, Segment, Violation, ViolationKind, with_law,
+};
 use crate::substep::state::{State, map_particles};
 use crate::{Material, Stepping, World};
 
@@ -49,11 +51,11 @@ pub struct Frame {
 /// A world on its way through an engine.
 pub(crate) struct Rollout<'a, E: Engine> {
     pub(crate) engine: &'a E,
-    pub(crate) scene: &'a Scene,
+    pub(crate) world: &'a PreparedWorld,
     timing: Timing,
 }
 
-/// What of the world the frames need beside the scene.
+/// What of the world the frames need beside its bodies.
 #[derive(Clone, Copy)]
 pub(crate) struct Timing {
     frame_seconds: f64,
@@ -73,8 +75,8 @@ pub(crate) struct Advanced {
 }
 
 impl<'a, E: Engine> Rollout<'a, E> {
-    pub(crate) fn new(engine: &'a E, scene: &'a Scene, timing: Timing) -> Self {
-        Self { engine, scene, timing }
+    pub(crate) fn new(engine: &'a E, world: &'a PreparedWorld, timing: Timing) -> Self {
+        Self { engine, world, timing }
     }
 
     /// Advances `state` from frame `frame - 1` to `frame`. `before_segment` sees the state before each segment; it starts over
@@ -89,11 +91,11 @@ impl<'a, E: Engine> Rollout<'a, E> {
         let mut substeps = planned;
         loop {
             let segments = self.segments(frame, substeps);
-            let mut impulses = vec![Impulse::default(); self.scene.colliders.len()];
+            let mut impulses = vec![Impulse::default(); self.world.colliders.len()];
             let mut trial = state.clone();
             let outcome = segments.iter().enumerate().try_for_each(|(index, segment)| {
                 before_segment(index, &trial);
-                self.engine.advance(self.scene, &mut trial, *segment, &mut impulses)
+                self.engine.advance(self.world, &mut trial, *segment, &mut impulses)
             });
             match outcome {
                 Ok(()) => {
@@ -107,19 +109,19 @@ impl<'a, E: Engine> Rollout<'a, E> {
 
     /// Repeats a segment that has gone well before.
     pub(crate) fn replay(&self, state: &mut State<E::Number>, segment: Segment) -> Result<(), SimulationError> {
-        let mut ignored = vec![Impulse::default(); self.scene.colliders.len()];
-        self.engine.advance(self.scene, state, segment, &mut ignored).map_err(|v| self.unexpected(v, segment))
+        let mut ignored = vec![Impulse::default(); self.world.colliders.len()];
+        self.engine.advance(self.world, state, segment, &mut ignored).map_err(|v| self.unexpected(v, segment))
     }
 
     /// Repeats a segment that has gone well before, keeping what the reverse pass needs.
     pub(crate) fn record(&self, state: &State<E::Number>, segment: Segment) -> Result<E::Tape, SimulationError> {
-        self.engine.record(self.scene, state, segment).map_err(|v| self.unexpected(v, segment))
+        self.engine.record(self.world, state, segment).map_err(|v| self.unexpected(v, segment))
     }
 
     /// Bytes that a reverse pass through a segment from `state` on needs: its tape, the current and the next state, the adjoint.
     pub(crate) fn bytes_beside_checkpoints(&self, state: &State<E::Number>) -> usize {
         // A particle may move a cell within the segment.
-        let nodes = self.scene.extent(state, 0.0, 1.0).map_or(0, |extent| extent.nodes());
+        let nodes = self.world.extent(state, 0.0, 1.0).map_or(0, |extent| extent.nodes());
         self.engine.tape_bytes(state.len(), nodes, SEGMENT_SUBSTEPS) + 3 * State::<E::Number>::bytes(state.len())
     }
 
@@ -139,7 +141,7 @@ impl<'a, E: Engine> Rollout<'a, E> {
             Stepping::Bound { courant } => (1, courant),
         };
         let mut substeps = fixed;
-        for (index, body) in self.scene.bodies.iter().enumerate() {
+        for (index, body) in self.world.bodies.iter().enumerate() {
             let speed = self.highest_speed(body, state);
             let wanted = self.timing.frame_seconds * self.highest_rate(body, speed) / courant;
             let possible = wanted <= MAX_SUBSTEPS as f64;
@@ -149,7 +151,7 @@ impl<'a, E: Engine> Rollout<'a, E> {
                     substeps: wanted,
                     wave_speed_m_s: body.wave_speed(),
                     speed_m_s: speed,
-                    grid_spacing_m: self.scene.spacing,
+                    grid_spacing_m: self.world.spacing,
                     limit: MAX_SUBSTEPS,
                 });
             }
@@ -159,15 +161,15 @@ impl<'a, E: Engine> Rollout<'a, E> {
     }
 
     /// The highest speed [m/s] of a body's particles in the coming frame, to which gravity adds.
-    fn highest_speed(&self, body: &SceneBody, state: &State<E::Number>) -> f64 {
+    fn highest_speed(&self, body: &PreparedBody, state: &State<E::Number>) -> f64 {
         let speed = body.range.clone().map(|p| state.velocity_of(p).length_squared()).fold(0.0, f64::max).sqrt();
-        speed + self.scene.gravity.length() * self.timing.frame_seconds
+        speed + self.world.gravity.length() * self.timing.frame_seconds
     }
 
     /// The rate [1/s] that bounds the substep: of waves and motion across a cell, and of viscous diffusion.
-    fn highest_rate(&self, body: &SceneBody, speed: f64) -> f64 {
+    fn highest_rate(&self, body: &PreparedBody, speed: f64) -> f64 {
         let diffusivity = body.material.viscous_diffusivity_m2_s(body.mass / body.volume);
-        let dx = self.scene.spacing;
+        let dx = self.world.spacing;
         ((body.wave_speed() + speed) / dx).max(6.0 * diffusivity / (dx * dx))
     }
 
@@ -188,7 +190,7 @@ impl<'a, E: Engine> Rollout<'a, E> {
     pub(crate) fn frame(&self, index: usize, state: &State<E::Number>, advanced: Option<&Advanced>) -> Frame {
         let parallel = self.engine.is_parallel();
         let (mut von_mises_pa, mut jacobian) = (Vec::with_capacity(state.len()), Vec::with_capacity(state.len()));
-        for body in &self.scene.bodies {
+        for body in &self.world.bodies {
             let of = |p: usize| self.stress(body, &in_f64(&state.affine[p]), &in_f64(&state.deformation[p]));
             for (stress, j) in map_particles(parallel, body.range.clone(), of) {
                 von_mises_pa.push(stress);
@@ -196,7 +198,7 @@ impl<'a, E: Engine> Rollout<'a, E> {
             }
         }
         let contacts = match advanced {
-            None => vec![ContactForce::default(); self.scene.colliders.len()],
+            None => vec![ContactForce::default(); self.world.colliders.len()],
             Some(advanced) => advanced.impulses.iter().map(|i| self.mean_force(i)).collect(),
         };
         Frame {
@@ -218,10 +220,10 @@ impl<'a, E: Engine> Rollout<'a, E> {
     }
 
     /// Von Mises stress [Pa] and J of a particle.
-    fn stress(&self, body: &SceneBody, c: &Mat3<f64>, f: &Mat3<f64>) -> (f32, f32) {
+    fn stress(&self, body: &PreparedBody, c: &Mat3<f64>, f: &Mat3<f64>) -> (f32, f32) {
         // The law of a substep so short that nothing moves: only the stress remains.
         let instant = 1e-12;
-        let rules = self.scene.rules;
+        let rules = self.world.rules;
         let tau = with_law!(body.material, L => L::<f64>::new(&body.coefficients, rules).update(instant, c, f).tau);
         let j = match body.material {
             Material::Newtonian { .. } => f.at(0, 0),
@@ -233,7 +235,7 @@ impl<'a, E: Engine> Rollout<'a, E> {
     }
 }
 
-impl SceneBody {
+impl PreparedBody {
     fn wave_speed(&self) -> f64 {
         self.material.wave_speed_m_s(self.mass / self.volume)
     }

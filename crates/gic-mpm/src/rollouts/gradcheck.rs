@@ -6,7 +6,7 @@ use crate::error::SimulationError;
 use crate::options::{Options, Precision};
 use crate::rollouts::gradient::gradient;
 use crate::rollouts::simulator::rollout;
-use crate::{Body, Collider, Contact, Frame, Material, Motion, Primitive, Rules, Stepping, Unknown, World};
+use crate::{Body, Collider, ColliderPath, Contact, Frame, Material, Primitive, Rules, Stepping, Unknown, World};
 
 /// Relative step of the central differences.
 const STEP: f64 = 1e-6;
@@ -117,7 +117,7 @@ pub fn gradcheck_world(material: Material) -> World {
         let jitter = direction(i) * 0.1;
         positions.push((DVec3::new(x as f64, y as f64, z as f64) + jitter) * spacing + DVec3::new(0.0, 0.021, 0.0));
     }
-    let still = |position_m: DVec3, velocity_m_s: DVec3| Motion::Uniform {
+    let still = |position_m: DVec3, velocity_m_s: DVec3| ColliderPath::Uniform {
         position_m,
         rotation: DQuat::IDENTITY,
         velocity_m_s,
@@ -136,12 +136,12 @@ pub fn gradcheck_world(material: Material) -> World {
         colliders: vec![
             Collider {
                 primitive: Primitive::HalfSpace { normal: DVec3::new(0.1, 1.0, 0.05).normalize() },
-                motion: still(DVec3::ZERO, DVec3::ZERO),
+                path: still(DVec3::ZERO, DVec3::ZERO),
                 contact: Contact::Sticky,
             },
             Collider {
                 primitive: Primitive::Sphere { radius_m: 0.05 },
-                motion: still(DVec3::new(0.13, 0.06, 0.03), DVec3::new(-1.5, 0.0, 0.0)),
+                path: still(DVec3::new(0.13, 0.06, 0.03), DVec3::new(-1.5, 0.0, 0.0)),
                 contact: Contact::Separating { friction: 0.3 },
             },
         ],

@@ -14,7 +14,7 @@ use crate::laws::law::Coefficients;
 use crate::options::Options;
 use crate::rollouts::frames::{Frame, Rollout, Timing};
 use crate::rollouts::simulator::with_engine;
-use crate::substep::prepared_world::{BodyBars, Engine, Scene, SceneBody, Segment};
+use crate::substep::prepared_world::{BodyBars, Engine, PreparedBody, PreparedWorld, Segment};
 use crate::substep::state::{State, double, vector};
 
 /// Derivatives of a loss with respect to what a body starts with.
@@ -67,9 +67,9 @@ fn gradient_of(
     frames: usize,
     loss: &mut dyn FnMut(&Frame) -> Option<Vec<DVec3>>,
 ) -> Result<Gradient, SimulationError> {
-    let scene = Scene::new(world, options.rules)?;
+    let prepared = PreparedWorld::new(world, options.rules)?;
     with_engine!(options, engine => {
-        let rollout = Rollout::new(&engine, &scene, Timing::of(world));
+        let rollout = Rollout::new(&engine, &prepared, Timing::of(world));
         Reverse::forward(rollout, frames, options.gradient_memory_bytes, loss)?.backward()
     })
 }
@@ -122,7 +122,7 @@ impl<'a, E: Engine> Reverse<'a, E> {
         budget: usize,
         mut loss: impl FnMut(&Frame) -> Option<Vec<DVec3>>,
     ) -> Result<Self, SimulationError> {
-        let mut state = State::<E::Number>::initial(rollout.scene);
+        let mut state = State::<E::Number>::initial(rollout.world);
         let particles = state.len();
         let per_state = State::<E::Number>::bytes(particles);
         let most = budget.saturating_sub(rollout.bytes_beside_checkpoints(&state)) / per_state;
@@ -157,9 +157,9 @@ impl<'a, E: Engine> Reverse<'a, E> {
     }
 
     fn backward(mut self) -> Result<Gradient, SimulationError> {
-        let scene = self.rollout.scene;
-        let mut adjoint = State::<E::Number>::zeros(scene.particles());
-        let mut bars = vec![BodyBars::default(); scene.bodies.len()];
+        let prepared = self.rollout.world;
+        let mut adjoint = State::<E::Number>::zeros(prepared.particles());
+        let mut bars = vec![BodyBars::default(); prepared.bodies.len()];
         let stride = self.checkpoints.stride;
         while let Some(state) = self.checkpoints.states.pop() {
             let first = self.checkpoints.states.len() * stride;
@@ -168,11 +168,12 @@ impl<'a, E: Engine> Reverse<'a, E> {
             for (segment, start) in (first..last).zip(starts).rev() {
                 self.add_losses(segment + 1, &mut adjoint);
                 let tape = self.rollout.record(&start, self.segments[segment])?;
-                self.rollout.engine.reverse(scene, tape, &mut adjoint, &mut bars);
+                self.rollout.engine.reverse(prepared, tape, &mut adjoint, &mut bars);
             }
         }
         self.add_losses(0, &mut adjoint);
-        let bodies = scene.bodies.iter().zip(&bars).map(|(body, bars)| body_gradient(body, bars, &adjoint)).collect();
+        let bodies =
+            prepared.bodies.iter().zip(&bars).map(|(body, bars)| body_gradient(body, bars, &adjoint)).collect();
         Ok(Gradient { bodies })
     }
 
@@ -218,7 +219,7 @@ fn checked(bars: Option<Vec<DVec3>>, frame: usize, particles: usize) -> Result<O
 }
 
 /// From the adjoint of the initial state to the derivatives with respect to what a body starts with.
-fn body_gradient<R: Scalar>(body: &SceneBody, bars: &BodyBars, adjoint: &State<R>) -> BodyGradient {
+fn body_gradient<R: Scalar>(body: &PreparedBody, bars: &BodyBars, adjoint: &State<R>) -> BodyGradient {
     let spin = body.angular_velocity;
     let (mut velocity, mut angular_velocity) = (DVec3::ZERO, DVec3::ZERO);
     let mut positions = Vec::with_capacity(body.positions.len());

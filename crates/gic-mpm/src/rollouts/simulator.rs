@@ -8,7 +8,7 @@ use crate::World;
 use crate::error::SimulationError;
 use crate::options::{Options, Precision};
 use crate::rollouts::frames::{Advanced, Frame, Rollout, Timing};
-use crate::substep::prepared_world::{Engine, Scene};
+use crate::substep::prepared_world::{Engine, PreparedWorld};
 use crate::substep::state::{NUMBERS, State};
 
 /// Runs an expression with `$engine` bound to the engine that the options ask for.
@@ -42,8 +42,8 @@ impl Simulator {
     /// # Errors
     /// Where [`World::validate`] finds something wrong.
     pub fn new(world: &World, options: &Options) -> Result<Self, SimulationError> {
-        let scene = Scene::new(world, options.rules)?;
-        Ok(Self(with_engine!(options, engine => Box::new(Running::new(engine, scene, world, options.precision)))))
+        let prepared = PreparedWorld::new(world, options.rules)?;
+        Ok(Self(with_engine!(options, engine => Box::new(Running::new(engine, prepared, world, options.precision)))))
     }
 
     /// Number of the current frame; 0 at the start.
@@ -178,7 +178,7 @@ trait Drive: Send {
 
 struct Running<E: Engine> {
     engine: E,
-    scene: Scene,
+    prepared: PreparedWorld,
     timing: Timing,
     precision: Precision,
     state: State<E::Number>,
@@ -187,13 +187,13 @@ struct Running<E: Engine> {
 }
 
 impl<E: Engine> Running<E> {
-    fn new(engine: E, scene: Scene, world: &World, precision: Precision) -> Self {
-        let state = State::initial(&scene);
-        Self { engine, scene, timing: Timing::of(world), precision, state, index: 0, last: None }
+    fn new(engine: E, prepared: PreparedWorld, world: &World, precision: Precision) -> Self {
+        let state = State::initial(&prepared);
+        Self { engine, prepared, timing: Timing::of(world), precision, state, index: 0, last: None }
     }
 
     fn rollout(&self) -> Rollout<'_, E> {
-        Rollout::new(&self.engine, &self.scene, self.timing)
+        Rollout::new(&self.engine, &self.prepared, self.timing)
     }
 }
 
@@ -207,7 +207,7 @@ impl<E: Engine + Send> Drive for Running<E> {
     }
 
     fn advance_frame(&mut self) -> Result<Frame, SimulationError> {
-        let rollout = Rollout::new(&self.engine, &self.scene, self.timing);
+        let rollout = Rollout::new(&self.engine, &self.prepared, self.timing);
         // In case of an error the state remains that of the last frame.
         let advanced = rollout.advance_frame(&mut self.state, self.index + 1, &mut |_, _| {})?;
         self.index += 1;

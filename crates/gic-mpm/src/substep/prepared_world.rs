@@ -17,7 +17,7 @@ const MAX_NODES: usize = 1 << 24;
 const MAX_CELLS_FROM_ORIGIN: f64 = (1 << 16) as f64;
 
 /// One body, ready to simulate.
-pub(crate) struct SceneBody {
+pub(crate) struct PreparedBody {
     /// Its particles among all.
     pub(crate) range: Range<usize>,
     pub(crate) material: Material,
@@ -36,8 +36,8 @@ pub(crate) struct SceneBody {
 }
 
 /// A world, ready to simulate.
-pub(crate) struct Scene {
-    pub(crate) bodies: Vec<SceneBody>,
+pub(crate) struct PreparedWorld {
+    pub(crate) bodies: Vec<PreparedBody>,
     pub(crate) colliders: Vec<Collider>,
     pub(crate) gravity: DVec3,
     /// Grid spacing [m].
@@ -45,7 +45,7 @@ pub(crate) struct Scene {
     pub(crate) rules: Rules,
 }
 
-impl Scene {
+impl PreparedWorld {
     /// Checks a world and makes it ready.
     pub(crate) fn new(world: &World, rules: Rules) -> Result<Self, SimulationError> {
         world.validate()?;
@@ -54,7 +54,7 @@ impl Scene {
         for body in &world.bodies {
             let range = start..start + body.positions.len();
             start = range.end;
-            bodies.push(SceneBody::new(body, range));
+            bodies.push(PreparedBody::new(body, range));
         }
         Ok(Self {
             bodies,
@@ -112,7 +112,7 @@ impl Scene {
     }
 }
 
-impl SceneBody {
+impl PreparedBody {
     fn new(body: &Body, range: Range<usize>) -> Self {
         let count = body.positions.len();
         let factors = if body.volume_factors.is_empty() { vec![1.0; count] } else { body.volume_factors.clone() };
@@ -218,17 +218,28 @@ pub(crate) trait Engine: Sync {
     /// Advances a state by a segment; what obstacles took is added to `impulses`.
     fn advance(
         &self,
-        scene: &Scene,
+        world: &PreparedWorld,
         state: &mut State<Self::Number>,
         segment: Segment,
         impulses: &mut [Impulse],
     ) -> Result<(), Violation>;
 
     /// Runs a segment from a state and keeps what the reverse pass needs.
-    fn record(&self, scene: &Scene, state: &State<Self::Number>, segment: Segment) -> Result<Self::Tape, Violation>;
+    fn record(
+        &self,
+        world: &PreparedWorld,
+        state: &State<Self::Number>,
+        segment: Segment,
+    ) -> Result<Self::Tape, Violation>;
 
     /// Turns the adjoint of a segment's end into that of its start, and adds to `bars`, one per body.
-    fn reverse(&self, scene: &Scene, tape: Self::Tape, adjoint: &mut State<Self::Number>, bars: &mut [BodyBars]);
+    fn reverse(
+        &self,
+        world: &PreparedWorld,
+        tape: Self::Tape,
+        adjoint: &mut State<Self::Number>,
+        bars: &mut [BodyBars],
+    );
 
     /// Whether it may use several threads.
     fn is_parallel(&self) -> bool;

@@ -17,7 +17,7 @@ use gic_simd::{Real, Scalar};
 use crate::laws::law::Law;
 use crate::math::mat3::Mat3;
 use crate::substep::grid_update::{GridBox, Impulse, Node};
-use crate::substep::prepared_world::{BodyBars, Engine, Scene, SceneBody, Segment, Violation, with_law};
+use crate::substep::prepared_world::{BodyBars, Engine, PreparedBody, PreparedWorld, Segment, Violation, with_law};
 use crate::substep::state::State;
 use crate::substep::stencil;
 
@@ -39,30 +39,36 @@ impl<R: Scalar> Engine for ScalarEngine<R> {
 
     fn advance(
         &self,
-        scene: &Scene,
+        world: &PreparedWorld,
         state: &mut State<R>,
         segment: Segment,
         impulses: &mut [Impulse],
     ) -> Result<(), Violation> {
-        (0..segment.substeps).try_for_each(|i| Substep::new(scene, segment, i, state)?.forward(state, impulses))
+        (0..segment.substeps).try_for_each(|i| Substep::new(world, segment, i, state)?.forward(state, impulses))
     }
 
-    fn record(&self, scene: &Scene, state: &State<R>, segment: Segment) -> Result<Self::Tape, Violation> {
+    fn record(&self, world: &PreparedWorld, state: &State<R>, segment: Segment) -> Result<Self::Tape, Violation> {
         let mut states = Vec::with_capacity(segment.substeps + 1);
         states.push(state.clone());
-        let mut ignored = vec![Impulse::default(); scene.colliders.len()];
+        let mut ignored = vec![Impulse::default(); world.colliders.len()];
         for i in 0..segment.substeps {
             let mut next = states[i].clone();
-            Substep::new(scene, segment, i, &next)?.forward(&mut next, &mut ignored)?;
+            Substep::new(world, segment, i, &next)?.forward(&mut next, &mut ignored)?;
             states.push(next);
         }
         Ok((states, segment))
     }
 
-    fn reverse(&self, scene: &Scene, (states, segment): Self::Tape, adjoint: &mut State<R>, bars: &mut [BodyBars]) {
+    fn reverse(
+        &self,
+        world: &PreparedWorld,
+        (states, segment): Self::Tape,
+        adjoint: &mut State<R>,
+        bars: &mut [BodyBars],
+    ) {
         for (i, pair) in states.windows(2).enumerate().rev() {
             // The forward pass already went through this state, so its extent is known to be fine.
-            if let Ok(substep) = Substep::new(scene, segment, i, &pair[0]) {
+            if let Ok(substep) = Substep::new(world, segment, i, &pair[0]) {
                 substep.backward(&pair[0], &pair[1], adjoint, bars);
             }
         }
@@ -116,7 +122,7 @@ impl<R: Scalar> Stencil<R> {
 
 /// One substep at one time on one grid.
 struct Substep<'a, R> {
-    scene: &'a Scene,
+    world: &'a PreparedWorld,
     extent: GridBox,
     time: f64,
     dt: f64,
@@ -126,14 +132,14 @@ struct Substep<'a, R> {
 }
 
 impl<'a, R: Scalar> Substep<'a, R> {
-    fn new(scene: &'a Scene, segment: Segment, index: usize, state: &State<R>) -> Result<Self, Violation> {
+    fn new(world: &'a PreparedWorld, segment: Segment, index: usize, state: &State<R>) -> Result<Self, Violation> {
         Ok(Self {
-            scene,
-            extent: scene.extent(state, 0.0, ROUNDING_CELLS)?,
+            world,
+            extent: world.extent(state, 0.0, ROUNDING_CELLS)?,
             time: segment.time(index),
             dt: segment.dt,
-            inverse_dx: R::splat(1.0 / scene.spacing),
-            apic: R::splat(4.0 / scene.spacing),
+            inverse_dx: R::splat(1.0 / world.spacing),
+            apic: R::splat(4.0 / world.spacing),
         })
     }
 
@@ -149,18 +155,18 @@ impl<'a, R: Scalar> Substep<'a, R> {
     }
 
     /// The factor from tau to its part of A, times dx because offsets are in units of dx.
-    fn stress_factor(&self, body: &SceneBody) -> R {
-        R::splat(-self.dt * body.volume * 4.0 / self.scene.spacing)
+    fn stress_factor(&self, body: &PreparedBody) -> R {
+        R::splat(-self.dt * body.volume * 4.0 / self.world.spacing)
     }
 
     /// The factor from C to its part of A, times dx likewise.
-    fn inertia_factor(&self, body: &SceneBody) -> R {
-        R::splat(body.mass * self.scene.spacing)
+    fn inertia_factor(&self, body: &PreparedBody) -> R {
+        R::splat(body.mass * self.world.spacing)
     }
 
     fn forward(&self, state: &mut State<R>, impulses: &mut [Impulse]) -> Result<(), Violation> {
         let mut grid = vec![[R::zero(); 4]; self.extent.nodes()];
-        for body in &self.scene.bodies {
+        for body in &self.world.bodies {
             with_law!(body.material, L => self.p2g::<L<R>>(body, state, &mut grid));
         }
         self.update_grid(&mut grid, impulses);
@@ -168,8 +174,8 @@ impl<'a, R: Scalar> Substep<'a, R> {
     }
 
     /// Law and particle-to-grid transfer of one body; F becomes F'.
-    fn p2g<L: Law<R>>(&self, body: &SceneBody, state: &mut State<R>, grid: &mut [Node<R>]) {
-        let law = L::new(&body.coefficients, self.scene.rules);
+    fn p2g<L: Law<R>>(&self, body: &PreparedBody, state: &mut State<R>, grid: &mut [Node<R>]) {
+        let law = L::new(&body.coefficients, self.world.rules);
         let dt = R::splat(self.dt);
         for (p, &factor) in body.range.clone().zip(&body.factors) {
             let factor = R::splat(factor);
@@ -192,7 +198,7 @@ impl<'a, R: Scalar> Substep<'a, R> {
     }
 
     fn update_grid(&self, grid: &mut [Node<R>], impulses: &mut [Impulse]) {
-        let update = self.scene.grid_update(self.extent, self.time, self.dt);
+        let update = self.world.grid_update(self.extent, self.time, self.dt);
         for (x, plane) in grid.chunks_exact_mut(self.extent.plane()).enumerate() {
             update.forward_plane(x, plane, impulses);
         }
@@ -201,7 +207,7 @@ impl<'a, R: Scalar> Substep<'a, R> {
     /// Grid-to-particle transfer and motion.
     fn g2p(&self, grid: &[Node<R>], state: &mut State<R>) -> Result<(), Violation> {
         let dt = R::splat(self.dt);
-        let limit = (self.scene.spacing / self.dt).powi(2);
+        let limit = (self.world.spacing / self.dt).powi(2);
         for p in 0..state.len() {
             let mut velocity = [R::zero(); 3];
             let mut affine = Mat3::zero();
@@ -228,21 +234,21 @@ impl<'a, R: Scalar> Substep<'a, R> {
     fn backward(&self, before: &State<R>, after: &State<R>, adjoint: &mut State<R>, bars: &mut [BodyBars]) {
         let mut momenta = vec![[R::zero(); 4]; self.extent.nodes()];
         let mut recomputed = before.clone();
-        for body in &self.scene.bodies {
+        for body in &self.world.bodies {
             with_law!(body.material, L => self.p2g::<L<R>>(body, &mut recomputed, &mut momenta));
         }
         let mut velocities = momenta.clone();
-        self.update_grid(&mut velocities, &mut vec![Impulse::default(); self.scene.colliders.len()]);
+        self.update_grid(&mut velocities, &mut vec![Impulse::default(); self.world.colliders.len()]);
 
         let mut grid_bar = vec![[R::zero(); 4]; self.extent.nodes()];
         self.g2p_adjoint(before, after, &velocities, adjoint, &mut grid_bar);
 
-        let update = self.scene.grid_update(self.extent, self.time, self.dt);
+        let update = self.world.grid_update(self.extent, self.time, self.dt);
         let planes = momenta.chunks_exact(self.extent.plane()).zip(grid_bar.chunks_exact_mut(self.extent.plane()));
         for (x, (plane, plane_bar)) in planes.enumerate() {
             update.adjoint_plane(x, plane, plane_bar);
         }
-        for (body, bars) in self.scene.bodies.iter().zip(bars) {
+        for (body, bars) in self.world.bodies.iter().zip(bars) {
             with_law!(body.material, L => self.p2g_adjoint::<L<R>>(body, before, &grid_bar, adjoint, bars));
         }
     }
@@ -282,13 +288,13 @@ impl<'a, R: Scalar> Substep<'a, R> {
     /// Reads the adjoints of the grid's momenta and masses and of F'; completes that of x and leaves those of v, C, F.
     fn p2g_adjoint<L: Law<R>>(
         &self,
-        body: &SceneBody,
+        body: &PreparedBody,
         before: &State<R>,
         grid_bar: &[Node<R>],
         adjoint: &mut State<R>,
         bars: &mut BodyBars,
     ) {
-        let law = L::new(&body.coefficients, self.scene.rules);
+        let law = L::new(&body.coefficients, self.world.rules);
         let dt = R::splat(self.dt);
         for (p, &factor) in body.range.clone().zip(&body.factors) {
             let factor = R::splat(factor);
@@ -325,7 +331,7 @@ impl<'a, R: Scalar> Substep<'a, R> {
             for (sum, bar) in bars.coefficients.iter_mut().zip(law_bar.coefficients) {
                 *sum += bar.lane(0);
             }
-            let through_inertia = R::splat(self.scene.spacing) * affine_bar.double_dot(c);
+            let through_inertia = R::splat(self.world.spacing) * affine_bar.double_dot(c);
             bars.mass += (factor * (mass_bar + dot(momentum_bar, velocity) + through_inertia)).lane(0);
             bars.volume += (stress * affine_bar.double_dot(&tau)).lane(0) / body.volume;
         }

@@ -6,7 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::math::mat3::Mat3;
-use crate::substep::prepared_world::Scene;
+use crate::substep::prepared_world::PreparedWorld;
 use gic_simd::Scalar;
 
 /// Particles in input order. As an adjoint: the derivative of the loss with respect to each number.
@@ -37,9 +37,9 @@ impl<R: Scalar> State<R> {
     }
 
     /// The start of a rollout: undeformed, each body moving rigidly.
-    pub(crate) fn initial(scene: &Scene) -> Self {
-        let mut state = Self::zeros(scene.particles());
-        for body in &scene.bodies {
+    pub(crate) fn initial(world: &PreparedWorld) -> Self {
+        let mut state = Self::zeros(world.particles());
+        for body in &world.bodies {
             for (p, &x) in body.range.clone().zip(&body.positions) {
                 state.position[p] = vector(x);
                 state.velocity[p] = vector(body.velocity + body.angular_velocity.cross(x - body.centre));

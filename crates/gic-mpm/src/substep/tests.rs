@@ -7,7 +7,7 @@ use crate::laws::law::Coefficients;
 use crate::rollouts::gradcheck::{gradcheck_materials, gradcheck_world};
 use crate::substep::fast::FastEngine;
 use crate::substep::grid_update::Impulse;
-use crate::substep::prepared_world::{BodyBars, Engine, Scene, Segment};
+use crate::substep::prepared_world::{BodyBars, Engine, PreparedWorld, Segment};
 use crate::substep::scalar::ScalarEngine;
 use crate::substep::state::{NUMBERS, State};
 use crate::{Level, Material, Rules, World};
@@ -47,8 +47,8 @@ fn changed(state: &State<f64>, change: impl Fn(usize, usize) -> f64) -> State<f6
 }
 
 /// Strains of a tenth, slightly compressed (sand that is pulled apart has no stress), shear rates of some 1/s.
-fn deformed(scene: &Scene) -> State<f64> {
-    changed(&State::initial(scene), |p, i| match i {
+fn deformed(prepared: &PreparedWorld) -> State<f64> {
+    changed(&State::initial(prepared), |p, i| match i {
         0..3 => 0.0,
         3..6 => 0.5 * noise(1, p * NUMBERS + i),
         6..15 => 20.0 * noise(2, p * NUMBERS + i),
@@ -73,25 +73,25 @@ struct Case {
     end: State<f64>,
 }
 
-fn end(scene: &Scene, start: &State<f64>) -> State<f64> {
+fn end(prepared: &PreparedWorld, start: &State<f64>) -> State<f64> {
     let mut state = start.clone();
-    let mut ignored = vec![Impulse::default(); scene.colliders.len()];
-    ScalarEngine::new().advance(scene, &mut state, SUBSTEP, &mut ignored).expect("the state is stable");
+    let mut ignored = vec![Impulse::default(); prepared.colliders.len()];
+    ScalarEngine::new().advance(prepared, &mut state, SUBSTEP, &mut ignored).expect("the state is stable");
     state
 }
 
 impl Case {
     fn new(material: Material) -> Self {
         let world = gradcheck_world(material);
-        let scene = scene(&world);
-        let start = deformed(&scene);
-        let end = end(&scene, &start);
+        let prepared = prepared(&world);
+        let start = deformed(&prepared);
+        let end = end(&prepared, &start);
         Self { world, start, end }
     }
 
     /// The loss, less that of the case itself (which keeps rounding small).
     fn loss(&self, world: &World, start: &State<f64>) -> f64 {
-        let end = end(&scene(world), start);
+        let end = end(&prepared(world), start);
         let particle = |p: usize| {
             let pairs = end.to_numbers(p).into_iter().zip(self.end.to_numbers(p)).enumerate();
             pairs.map(|(i, (now, then))| weight(p, i) * (now - then)).sum::<f64>()
@@ -116,11 +116,11 @@ impl Case {
 
     /// The adjoint of the start and the body's derivatives.
     fn adjoint(&self, engine: &impl Engine<Number = f64>) -> (State<f64>, BodyBars) {
-        let scene = scene(&self.world);
+        let prepared = prepared(&self.world);
         let mut adjoint = changed(&State::zeros(self.start.len()), weight);
         let mut bars = [BodyBars::default()];
-        let Ok(tape) = engine.record(&scene, &self.start, SUBSTEP) else { panic!("the state is stable") };
-        engine.reverse(&scene, tape, &mut adjoint, &mut bars);
+        let Ok(tape) = engine.record(&prepared, &self.start, SUBSTEP) else { panic!("the state is stable") };
+        engine.reverse(&prepared, tape, &mut adjoint, &mut bars);
         (adjoint, bars[0])
     }
 
@@ -135,8 +135,8 @@ impl Case {
     }
 }
 
-fn scene(world: &World) -> Scene {
-    Scene::new(world, Rules::Exact).expect("the world is valid")
+fn prepared(world: &World) -> PreparedWorld {
+    PreparedWorld::new(world, Rules::Exact).expect("the world is valid")
 }
 
 fn assert_close(what: &str, adjoint: f64, difference: f64) {

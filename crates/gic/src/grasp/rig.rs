@@ -6,7 +6,7 @@
 use std::f64::consts::PI;
 use std::ops::ControlFlow;
 
-use gic_mpm::{Collider, Contact, ContactForce, Frame, Motion, Options, Primitive, Simulator, Snapshot, World};
+use gic_mpm::{Collider, ColliderPath, Contact, ContactForce, Frame, Options, Primitive, Simulator, Snapshot, World};
 use glam::{DQuat, DVec3};
 
 use crate::error::{Error, Result};
@@ -199,7 +199,7 @@ impl Rig<'_> {
         let rotation = if side < 0.0 { DQuat::IDENTITY } else { DQuat::from_rotation_y(PI) };
         Collider {
             primitive: Primitive::Pad { half_size_m: 0.5 * DVec3::new(self.pads.thickness_m, long, short) },
-            motion: Motion::Keyframed { keys, rotation },
+            path: ColliderPath::Keyframed { keys, rotation },
             contact: self.contact(),
         }
     }

@@ -11,7 +11,7 @@ mod world;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use gic_mpm::{Collider, Contact, Material, Motion, Primitive};
+use gic_mpm::{Collider, ColliderPath, Contact, Material, Primitive};
 use glam::{DQuat, DVec3};
 use serde::Serialize;
 
@@ -249,15 +249,15 @@ impl Obstacle {
             }
         };
         let rotation = rotation(self.rotation_deg.unwrap_or_default());
-        let motion = if self.keyframes.is_empty() {
-            Motion::Uniform {
+        let path = if self.keyframes.is_empty() {
+            ColliderPath::Uniform {
                 position_m: position_m.into(),
                 rotation,
                 velocity_m_s: self.velocity_m_s.unwrap_or_default().into(),
                 angular_velocity_rad_s: self.angular_velocity_rad_s.unwrap_or_default().into(),
             }
         } else {
-            Motion::Keyframed {
+            ColliderPath::Keyframed {
                 keys: self.keyframes.iter().map(|k| (k.time_s, k.position_m.into())).collect(),
                 rotation,
             }
@@ -268,7 +268,7 @@ impl Obstacle {
             ContactKind::Slip => Contact::Slip { friction },
             ContactKind::Separating => Contact::Separating { friction },
         };
-        Collider { primitive, motion, contact }
+        Collider { primitive, path, contact }
     }
 
     /// What a user calls it: `colliders[1] (half_space)`.

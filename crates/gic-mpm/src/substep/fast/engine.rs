@@ -10,7 +10,7 @@ use super::block::{BLOCK, Block, SharedState};
 use super::scatter::Window;
 use super::step::{Chunk, Flags, Forward, G2pAdjoint, P2gAdjoint, Step};
 use crate::substep::grid_update::{GridBox, GridUpdate, Impulse, Node};
-use crate::substep::prepared_world::{BodyBars, Engine, Scene, SceneBody, Segment, Violation};
+use crate::substep::prepared_world::{BodyBars, Engine, PreparedBody, PreparedWorld, Segment, Violation};
 use crate::substep::state::{State, map_particles};
 
 /// Particles per chunk, about: few enough for several chunks per core, many enough for a slab to pay.
@@ -85,20 +85,20 @@ impl<T: Machine> FastEngine<T> {
     /// Runs a segment from `state`, whatever room it needs.
     fn run(
         &self,
-        scene: &Scene,
+        world: &PreparedWorld,
         state: &State<T>,
         segment: Segment,
         record: bool,
     ) -> Result<(Tape<T>, Vec<Impulse>), Violation> {
         let mut pad = PAD_CELLS;
         loop {
-            let layout = Layout::new(scene, state, segment, pad, self.parallel)?;
-            let mut impulses = vec![Impulse::default(); scene.colliders.len()];
+            let layout = Layout::new(world, state, segment, pad, self.parallel)?;
+            let mut impulses = vec![Impulse::default(); world.colliders.len()];
             let mut tape = Tape { segment, extent: layout.extent, chunks: layout.chunks, momenta: Vec::new() };
             if record {
                 self.lend_buffers(&mut tape);
             }
-            match self.attempt(scene, &mut tape, state, &mut impulses, record)? {
+            match self.attempt(world, &mut tape, state, &mut impulses, record)? {
                 Outcome::Done => return Ok((tape, impulses)),
                 Outcome::Escaped => pad *= 2.0,
             }
@@ -124,7 +124,7 @@ impl<T: Machine> FastEngine<T> {
 
     fn attempt(
         &self,
-        scene: &Scene,
+        world: &PreparedWorld,
         tape: &mut Tape<T>,
         start: &State<T>,
         impulses: &mut [Impulse],
@@ -136,7 +136,7 @@ impl<T: Machine> FastEngine<T> {
             let velocities = (i > 0).then_some(&grid[..]);
             let scatter = i < segment.substeps;
             self.for_chunks(&mut tape.chunks, |_, chunk| {
-                let step = step(scene, chunk.body, segment.dt);
+                let step = step(world, chunk.body, segment.dt);
                 T::launch(self.level, Forward { step, chunk, velocities, scatter });
             });
             let flags = tape.chunks.iter().map(|chunk| chunk.flags);
@@ -144,7 +144,7 @@ impl<T: Machine> FastEngine<T> {
             if too_fast {
                 let mut state = start.clone();
                 self.put_back(&mut tape.chunks, &mut state);
-                return Err(culprit(&state, scene.spacing / segment.dt));
+                return Err(culprit(&state, world.spacing / segment.dt));
             }
             if escaped {
                 return Ok(Outcome::Escaped);
@@ -154,7 +154,7 @@ impl<T: Machine> FastEngine<T> {
                 if record {
                     tape.momenta.extend_from_slice(&grid);
                 }
-                let update = scene.grid_update(tape.extent, segment.time(i), segment.dt);
+                let update = world.grid_update(tape.extent, segment.time(i), segment.dt);
                 self.update_grid(&update, &mut grid, impulses);
             }
         }
@@ -226,12 +226,12 @@ impl<T: Machine> Engine for FastEngine<T> {
 
     fn advance(
         &self,
-        scene: &Scene,
+        world: &PreparedWorld,
         state: &mut State<T>,
         segment: Segment,
         impulses: &mut [Impulse],
     ) -> Result<(), Violation> {
-        let (mut tape, taken) = self.run(scene, state, segment, false)?;
+        let (mut tape, taken) = self.run(world, state, segment, false)?;
         self.put_back(&mut tape.chunks, state);
         for (total, impulse) in impulses.iter_mut().zip(taken) {
             *total += impulse;
@@ -239,11 +239,11 @@ impl<T: Machine> Engine for FastEngine<T> {
         Ok(())
     }
 
-    fn record(&self, scene: &Scene, state: &State<T>, segment: Segment) -> Result<Tape<T>, Violation> {
-        Ok(self.run(scene, state, segment, true)?.0)
+    fn record(&self, world: &PreparedWorld, state: &State<T>, segment: Segment) -> Result<Tape<T>, Violation> {
+        Ok(self.run(world, state, segment, true)?.0)
     }
 
-    fn reverse(&self, scene: &Scene, mut tape: Tape<T>, adjoint: &mut State<T>, bars: &mut [BodyBars]) {
+    fn reverse(&self, world: &PreparedWorld, mut tape: Tape<T>, adjoint: &mut State<T>, bars: &mut [BodyBars]) {
         let Segment { dt, substeps, .. } = tape.segment;
         let states: Vec<Vec<Block<T>>> =
             tape.chunks.iter_mut().map(|chunk| chunk.tape.take().unwrap_or_default()).collect();
@@ -255,13 +255,13 @@ impl<T: Machine> Engine for FastEngine<T> {
             // The states of a chunk before and after the substep.
             let before = |c: usize, blocks: usize| &states[c][i * blocks..(i + 1) * blocks];
             let after = |c: usize, blocks: usize| &states[c][(i + 1) * blocks..(i + 2) * blocks];
-            let update = scene.grid_update(tape.extent, tape.segment.time(i), dt);
+            let update = world.grid_update(tape.extent, tape.segment.time(i), dt);
             let momenta = &tape.momenta[i * nodes..(i + 1) * nodes];
             velocities.copy_from_slice(momenta);
-            self.update_grid(&update, &mut velocities, &mut vec![Impulse::default(); scene.colliders.len()]);
+            self.update_grid(&update, &mut velocities, &mut vec![Impulse::default(); world.colliders.len()]);
             self.for_chunks(&mut tape.chunks, |c, chunk| {
                 let n = chunk.blocks.len();
-                let step = step(scene, chunk.body, dt);
+                let step = step(world, chunk.body, dt);
                 let (before, after) = (before(c, n), after(c, n));
                 T::launch(self.level, G2pAdjoint { step, chunk, before, after, velocities: &velocities });
             });
@@ -272,7 +272,7 @@ impl<T: Machine> Engine for FastEngine<T> {
             });
             self.for_chunks(&mut tape.chunks, |c, chunk| {
                 let n = chunk.blocks.len();
-                let step = step(scene, chunk.body, dt);
+                let step = step(world, chunk.body, dt);
                 let pass = P2gAdjoint { step, before: before(c, n), grid_bar: &grid_bar, chunk: &mut *chunk };
                 let bars = T::launch(self.level, pass);
                 chunk.bars += bars;
@@ -296,8 +296,8 @@ impl<T: Machine> Engine for FastEngine<T> {
     }
 }
 
-fn step<'a>(scene: &'a Scene, body: usize, dt: f64) -> Step<'a> {
-    Step { body: &scene.bodies[body], rules: scene.rules, spacing: scene.spacing, dt }
+fn step<'a>(world: &'a PreparedWorld, body: usize, dt: f64) -> Step<'a> {
+    Step { body: &world.bodies[body], rules: world.rules, spacing: world.spacing, dt }
 }
 
 impl Flags {
@@ -308,30 +308,36 @@ impl Flags {
 
 impl<T: Machine> Layout<T> {
     /// Sorts the particles of each body by cell and cuts them into chunks, on a grid with room for a segment.
-    fn new(scene: &Scene, state: &State<T>, segment: Segment, pad: f64, parallel: bool) -> Result<Self, Violation> {
+    fn new(
+        world: &PreparedWorld,
+        state: &State<T>,
+        segment: Segment,
+        pad: f64,
+        parallel: bool,
+    ) -> Result<Self, Violation> {
         let horizon = segment.dt * segment.substeps as f64;
-        let extent = scene.extent(state, horizon, pad)?;
-        let inverse = 1.0 / scene.spacing;
+        let extent = world.extent(state, horizon, pad)?;
+        let inverse = 1.0 / world.spacing;
         let base = |p: usize, axis: usize| (state.position[p][axis].to_f64() * inverse - 0.5).floor() as i32;
         let cell = |p: usize| {
             let at = [0, 1, 2].map(|axis| (base(p, axis) - extent.first[axis]) as usize);
             extent.index(at[0], at[1], at[2]) as u32
         };
         let mut orders = Vec::new();
-        for (body, scene_body) in scene.bodies.iter().enumerate() {
-            let keys = map_particles(parallel, scene_body.range.clone(), cell);
-            let order = sorted(scene_body.range.clone(), &keys, extent.nodes());
+        for (number, body) in world.bodies.iter().enumerate() {
+            let keys = map_particles(parallel, body.range.clone(), cell);
+            let order = sorted(body.range.clone(), &keys, extent.nodes());
             let count = order.len().div_ceil(CHUNK_PARTICLES).min(MAX_CHUNKS);
             // Whole blocks, so that only the last chunk has a partial one.
             let blocks = order.len().div_ceil(BLOCK).div_ceil(count);
-            orders.extend(order.chunks(blocks * BLOCK).map(|order| (body, order.to_vec())));
+            orders.extend(order.chunks(blocks * BLOCK).map(|order| (number, order.to_vec())));
         }
         let chunk = |(body, order): (usize, Vec<u32>)| {
-            let (window, first_node) = window(scene, state, &order, extent, horizon, pad);
+            let (window, first_node) = window(world, state, &order, extent, horizon, pad);
             Chunk {
                 body,
                 blocks: Block::gather(state, &order),
-                factors: factors(&scene.bodies[body], &order),
+                factors: factors(&world.bodies[body], &order),
                 order,
                 window,
                 first_node,
@@ -351,7 +357,7 @@ impl<T: Machine> Layout<T> {
 }
 
 /// Factors of particles on their masses and volumes, then ones to fill the last block.
-fn factors<T: Machine>(body: &SceneBody, order: &[u32]) -> Vec<T> {
+fn factors<T: Machine>(body: &PreparedBody, order: &[u32]) -> Vec<T> {
     let own = order.iter().map(|p| T::splat(body.factors[*p as usize - body.range.start]));
     own.chain(core::iter::repeat(T::one())).take(order.len().next_multiple_of(BLOCK)).collect()
 }
@@ -375,7 +381,7 @@ fn sorted(particles: Range<usize>, keys: &[u32], cells: usize) -> Vec<u32> {
 
 /// The part of the grid that some particles may touch in a segment, and its first node: all planes along x that they may reach.
 fn window<T: Machine>(
-    scene: &Scene,
+    world: &PreparedWorld,
     state: &State<T>,
     particles: &[u32],
     extent: GridBox,
@@ -384,7 +390,7 @@ fn window<T: Machine>(
 ) -> (Window, usize) {
     let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
     for &p in particles {
-        let (low, high) = scene.reach(state, p as usize, horizon, pad);
+        let (low, high) = world.reach(state, p as usize, horizon, pad);
         lowest = lowest.min(low.x);
         highest = highest.max(high.x);
     }

@@ -167,12 +167,12 @@ impl<T: Scalar> Stencils<T> {
 }
 
 /// What `LANES` particles give their nodes, before weighting: `base + i along_x + j along_y + k along_z`.
-pub(super) struct Gift<T> {
+pub(super) struct P2gRow<T> {
     base: Quads<T>,
     along: [Quads<T>; 3],
 }
 
-impl<T: Scalar> Gift<T> {
+impl<T: Scalar> P2gRow<T> {
     pub(super) fn new() -> Self {
         Self { base: Quads::zero(), along: array::from_fn(|_| Quads::zero()) }
     }
@@ -260,7 +260,7 @@ unsafe fn add_rows<L: Lanes>(rows: &[L; 9], cell: usize, r: usize, grid: *mut L:
 #[inline(always)]
 pub(super) unsafe fn scatter<L: Lanes>(
     s: &Stencils<L::Scalar>,
-    gift: &Gift<L::Scalar>,
+    gift: &P2gRow<L::Scalar>,
     count: usize,
     pending: &mut Pending<L>,
     grid: *mut L::Scalar,
@@ -299,9 +299,9 @@ pub(super) unsafe fn scatter<L: Lanes>(
 
 /// What `LANES` particles receive: four quads each.
 #[repr(C, align(64))]
-pub(super) struct Received<T>([T; 16 * BLOCK]);
+pub(super) struct G2pSums<T>([T; 16 * BLOCK]);
 
-impl<T: Scalar> Received<T> {
+impl<T: Scalar> G2pSums<T> {
     pub(super) fn new() -> Self {
         Self([T::zero(); 16 * BLOCK])
     }
@@ -358,7 +358,7 @@ pub(super) unsafe fn gather<L: Lanes>(
     s: &Stencils<L::Scalar>,
     grid: *const L::Scalar,
     window: &Window,
-    received: &mut Received<L::Scalar>,
+    received: &mut G2pSums<L::Scalar>,
 ) {
     for p in 0..L::LANES {
         let mut sums = [L::zero(); 4];
@@ -400,10 +400,10 @@ pub(super) unsafe fn gather<L: Lanes>(
 #[inline(always)]
 pub(super) unsafe fn gather_slopes<L: Lanes>(
     s: &Stencils<L::Scalar>,
-    gift: &Gift<L::Scalar>,
+    gift: &P2gRow<L::Scalar>,
     grid: *const L::Scalar,
     window: &Window,
-    received: &mut Received<L::Scalar>,
+    received: &mut G2pSums<L::Scalar>,
 ) {
     for p in 0..L::LANES {
         let mut sums = [L::zero(); 4];

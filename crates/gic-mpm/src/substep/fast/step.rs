@@ -6,11 +6,11 @@
 use gic_simd::{Call, Kernel, Lanes, Scalar, prefetch};
 
 use super::block::{BLOCK, Block};
-use super::scatter::{Gift, Pending, Received, Stencils, Window, gather, gather_slopes, scatter};
+use super::scatter::{G2pSums, P2gRow, Pending, Stencils, Window, gather, gather_slopes, scatter};
 use crate::laws::law::{Law, LawAdjoint, MAX_COEFFICIENTS, Rules, Updated};
 use crate::math::mat3::{Mat3, each};
 use crate::substep::grid_update::Node;
-use crate::substep::prepared_world::{BodyBars, SceneBody, with_law};
+use crate::substep::prepared_world::{BodyBars, PreparedBody, with_law};
 
 /// Consecutive sorted particles of one body.
 pub(super) struct Chunk<T> {
@@ -46,7 +46,7 @@ pub(super) struct Flags {
 /// What the passes over all chunks of a substep share.
 #[derive(Clone, Copy)]
 pub(super) struct Step<'a> {
-    pub(super) body: &'a SceneBody,
+    pub(super) body: &'a PreparedBody,
     pub(super) rules: Rules,
     /// Grid spacing [m].
     pub(super) spacing: f64,
@@ -157,18 +157,18 @@ impl<L: Lanes, A: Law<L>> Call for UpdateAdjoint<'_, L, A> {
 /// Buffers between lanes and rows.
 struct Scratch<T> {
     stencils: Stencils<T>,
-    gift: Gift<T>,
-    received: Received<T>,
-    received_slopes: Received<T>,
+    gift: P2gRow<T>,
+    received: G2pSums<T>,
+    received_slopes: G2pSums<T>,
 }
 
 impl<T: Scalar> Scratch<T> {
     fn new() -> Self {
         Self {
             stencils: Stencils::new(),
-            gift: Gift::new(),
-            received: Received::new(),
-            received_slopes: Received::new(),
+            gift: P2gRow::new(),
+            received: G2pSums::new(),
+            received_slopes: G2pSums::new(),
         }
     }
 }
