@@ -13,18 +13,21 @@ const SPAN: usize = 1 << 15;
 
 /// First and second moments of the gradients of a flat list of parameters.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Moments {
-    pub(crate) first: Vec<f32>,
-    pub(crate) second: Vec<f32>,
+pub struct Moments {
+    /// Moving averages of the gradients.
+    pub first: Vec<f32>,
+    /// Moving averages of their squares.
+    pub second: Vec<f32>,
 }
 
 impl Moments {
-    pub(crate) fn zeros(len: usize) -> Moments {
+    /// For `len` parameters before the first step.
+    pub fn zeros(len: usize) -> Moments {
         Moments { first: vec![0.0; len], second: vec![0.0; len] }
     }
 
     /// One step: `step` counts from 1 and corrects the bias of the moments.
-    pub(crate) fn update(&mut self, parameters: &mut [f32], gradient: &[f32], rate: f64, step: usize) {
+    pub fn update(&mut self, parameters: &mut [f32], gradient: &[f32], rate: f64, step: usize) {
         assert!(parameters.len() == gradient.len() && self.first.len() == gradient.len(), "one gradient per parameter");
         let step = Step::new(rate, step);
         let moments = self.first.par_chunks_mut(SPAN).zip(self.second.par_chunks_mut(SPAN));
@@ -33,7 +36,7 @@ impl Moments {
     }
 
     /// The same where the gradient has rows of `width` numbers, of which `columns` are the parameters' own.
-    pub(crate) fn update_columns(
+    pub fn update_columns(
         &mut self,
         parameters: &mut [f32],
         (gradient, width): (&[f32], usize),
@@ -57,7 +60,7 @@ impl Moments {
 
     /// One step of Adam that scales all parameters alike, by the root of the mean second moment: the direction that was smoothed
     /// over neighbours stays smooth.
-    pub(crate) fn update_alike(&mut self, parameters: &mut [f32], gradient: &[f32], rate: f64, step: usize) {
+    pub fn update_alike(&mut self, parameters: &mut [f32], gradient: &[f32], rate: f64, step: usize) {
         assert!(parameters.len() == gradient.len() && self.first.len() == gradient.len(), "one gradient per parameter");
         let correction1 = 1.0 - f64::from(BETA1).powf(step as f64);
         let correction2 = 1.0 - f64::from(BETA2).powf(step as f64);
@@ -73,7 +76,7 @@ impl Moments {
     }
 
     /// Keeps the rows of `width` numbers listed in `rows`, in that order; `None` makes a row of zeros.
-    pub(crate) fn select(&mut self, rows: &[Option<usize>], width: usize) {
+    pub fn select(&mut self, rows: &[Option<usize>], width: usize) {
         for moments in [&mut self.first, &mut self.second] {
             *moments = rows
                 .iter()
@@ -110,7 +113,7 @@ impl Step {
 }
 
 /// Exponential decay from `ends.0` at `fraction` 0 to `ends.1` at 1.
-pub(crate) fn decayed(ends: (f64, f64), fraction: f64) -> f64 {
+pub fn decayed(ends: (f64, f64), fraction: f64) -> f64 {
     ends.0 * (ends.1 / ends.0).powf(fraction.clamp(0.0, 1.0))
 }
 

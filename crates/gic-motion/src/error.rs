@@ -28,9 +28,6 @@ pub enum MotionError {
     /// The scene has nothing to train on.
     #[error("nothing to train on: {0}")]
     NothingToTrain(String),
-    /// A scan cannot be placed in the video.
-    #[error("the scan cannot be registered: {0}")]
-    Unregistrable(String),
     /// Training left the finite numbers.
     #[error("training diverged at step {step}: the loss is not finite; lower the learning rates (`rates`)")]
     Diverged {

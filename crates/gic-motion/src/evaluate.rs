@@ -6,7 +6,7 @@ use gic_splat::{Gaussians, RenderSettings, render};
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::targets::{self, Target};
+use crate::pictures::{self, Target};
 use crate::{DynamicGaussians, MotionError};
 
 /// How well one picture is reproduced.
@@ -47,7 +47,7 @@ impl ViewScore {
 /// # Errors
 /// When a picture cannot be read or compared.
 pub fn evaluate(model: &DynamicGaussians, scene: &Scene, held_out: &[usize]) -> Result<Vec<ViewScore>, MotionError> {
-    score_targets(&targets::held_out(scene, held_out)?, |time| model.at(time))
+    score_targets(&pictures::held_out(scene, held_out)?, |time| model.at(time))
 }
 
 pub(crate) fn score_targets(

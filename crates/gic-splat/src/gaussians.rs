@@ -35,6 +35,14 @@ impl Shape {
         self.len() == 0
     }
 
+    /// Standard deviations [m] as flat numbers, one or three per Gaussian.
+    pub fn flat_scales(&self) -> &[f32] {
+        match self {
+            Shape::Isotropic { scales } => scales,
+            Shape::Anisotropic { scales, .. } => scales.as_flattened(),
+        }
+    }
+
     /// The same kind of shape, all zero, for `n` Gaussians.
     pub fn zeros_like(&self, n: usize) -> Shape {
         match self {

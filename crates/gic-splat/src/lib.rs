@@ -1,5 +1,6 @@
 //! Differentiable Gaussian splatting on CPUs: colour, alpha and depth in one pass, forward and backward (paper eq. 2).
 
+mod activation;
 mod gaussians;
 mod ply;
 mod projection;
@@ -10,6 +11,7 @@ mod tangents;
 mod tiles;
 pub mod twin;
 
+pub use activation::{coefficient_of_color, color_of_coefficient, logit, sigmoid};
 pub use gaussians::{GaussianGradients, Gaussians, GaussiansError, Shape};
 pub use ply::{Imported, PlyError, read_ply, write_ply};
 pub use render::{

@@ -17,7 +17,7 @@ use ply_rs_bw::ply::{
 use ply_rs_bw::writer::Writer;
 use thiserror::Error;
 
-use crate::{Gaussians, GaussiansError, Shape};
+use crate::{Gaussians, GaussiansError, Shape, sigmoid};
 
 /// How near to 0 and 1 an opacity can be written: the logit of 0 and 1 is infinite.
 const OPACITY_MARGIN: f32 = 1e-7;
@@ -241,7 +241,7 @@ fn from_rows(rows: &[Row], rest: usize) -> Gaussians {
     }
     Gaussians {
         positions: rows.iter().map(|r| three(r, POSITION)).collect(),
-        opacities: rows.iter().map(|r| 1.0 / (1.0 + (-r.values[OPACITY]).exp())).collect(),
+        opacities: rows.iter().map(|r| sigmoid(r.values[OPACITY])).collect(),
         shape,
         sh_degree: (1..=3).find(|d| (d + 1) * (d + 1) == rest + 1).unwrap_or(0),
         sh,

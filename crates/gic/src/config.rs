@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use gic_motion::{DressSettings, RegisterSettings, TrainSettings};
+use gic_appearance::{DressSettings, RegisterSettings};
+use gic_motion::TrainSettings;
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 

@@ -2,8 +2,9 @@
 
 use std::path::Path;
 
+use gic_appearance::{Light, LitGaussians};
 use gic_metrics::KdTree;
-use gic_motion::{Light, LitGaussians, outward_normals};
+use gic_motion::outward_normals;
 use gic_splat::Gaussians;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -121,7 +122,7 @@ impl Look {
 
 /// RGB of Gaussians that [`Look::at`] gave.
 pub fn colors(drawn: &Gaussians) -> impl Iterator<Item = [f32; 3]> + '_ {
-    drawn.sh.iter().map(|sh| sh.map(gic_motion::color_of))
+    drawn.sh.iter().map(|sh| sh.map(gic_splat::color_of_coefficient))
 }
 
 #[cfg(test)]

@@ -6,8 +6,8 @@ use rayon::prelude::*;
 
 use super::{EXTENT_RADII, MIN_SYNCHRONOUS, State, Trainer, ViewGradient};
 use crate::adam::decayed;
-use crate::base_fit::{Base, Freedom, PoseFit};
-use crate::{BaseMotion, Lattice, MotionError, initial};
+use crate::base::fit::{Base, Freedom, PoseFit};
+use crate::{BaseMotion, Lattice, MotionError, pictures};
 
 /// Learning rate of the first fit of a frame's affine map, first and last step; shifts in units of the object's size.
 const MAP_RATE: (f64, f64) = (1.5e-2, 1.5e-3);
@@ -23,7 +23,7 @@ impl Trainer<'_> {
     pub(super) fn centres(&self) -> Option<Vec<DVec3>> {
         let centre = |frame: &Vec<usize>| {
             let seen = frame.iter().map(|&i| &self.targets[i]).filter(|t| t.area > 0.0);
-            (seen.clone().count() >= MIN_SYNCHRONOUS).then(|| initial::mask_centre(seen))?
+            (seen.clone().count() >= MIN_SYNCHRONOUS).then(|| pictures::mask_centre(seen))?
         };
         self.frames.iter().map(centre).collect()
     }

@@ -1,7 +1,7 @@
 //! When training is good enough, and what it leaves.
 
 use super::{Best, Stage, State, Trainer};
-use crate::parameters::Parameters;
+use crate::gaussians::parameters::Parameters;
 use crate::{BaseMotion, Domain, DynamicGaussians, Motion, MotionError, MotionNetwork, ViewScore, evaluate};
 
 /// A smaller gain on the held-out views does not count as progress [dB].

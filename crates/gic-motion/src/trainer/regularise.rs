@@ -4,8 +4,8 @@ use gic_splat::Gaussians;
 use rand::Rng;
 
 use super::{EXTENT_RADII, State, Trainer};
-use crate::parameters::{self, Gradient, ScreenGradients, control_density};
-use crate::smoothing::Anchors;
+use crate::gaussians::parameters::{self, Gradient, ScreenGradients, control_density};
+use crate::gaussians::smoothing::Anchors;
 
 impl Trainer<'_> {
     /// Shares the pull on each point with its neighbours; false when that is over.
@@ -35,7 +35,7 @@ impl Trainer<'_> {
         gradient: &mut Gradient,
         d_residuals: &mut [[f32; 4]],
     ) -> f64 {
-        let (scales, axes) = (parameters::flat_scales(&gaussians.shape), state.parameters.axes());
+        let (scales, axes) = (gaussians.shape.flat_scales(), state.parameters.axes());
         let weight = self.settings.loss.scale * views as f64 / (scales.len().max(1) as f64 * state.spacing);
         let mut sum = 0.0;
         for (i, &scale) in scales.iter().enumerate() {

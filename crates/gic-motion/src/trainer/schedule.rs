@@ -3,7 +3,7 @@
 use rand::{Rng, RngExt};
 
 use super::{State, Trainer};
-use crate::targets::Target;
+use crate::pictures::Target;
 
 /// What takes part in a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

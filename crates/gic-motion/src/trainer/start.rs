@@ -1,16 +1,16 @@
 //! The state before the first step.
 
 use gic_scene::Scene;
+use gic_splat::{coefficient_of_color, logit};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::{EXTENT_RADII, State, Trainer};
 use crate::adam::Moments;
-use crate::initial::{self, Ball, Points};
-use crate::parameters::{ParameterMoments, Parameters, ScreenGradients, details_per_gaussian, logit};
-use crate::shade::SH0;
-use crate::smoothing::Anchors;
-use crate::targets::Target;
+use crate::gaussians::first_points::{self, Points};
+use crate::gaussians::parameters::{ParameterMoments, Parameters, ScreenGradients, details_per_gaussian};
+use crate::gaussians::smoothing::Anchors;
+use crate::pictures::{self, Ball, Target};
 use crate::{Domain, GaussianShape, InitialPoints, MotionError, MotionNetwork};
 
 /// Never start with, or stay below, fewer Gaussians than this.
@@ -28,7 +28,7 @@ impl Trainer<'_> {
             true => self.frames[0].iter().map(|&i| &self.targets[i]).collect(),
             false => self.targets.iter().collect(),
         };
-        let Some(ball) = initial::ball(&seen) else {
+        let Some(ball) = pictures::ball(&seen) else {
             let reason =
                 "the masks' rays do not meet: at least two views of the object are needed, in front of their cameras";
             return Err(MotionError::NothingToTrain(reason.into()));
@@ -82,7 +82,7 @@ impl Trainer<'_> {
             log_scales: vec![(self.settings.first_scale * points.spacing).ln() as f32; axes * n],
             rotations: vec![[1.0, 0.0, 0.0, 0.0]; turned * n],
             opacity_logits: vec![logit(self.settings.first_opacity) as f32; n],
-            features: points.colors.iter().map(|c| c.map(|v| (v - 0.5) / SH0)).collect(),
+            features: points.colors.iter().map(|c| c.map(coefficient_of_color)).collect(),
             details: vec![[0.0; 3]; n * details_per_gaussian(self.sh_degree)],
             positions: points.positions,
             sh_degree: self.sh_degree,
@@ -98,9 +98,9 @@ impl Trainer<'_> {
     ) -> Result<Points, MotionError> {
         let count = self.first_count(seen);
         match self.settings.initial {
-            InitialPoints::Random => return Ok(initial::random(ball, count, rng)),
+            InitialPoints::Random => return Ok(first_points::random(ball, count, rng)),
             InitialPoints::Auto if !scene.points.is_empty() => {
-                let points = initial::sparse(scene, seen);
+                let points = first_points::sparse(scene, seen);
                 if points.positions.len() >= MIN_GAUSSIANS {
                     return Ok(points);
                 }
@@ -109,7 +109,7 @@ impl Trainer<'_> {
         }
         let inset = self.settings.initial_inset;
         let misses = if self.synchronous || self.is_static { 0.0 } else { MISSES_OVER_TIME };
-        initial::hull_surface(seen, misses, (count, inset), rng).ok_or_else(|| {
+        first_points::hull_surface(seen, misses, (count, inset), rng).ok_or_else(|| {
             let reason = "the masks have no common visual hull: a camera's pose or axes are wrong (see `gic inspect`)";
             MotionError::NothingToTrain(reason.into())
         })

@@ -2,8 +2,9 @@
 
 use std::ops::ControlFlow;
 
+use gic_appearance::{DressProgress, Posture, dress};
 use gic_continuum::{Appearance, informed_gaussians};
-use gic_motion::{DressProgress, Posture, dress, outward_normals};
+use gic_motion::outward_normals;
 use glam::DVec3;
 
 use super::predict::{prediction_file, simulated_frame};

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use gic_motion::{Candidate, Registration, check_registrable, register};
+use gic_appearance::{Candidate, Registration, check_registrable, register};
 use gic_scene::Similarity;
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};

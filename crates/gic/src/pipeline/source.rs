@@ -2,8 +2,9 @@
 
 use std::borrow::Cow;
 
+use gic_appearance::placed;
 use gic_continuum::MaskedView;
-use gic_motion::{DynamicGaussians, placed};
+use gic_motion::DynamicGaussians;
 use gic_scene::{Camera, Mask, Picture, Scene};
 use glam::DVec3;
 

@@ -1,23 +1,16 @@
 //! The first points, from masks and cameras alone: where the object is, and the surface of its visual hull.
 
 use gic_scene::{Camera, Hull, HullSettings, HullView, Mask, Picture, Scene};
-use glam::{DMat3, DVec2, DVec3};
+use glam::DVec3;
 use rand::{Rng, RngExt};
 use rayon::prelude::*;
 
-use crate::targets::Target;
+use crate::pictures::{Ball, Target};
 
 /// Cells along the hull for the first, coarse carving.
 const COARSE: usize = 40;
 /// The hull is carved from at most this many pictures, evenly spread.
 const MAX_HULL_VIEWS: usize = 64;
-
-/// A ball around the object.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Ball {
-    pub(crate) centre: DVec3,
-    pub(crate) radius: f64,
-}
 
 /// Points with colours, all the same size.
 #[derive(Clone, Debug, Default)]
@@ -26,35 +19,6 @@ pub(crate) struct Points {
     pub(crate) colors: Vec<[f32; 3]>,
     /// Distance between neighbours [m].
     pub(crate) spacing: f64,
-}
-
-/// The point nearest to the rays through the centres of the masks (least squares); `None` when the rays do not fix one.
-pub(crate) fn mask_centre<'a>(targets: impl Iterator<Item = &'a Target>) -> Option<DVec3> {
-    let (mut a, mut b, mut rays) = (DMat3::ZERO, DVec3::ZERO, 0);
-    for target in targets.filter(|t| t.area > 0.0) {
-        let through = target.camera.unproject(DVec2::from_array(target.centre), 1.0);
-        let d = (through - target.camera.centre).normalize();
-        let across = DMat3::IDENTITY - DMat3::from_cols(d * d.x, d * d.y, d * d.z);
-        a += across;
-        b += across * target.camera.centre;
-        rays += 1;
-    }
-    let centre = a.inverse() * b;
-    (rays >= 2 && centre.is_finite()).then_some(centre)
-}
-
-/// A ball that holds what the masks of `targets` show: centred where their rays meet, as wide as the widest mask.
-pub(crate) fn ball(targets: &[&Target]) -> Option<Ball> {
-    let centre = mask_centre(targets.iter().copied())?;
-    let mut radius = 0.0f64;
-    for target in targets.iter().filter(|t| t.area > 0.0) {
-        let (_, depth) = target.camera.project(centre)?;
-        let b = &target.bounds;
-        let reach = |near: usize, far: usize, c: f64| (c - near as f64).max(far as f64 - c);
-        let half = DVec2::new(reach(b.x0, b.x1, target.centre[0]), reach(b.y0, b.y1, target.centre[1]));
-        radius = radius.max((half / target.camera.focal).length() * depth);
-    }
-    (radius > 0.0).then_some(Ball { centre, radius })
 }
 
 /// The scene's sparse points near the object: those that most masks show.

@@ -2,7 +2,7 @@
 
 use std::mem;
 
-use gic_splat::{GaussianGradients, Gaussians, Shape};
+use gic_splat::{GaussianGradients, Gaussians, Shape, logit, sigmoid};
 use glam::{Quat, Vec3};
 use rand::{Rng, RngExt};
 use rayon::prelude::*;
@@ -47,14 +47,6 @@ pub(crate) struct Gradient {
 /// Coefficients beyond the first, per Gaussian.
 pub(crate) fn details_per_gaussian(sh_degree: usize) -> usize {
     (sh_degree + 1) * (sh_degree + 1) - 1
-}
-
-pub(crate) fn logit(opacity: f64) -> f64 {
-    (opacity / (1.0 - opacity)).ln()
-}
-
-fn sigmoid(x: f32) -> f32 {
-    1.0 / (1.0 + (-x).exp())
 }
 
 /// One attribute of all Gaussians, in parallel.
@@ -121,7 +113,7 @@ impl Parameters {
         gradient: &mut Gradient,
         d_residuals: &mut [[f32; 4]],
     ) {
-        let (scales, d_scales) = (flat_scales(&drawn.shape), flat_scales(&slope.shape));
+        let (scales, d_scales) = (drawn.shape.flat_scales(), slope.shape.flat_scales());
         if let Shape::Anisotropic { rotations, .. } = &slope.shape {
             let sums = gradient.rotations.as_flattened_mut().iter_mut();
             sums.zip(rotations.as_flattened()).for_each(|(sum, d)| *sum += d);
@@ -160,14 +152,6 @@ impl Parameters {
         self.opacity_logits = rows.iter().map(|&i| self.opacity_logits[i]).collect();
         self.features = rows.iter().map(|&i| self.features[i]).collect();
         self.details = rows.iter().flat_map(|&i| &self.details[i * details..(i + 1) * details]).copied().collect();
-    }
-}
-
-/// Standard deviations as flat numbers, one or three per Gaussian.
-pub(crate) fn flat_scales(shape: &Shape) -> &[f32] {
-    match shape {
-        Shape::Isotropic { scales } => scales,
-        Shape::Anisotropic { scales, .. } => scales.as_flattened(),
     }
 }
 
@@ -408,7 +392,7 @@ mod tests {
             let g = p.gaussians(Some(residuals));
             dot(g.positions.as_flattened(), slope.positions.as_flattened())
                 + dot(&g.opacities, &slope.opacities)
-                + dot(flat_scales(&g.shape), flat_scales(&slope.shape))
+                + dot(g.shape.flat_scales(), slope.shape.flat_scales())
                 + dot(&turns(&g.shape), &turns(&slope.shape))
                 + dot(g.sh.as_flattened(), slope.sh.as_flattened())
         };

@@ -5,20 +5,19 @@
 
 use std::ops::ControlFlow;
 
+use gic_motion::adam::{Moments, decayed};
+use gic_motion::pictures::{self, Bounds, Target, picture_loss, windowed};
 use gic_scene::Scene;
-use gic_splat::{GaussianGradients, Gaussians, RenderSettings, Shape, backward, render};
+use gic_splat::{
+    GaussianGradients, Gaussians, RenderSettings, Shape, backward, coefficient_of_color, color_of_coefficient, logit,
+    render, sh, sigmoid,
+};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
-use crate::adam::{Moments, decayed};
 use crate::light::{Light, TERMS, terms};
-use crate::loss::picture_loss;
-use crate::parameters::logit;
-use crate::shade::SH0;
-use crate::targets::{self, Bounds, Target, windowed};
-use crate::{LossWeights, MotionError};
+use crate::{AppearanceError, DressSettings};
 
 /// Pixels around the mask in which what is drawn counts.
 const MARGIN: usize = 12;
@@ -35,11 +34,11 @@ pub struct LitGaussians {
 }
 
 impl LitGaussians {
-    /// The Gaussians to draw when they are at `positions` [m] with outward `normals` ([`crate::outward_normals`]), both shape [n, 3].
+    /// The Gaussians to draw when they are at `positions` [m] with outward `normals` ([`gic_motion::outward_normals`]), both shape [n, 3].
     pub fn at(&self, positions: Vec<[f32; 3]>, normals: &[[f32; 3]]) -> Gaussians {
         let lit = |(sh, &normal): (&[f32; 3], &[f32; 3])| {
             let light = self.light.at(normal);
-            core::array::from_fn(|c| coefficient(color_of(sh[c]) * light[c]))
+            core::array::from_fn(|c| coefficient_of_color(color_of_coefficient(sh[c]) * light[c]))
         };
         Gaussians {
             positions,
@@ -51,15 +50,6 @@ impl LitGaussians {
     }
 }
 
-/// The colour in [0, 1] of a degree-0 harmonic's coefficient.
-pub fn color_of(coefficient: f32) -> f32 {
-    0.5 + SH0 * coefficient
-}
-
-fn coefficient(color: f32) -> f32 {
-    (color - 0.5) / SH0
-}
-
 /// Where the Gaussians are in one frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Posture {
@@ -69,43 +59,6 @@ pub struct Posture {
     pub positions: Vec<[f32; 3]>,
     /// Outward normals, shape [n, 3].
     pub normals: Vec<[f32; 3]>,
-}
-
-/// How to train.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct DressSettings {
-    /// Steps; each draws one frame.
-    pub steps: usize,
-    /// Views drawn per step.
-    pub views_per_step: usize,
-    /// Learning rate of the albedo, from the first step to the last.
-    pub albedo: (f64, f64),
-    /// Learning rate of the opacities' logits.
-    pub opacity: (f64, f64),
-    /// Learning rate of the scales' logarithms.
-    pub scale: (f64, f64),
-    /// Learning rate of the light.
-    pub light: (f64, f64),
-    /// A scale may grow or shrink by this factor.
-    pub scale_bound: f64,
-    /// Weights of the losses; those of motion are not used.
-    pub loss: LossWeights,
-}
-
-impl Default for DressSettings {
-    fn default() -> Self {
-        DressSettings {
-            steps: 300,
-            views_per_step: 4,
-            albedo: (3.0e-2, 3.0e-3),
-            opacity: (3.0e-2, 3.0e-3),
-            scale: (1.0e-2, 1.0e-3),
-            light: (1.0e-2, 1.0e-3),
-            scale_bound: 1.5,
-            loss: LossWeights::default(),
-        }
-    }
 }
 
 /// One step of training, told to the callback.
@@ -133,8 +86,8 @@ pub fn dress(
     postures: &[Posture],
     (settings, seed): (&DressSettings, u64),
     callback: &mut dyn FnMut(&DressProgress) -> ControlFlow<()>,
-) -> Result<LitGaussians, MotionError> {
-    let targets = targets::training(scene, held_out)?;
+) -> Result<LitGaussians, AppearanceError> {
+    let targets = pictures::training(scene, held_out)?;
     // Each posture with its pictures.
     let frames: Vec<(&Posture, Vec<&Target>)> = postures
         .iter()
@@ -142,7 +95,7 @@ pub fn dress(
         .filter(|(_, seen)| !seen.is_empty())
         .collect();
     if frames.is_empty() {
-        return Err(MotionError::NothingToTrain("no picture shows the object in these frames".into()));
+        return Err(AppearanceError::NothingToTrain("no picture shows the object in these frames".into()));
     }
     let mut wardrobe = Wardrobe::new(bare, settings);
     for step in 0..settings.steps {
@@ -204,21 +157,21 @@ impl<'a> Wardrobe<'a> {
     fn lit(&self, positions: &[[f32; 3]]) -> LitGaussians {
         let gaussians = Gaussians {
             positions: positions.to_vec(),
-            opacities: self.opacity_logits.iter().map(|x| 1.0 / (1.0 + (-x).exp())).collect(),
+            opacities: self.opacity_logits.iter().map(|&x| sigmoid(x)).collect(),
             shape: Shape::Isotropic { scales: self.log_scales.iter().map(|s| s.exp()).collect() },
             sh_degree: 0,
-            sh: self.albedo.iter().map(|a| a.map(coefficient)).collect(),
+            sh: self.albedo.iter().map(|a| a.map(coefficient_of_color)).collect(),
         };
         LitGaussians { gaussians, light: self.light }
     }
 
-    fn step(&mut self, posture: &Posture, views: &[&Target], step: usize) -> Result<DressProgress, MotionError> {
+    fn step(&mut self, posture: &Posture, views: &[&Target], step: usize) -> Result<DressProgress, AppearanceError> {
         let drawn = self.lit(&posture.positions).at(posture.positions.clone(), &posture.normals);
         let slopes: Vec<(f64, (f64, usize), GaussianGradients)> =
             views.par_iter().map(|view| self.compare(view, &drawn)).collect::<Result<_, _>>()?;
         let loss = slopes.iter().map(|(loss, ..)| loss).sum::<f64>() / slopes.len() as f64;
         if !loss.is_finite() {
-            return Err(MotionError::Diverged { step });
+            return Err(AppearanceError::Diverged { step });
         }
         let squared = slopes.iter().fold((0.0, 0), |sum, (_, s, _)| (sum.0 + s.0, sum.1 + s.1));
         let slope = self.pull_back(&drawn, &posture.normals, slopes.iter().map(|(.., slope)| slope));
@@ -231,7 +184,7 @@ impl<'a> Wardrobe<'a> {
         &self,
         target: &Target,
         drawn: &Gaussians,
-    ) -> Result<(f64, (f64, usize), GaussianGradients), MotionError> {
+    ) -> Result<(f64, (f64, usize), GaussianGradients), AppearanceError> {
         let b = target.bounds;
         let window = Bounds {
             x0: b.x0.saturating_sub(MARGIN),
@@ -275,7 +228,7 @@ impl<'a> Wardrobe<'a> {
                 slope.log_scales[i] += d_scales[i] * scales[i];
                 for c in 0..3 {
                     // So far by the lit colour.
-                    slope.albedo[i][c] += view.sh[i][c] / SH0;
+                    slope.albedo[i][c] += view.sh[i][c] / sh::C0 as f32;
                 }
             }
         }

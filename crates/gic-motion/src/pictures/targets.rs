@@ -8,44 +8,56 @@ const ROWS_PER_TASK: usize = 32;
 
 /// One training or test picture.
 #[derive(Clone, Debug)]
-pub(crate) struct Target {
-    pub(crate) camera: Camera,
-    pub(crate) camera_index: usize,
-    pub(crate) frame: usize,
-    pub(crate) time: f64,
+pub struct Target {
+    /// The camera; its size is the picture's.
+    pub camera: Camera,
+    /// Its index in the scene's list.
+    pub camera_index: usize,
+    /// Number of the frame.
+    pub frame: usize,
+    /// Time of the frame [s].
+    pub time: f64,
     /// Area of the mask [pixels].
-    pub(crate) area: f64,
+    pub area: f64,
     /// Mean of the mask's pixels, image coordinates [pixels].
-    pub(crate) centre: [f64; 2],
+    pub centre: [f64; 2],
     /// Where the mask is above zero.
-    pub(crate) bounds: Bounds,
+    pub bounds: Bounds,
     /// Width of its pixels in those of the picture on disk.
-    pub(crate) pixel: f64,
+    pub pixel: f64,
     /// Colour over black and coverage, 8 bits each like the pictures on disk, inside `bounds`.
     pixels: Vec<[u8; 4]>,
 }
 
 /// Columns `x0..x1`, rows `y0..y1` of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Bounds {
-    pub(crate) x0: usize,
-    pub(crate) y0: usize,
-    pub(crate) x1: usize,
-    pub(crate) y1: usize,
+pub struct Bounds {
+    /// First column.
+    pub x0: usize,
+    /// First row.
+    pub y0: usize,
+    /// One past the last column.
+    pub x1: usize,
+    /// One past the last row.
+    pub y1: usize,
 }
 
 impl Bounds {
-    pub(crate) const EMPTY: Bounds = Bounds { x0: usize::MAX, y0: usize::MAX, x1: 0, y1: 0 };
+    /// No pixel; the union with it changes nothing.
+    pub const EMPTY: Bounds = Bounds { x0: usize::MAX, y0: usize::MAX, x1: 0, y1: 0 };
 
-    pub(crate) fn is_empty(&self) -> bool {
+    /// Whether it holds no pixel.
+    pub fn is_empty(&self) -> bool {
         self.x1 <= self.x0 || self.y1 <= self.y0
     }
 
-    pub(crate) fn width(&self) -> usize {
+    /// Columns.
+    pub fn width(&self) -> usize {
         self.x1.saturating_sub(self.x0)
     }
 
-    pub(crate) fn height(&self) -> usize {
+    /// Rows.
+    pub fn height(&self) -> usize {
         self.y1.saturating_sub(self.y0)
     }
 
@@ -54,7 +66,8 @@ impl Bounds {
         (self.y0..self.y1).flat_map(move |y| (self.x0..self.x1).map(move |x| (x, y)))
     }
 
-    pub(crate) fn union(self, other: Bounds) -> Bounds {
+    /// The smallest rectangle that holds both.
+    pub fn union(self, other: Bounds) -> Bounds {
         Bounds {
             x0: self.x0.min(other.x0),
             y0: self.y0.min(other.y0),
@@ -87,7 +100,7 @@ impl Target {
     }
 
     /// The picture at half its size, each pixel the mean of four; a last odd column or row is left out.
-    pub(crate) fn halved(&self) -> Target {
+    pub fn halved(&self) -> Target {
         let mut camera = self.camera.clone();
         (camera.width, camera.height) = ((camera.width / 2).max(1), (camera.height / 2).max(1));
         camera.focal /= 2.0;
@@ -103,30 +116,30 @@ impl Target {
     }
 
     /// Coverage of the pixel in column `x`, row `y`.
-    pub(crate) fn coverage(&self, x: usize, y: usize) -> f32 {
+    pub fn coverage(&self, x: usize, y: usize) -> f32 {
         f32::from(self.pixel(x, y)[3]) / 255.0
     }
 
     /// The mask of the whole picture.
-    pub(crate) fn mask(&self) -> Mask {
+    pub fn mask(&self) -> Mask {
         let (_, coverage) = self.crop(self.whole());
         Mask { width: self.camera.width, height: self.camera.height, coverage }
     }
 
     /// The whole picture, straight colours, black where the mask is empty.
-    pub(crate) fn picture(&self) -> Picture {
+    pub fn picture(&self) -> Picture {
         let (color, coverage) = self.crop(self.whole());
         let straight = color.iter().zip(coverage).flat_map(|(c, a)| c.map(|c| if a > 0.0 { c / a } else { 0.0 }));
         Picture { width: self.camera.width, height: self.camera.height, rgb: straight.collect() }
     }
 
     /// The bounds of the whole picture.
-    pub(crate) fn whole(&self) -> Bounds {
+    pub fn whole(&self) -> Bounds {
         Bounds { x0: 0, y0: 0, x1: self.camera.width, y1: self.camera.height }
     }
 
     /// Colour over black and coverage inside `window`, row-major.
-    pub(crate) fn crop(&self, window: Bounds) -> (Vec<[f32; 3]>, Vec<f32>) {
+    pub fn crop(&self, window: Bounds) -> (Vec<[f32; 3]>, Vec<f32>) {
         let unit = |v: u8| f32::from(v) / 255.0;
         let pixels = window.width() * window.height();
         let (mut color, mut coverage) = (vec![[0.0; 3]; pixels], vec![0.0; pixels]);
@@ -167,7 +180,7 @@ fn extent((width, height): (usize, usize), coverage: impl Fn(usize, usize) -> f6
 }
 
 /// The camera whose picture is `window` of this camera's picture.
-pub(crate) fn windowed(camera: &Camera, window: Bounds) -> Camera {
+pub fn windowed(camera: &Camera, window: Bounds) -> Camera {
     let mut cropped = camera.clone();
     cropped.width = window.width();
     cropped.height = window.height();
@@ -177,12 +190,18 @@ pub(crate) fn windowed(camera: &Camera, window: Bounds) -> Camera {
 }
 
 /// Pictures to train on: everything meant for training except the held-out cameras.
-pub(crate) fn training(scene: &Scene, held_out: &[usize]) -> Result<Vec<Target>, SceneError> {
+///
+/// # Errors
+/// A picture or mask that cannot be read.
+pub fn training(scene: &Scene, held_out: &[usize]) -> Result<Vec<Target>, SceneError> {
     load(scene, scene.views.iter().filter(|v| v.split == Split::Train && !held_out.contains(&v.camera)))
 }
 
 /// Pictures to measure on: the held-out cameras, or what the format sets aside for tests.
-pub(crate) fn held_out(scene: &Scene, held_out: &[usize]) -> Result<Vec<Target>, SceneError> {
+///
+/// # Errors
+/// A picture or mask that cannot be read.
+pub fn held_out(scene: &Scene, held_out: &[usize]) -> Result<Vec<Target>, SceneError> {
     let wanted = |v: &&View| match held_out {
         [] => v.split == Split::Test,
         cameras => cameras.contains(&v.camera),
@@ -191,7 +210,10 @@ pub(crate) fn held_out(scene: &Scene, held_out: &[usize]) -> Result<Vec<Target>,
 }
 
 /// The pictures of the first frame.
-pub(crate) fn first_frame(scene: &Scene) -> Result<Vec<Target>, SceneError> {
+///
+/// # Errors
+/// A picture or mask that cannot be read.
+pub fn first_frame(scene: &Scene) -> Result<Vec<Target>, SceneError> {
     load(scene, scene.views_at(0).iter())
 }
 

@@ -4,12 +4,12 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::{Best, State};
 use crate::adam::Moments;
-use crate::base_fit::{Base, PoseFit};
-use crate::parameters::{ParameterMoments, Parameters, ScreenGradients, details_per_gaussian};
-use crate::smoothing::Anchors;
+use crate::base::fit::{Base, PoseFit};
+use crate::gaussians::parameters::{ParameterMoments, Parameters, ScreenGradients, details_per_gaussian};
+use crate::gaussians::smoothing::Anchors;
 use crate::tensor_file::{self, TensorFile};
-use crate::trainer::{Best, State};
 use crate::{BaseMotion, Domain, GaussianShape, MotionError, MotionNetwork, TrainSettings};
 
 const FILE: &str = "checkpoint.safetensors";

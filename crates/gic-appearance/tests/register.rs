@@ -1,11 +1,12 @@
 //! Registration of a scan made here: three coloured lobes, moved, turned and scaled, seen by three cameras.
 
+#[path = "../../gic-motion/tests/common/mod.rs"]
 mod common;
 
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 
-use gic_motion::{MotionError, RegisterSettings, Registration, placed, register};
+use gic_appearance::{AppearanceError, RegisterSettings, Registration, placed, register};
 use gic_scene::{Camera, Scene, Similarity};
 use gic_splat::{Gaussians, Shape};
 use glam::{DMat3, DQuat, DVec2, DVec3, EulerRot};
@@ -80,7 +81,7 @@ fn truth() -> Similarity {
 const SETTINGS: RegisterSettings =
     RegisterSettings { starts: 1_500, candidates: 6, steps: 40, final_steps: 80, color: 0.5, least_iou: 0.9 };
 
-fn find(scan: &Gaussians, video: &Scene) -> Result<Registration, MotionError> {
+fn find(scan: &Gaussians, video: &Scene) -> Result<Registration, AppearanceError> {
     register(scan, video, &SETTINGS, &mut |_, _| ControlFlow::Continue(()))
 }
 
@@ -115,7 +116,7 @@ fn another_object_overlaps_badly() {
 
 fn complaint(scan: &Gaussians, video: &Scene) -> String {
     match find(scan, video) {
-        Err(MotionError::Unregistrable(reason)) => reason,
+        Err(AppearanceError::Unregistrable(reason)) => reason,
         other => panic!("{other:?}"),
     }
 }
@@ -152,7 +153,7 @@ fn a_camera_that_misses_the_object_takes_no_part() {
     assert_eq!(found.candidates[0].iou.len(), 3);
     let none = RegisterSettings { starts: 0, ..SETTINGS };
     let error = register(&scan(), &video, &none, &mut |_, _| ControlFlow::Continue(())).unwrap_err();
-    assert!(matches!(error, MotionError::Setting { .. }), "{error}");
+    assert!(matches!(error, AppearanceError::Setting { .. }), "{error}");
 }
 
 #[test]

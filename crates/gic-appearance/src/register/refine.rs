@@ -1,15 +1,14 @@
 //! From a start to the pictures: Adam on turn, shift and size, with the rasteriser's gradients.
 
 use gic_metrics::mask_iou;
+use gic_motion::LossWeights;
+use gic_motion::adam::{Moments, decayed};
+use gic_motion::pictures::{Target, drawn_bounds, picture_loss, windowed};
 use gic_splat::{GaussianGradients, Gaussians, RenderSettings, backward, render};
 use rayon::prelude::*;
 
 use super::placement::{Placement, UNKNOWNS};
-use crate::adam::{Moments, decayed};
-use crate::loss::picture_loss;
-use crate::targets::{Target, windowed};
-use crate::trainer::drawn_bounds;
-use crate::{LossWeights, MotionError};
+use crate::AppearanceError;
 
 /// Length of a step: turn [rad], and shift in radii of the object. The size changes half as fast.
 #[derive(Clone, Copy)]
@@ -33,7 +32,7 @@ pub(crate) fn refine(
     start: Placement,
     pace: Pace,
     weights: &LossWeights,
-) -> Result<Placement, MotionError> {
+) -> Result<Placement, AppearanceError> {
     let mut placement = start;
     let mut moments = Moments::zeros(UNKNOWNS);
     for step in 0..pace.steps {
@@ -62,7 +61,7 @@ pub(crate) fn judge(
     views: &[Target],
     placement: &Placement,
     weights: &LossWeights,
-) -> Result<Judged, MotionError> {
+) -> Result<Judged, AppearanceError> {
     let compared = compare(&placement.gaussians(scan), views, weights)?;
     let loss = compared.iter().map(|view| view.loss).sum::<f64>() / views.len() as f64;
     Ok(Judged { loss, iou: compared.into_iter().map(|view| view.iou).collect() })
@@ -74,11 +73,11 @@ struct Compared {
     slope: GaussianGradients,
 }
 
-fn compare(gaussians: &Gaussians, views: &[Target], weights: &LossWeights) -> Result<Vec<Compared>, MotionError> {
+fn compare(gaussians: &Gaussians, views: &[Target], weights: &LossWeights) -> Result<Vec<Compared>, AppearanceError> {
     views.par_iter().map(|view| compare_view(gaussians, view, weights)).collect()
 }
 
-fn compare_view(gaussians: &Gaussians, target: &Target, weights: &LossWeights) -> Result<Compared, MotionError> {
+fn compare_view(gaussians: &Gaussians, target: &Target, weights: &LossWeights) -> Result<Compared, AppearanceError> {
     let window = drawn_bounds(gaussians, &target.camera).union(target.bounds);
     let camera = windowed(&target.camera, window);
     let mut settings = RenderSettings { max_sh_degree: 0, ..RenderSettings::pictures() };

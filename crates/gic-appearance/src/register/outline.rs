@@ -1,10 +1,10 @@
 //! The cheap look at a starting rotation: points of the scan as bits on coarse outlines of the masks.
 
+use gic_motion::pictures::{Bounds, Target, windowed};
 use gic_scene::Camera;
 use glam::{DMat3, DVec2, DVec3};
 
 use super::placement::Placement;
-use crate::targets::{Bounds, Target, windowed};
 
 /// Side of a square with the mask's area, in cells of the outline: fine enough for limbs, coarse enough that the points leave no holes.
 const CELLS_ACROSS: f64 = 20.0;

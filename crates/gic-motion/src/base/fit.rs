@@ -1,9 +1,8 @@
 //! Adam on the base motion's poses.
 
 use crate::adam::Moments;
-use crate::base::PoseSlope;
-use crate::smoothing::Neighbourhood;
-use crate::{BaseMotion, Lattice};
+use crate::base::{BaseMotion, Lattice, PoseSlope};
+use crate::gaussians::smoothing::Neighbourhood;
 
 /// Neighbouring nodes of the lattice share their pull over about this many cells.
 const REACH: f64 = 1.0;

@@ -1,11 +1,12 @@
 //! The training loop, static and dynamic.
 
+mod checkpoint;
 mod follow;
 mod judge;
-mod picture;
 mod regularise;
 mod schedule;
 mod start;
+mod view_gradient;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
@@ -20,18 +21,15 @@ use rayon::prelude::*;
 
 use crate::adam::{Moments, decayed};
 use crate::base::Pose;
-use crate::base_fit::{Base, Freedom};
-use crate::parameters::{Gradient, ParameterMoments, Parameters, ScreenGradients};
+use crate::base::fit::{Base, Freedom};
+use crate::gaussians::parameters::{Gradient, ParameterMoments, Parameters, ScreenGradients};
+use crate::gaussians::smoothing::Anchors;
+use crate::pictures::{self, Target};
 use crate::settings::MIN_SYNCHRONOUS;
-use crate::smoothing::Anchors;
-use crate::targets::{self, Target};
-use crate::{
-    BaseMotion, Deformation, Domain, DynamicGaussians, MotionError, MotionNetwork, TrainSettings, ViewScore, checkpoint,
-};
-use picture::ViewGradient;
-pub(crate) use picture::drawn_bounds;
+use crate::{BaseMotion, Deformation, Domain, DynamicGaussians, MotionError, MotionNetwork, TrainSettings, ViewScore};
 use schedule::Stage;
 use start::MIN_GAUSSIANS;
+use view_gradient::ViewGradient;
 
 /// Length of the network's unit, in radii of the object's ball at the first frame.
 const EXTENT_RADII: f64 = 2.0;
@@ -193,11 +191,11 @@ fn check(scene: &Scene, settings: &TrainSettings) -> Result<(), MotionError> {
 
 impl<'a> Trainer<'a> {
     fn new(scene: &Scene, settings: &'a TrainSettings, seed: u64) -> Result<Self, MotionError> {
-        let targets = targets::training(scene, &settings.held_out)?;
+        let targets = pictures::training(scene, &settings.held_out)?;
         let held_out = match settings.evaluate_every {
             0 => Vec::new(),
             _ if settings.held_out.is_empty() => Vec::new(),
-            _ => targets::held_out(scene, &settings.held_out)?,
+            _ => pictures::held_out(scene, &settings.held_out)?,
         };
         if targets.iter().all(|t| t.area == 0.0) {
             let reason = match targets.is_empty() {

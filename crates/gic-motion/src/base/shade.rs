@@ -3,12 +3,11 @@
 //! The paper's colours do not change. But light falls differently on an object that turns, bends or comes near the ground, and
 //! colours that are the same at all times then pull the Gaussians out of place. Each frame multiplies them by a smooth field.
 
-use crate::BaseMotion;
-use crate::base::Pose;
-use crate::parameters::{Gradient, Parameters, details_per_gaussian};
+use super::{BaseMotion, Pose};
+use crate::gaussians::parameters::{Gradient, Parameters, details_per_gaussian};
 
 /// Value of the degree-0 harmonic: colour = 0.5 + this * coefficient.
-pub(crate) const SH0: f32 = 0.282_094_8;
+const SH0: f32 = gic_splat::sh::C0 as f32;
 
 impl BaseMotion {
     /// Multiplies the colours of Gaussians, whose spherical harmonics are `sh` [n, k, 3] and whose canonical places are

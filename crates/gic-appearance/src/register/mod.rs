@@ -10,15 +10,14 @@ mod refine;
 
 use std::ops::ControlFlow;
 
+use gic_motion::LossWeights;
+use gic_motion::pictures::{self, Ball, Target};
 use gic_scene::{Scene, Similarity};
 use gic_splat::Gaussians;
 use glam::DVec3;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
-use crate::initial::{self, Ball};
-use crate::targets::{self, Target};
-use crate::{LossWeights, MotionError};
+use crate::{AppearanceError, RegisterSettings};
 use covering::angle;
 use outline::{Outline, settle};
 use placement::Placement;
@@ -39,30 +38,6 @@ const LEAST_BASELINE_RAD: f64 = 3.0 * RADIANS;
 const SMALL: f64 = 90.0;
 /// Fits of the second round.
 const FINALISTS: usize = 3;
-
-/// How to register.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct RegisterSettings {
-    /// Starting rotations.
-    pub starts: usize,
-    /// Starts that are fitted to the pictures.
-    pub candidates: usize,
-    /// Steps of the first fit of each.
-    pub steps: usize,
-    /// Steps of the second fit, of the best.
-    pub final_steps: usize,
-    /// Weight of the colours beside that of the masks, which is 1.
-    pub color: f64,
-    /// Below this overlap of the registered scan with the mask of any camera, registration has failed.
-    pub least_iou: f64,
-}
-
-impl Default for RegisterSettings {
-    fn default() -> Self {
-        RegisterSettings { starts: 6_000, candidates: 10, steps: 60, final_steps: 150, color: 0.5, least_iou: 0.9 }
-    }
-}
 
 /// One way to place the scan.
 #[derive(Clone, Debug, PartialEq)]
@@ -99,18 +74,18 @@ pub struct Registration {
 /// search, with what was found until then.
 ///
 /// # Errors
-/// [`MotionError::Unregistrable`] where the views cannot tell; unreadable pictures.
+/// [`AppearanceError::Unregistrable`] where the views cannot tell; unreadable pictures.
 pub fn register(
     scan: &Gaussians,
     video: &Scene,
     settings: &RegisterSettings,
     callback: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
-) -> Result<Registration, MotionError> {
+) -> Result<Registration, AppearanceError> {
     if settings.starts == 0 || settings.candidates == 0 {
         let reason = "starts and candidates must be at least 1".into();
-        return Err(MotionError::Setting { setting: "register", reason });
+        return Err(AppearanceError::Setting { setting: "register", reason });
     }
-    let mut views = targets::first_frame(video)?;
+    let mut views = pictures::first_frame(video)?;
     let ball = object(&views, video)?;
     views.retain(|view| view.area > 0.0);
     let body = Body::new(scan)?;
@@ -155,9 +130,9 @@ pub fn register(
 /// Whether the first frame of `video` can tell where anything lies: cheap to ask before a scan is made.
 ///
 /// # Errors
-/// [`MotionError::Unregistrable`] where it cannot; unreadable pictures.
-pub fn check_registrable(video: &Scene) -> Result<(), MotionError> {
-    object(&targets::first_frame(video)?, video).map(|_| ())
+/// [`AppearanceError::Unregistrable`] where it cannot; unreadable pictures.
+pub fn check_registrable(video: &Scene) -> Result<(), AppearanceError> {
+    object(&pictures::first_frame(video)?, video).map(|_| ())
 }
 
 /// A scan moved into the world. Colours lose their dependence on direction (degrees above 0), which is not turned.
@@ -173,8 +148,8 @@ pub fn placed(scan: &Gaussians, to: &Similarity) -> Gaussians {
 }
 
 /// Where the object is in the video's first frame.
-fn object(views: &[Target], video: &Scene) -> Result<Ball, MotionError> {
-    let unregistrable = |reason: String| Err(MotionError::Unregistrable(reason));
+fn object(views: &[Target], video: &Scene) -> Result<Ball, AppearanceError> {
+    let unregistrable = |reason: String| Err(AppearanceError::Unregistrable(reason));
     let name = |view: &Target| &video.camera_names[view.camera_index];
     let seen: Vec<&Target> = views.iter().filter(|view| view.area > 0.0).collect();
     if seen.len() < 2 {
@@ -183,7 +158,7 @@ fn object(views: &[Target], video: &Scene) -> Result<Ball, MotionError> {
             "{who} the object in the first frame; one view cannot tell its size from its distance, at least two are needed"
         ));
     }
-    let Some(ball) = initial::ball(&seen) else {
+    let Some(ball) = pictures::ball(&seen) else {
         return unregistrable(
             "the rays through the masks of the first frame do not meet in front of the cameras: a pose is wrong or mirrored".into(),
         );
@@ -221,7 +196,7 @@ struct Body {
 }
 
 impl Body {
-    fn new(scan: &Gaussians) -> Result<Body, MotionError> {
+    fn new(scan: &Gaussians) -> Result<Body, AppearanceError> {
         let opaque: Vec<DVec3> = (0..scan.len())
             .filter(|&i| scan.opacities[i] >= OPAQUE)
             .map(|i| DVec3::from_array(scan.positions[i].map(f64::from)))
@@ -229,7 +204,7 @@ impl Body {
         if opaque.len() < 100 {
             let reason =
                 format!("the scan has only {} opaque Gaussians: look at its masks with `gic inspect`", opaque.len());
-            return Err(MotionError::Unregistrable(reason));
+            return Err(AppearanceError::Unregistrable(reason));
         }
         let centre = opaque.iter().sum::<DVec3>() / opaque.len() as f64;
         let stride = opaque.len().div_ceil(POINTS);

@@ -1,18 +1,10 @@
 //! One picture of a step: drawn where something is, compared, and its gradient.
 
-use gic_scene::Camera;
 use gic_splat::{GaussianGradients, Gaussians, RenderSettings, backward, render};
-use glam::{DVec2, DVec3};
-use rayon::prelude::*;
 
 use super::Trainer;
 use crate::MotionError;
-use crate::loss::picture_loss;
-use crate::parameters;
-use crate::targets::{Bounds, Target, windowed};
-
-/// Gaussians per parallel task, at least.
-const PER_TASK: usize = 2048;
+use crate::pictures::{Target, drawn_bounds, picture_loss, windowed};
 
 pub(super) struct ViewGradient {
     pub(super) loss: f64,
@@ -52,29 +44,4 @@ impl Trainer<'_> {
         let screen_unit = target.area.max(1.0) / (width * height) * width / 2.0;
         Ok(ViewGradient { loss: loss.value, squared: loss.squared, slope, screen_unit })
     }
-}
-
-/// The pixels that Gaussians within three standard deviations can touch.
-pub(crate) fn drawn_bounds(gaussians: &Gaussians, camera: &Camera) -> Bounds {
-    let scales = parameters::flat_scales(&gaussians.shape);
-    let axes = scales.len() / gaussians.len().max(1);
-    let reached = |(i, position): (usize, &[f32; 3])| {
-        let scale = scales[i * axes..(i + 1) * axes].iter().copied().fold(0.0, f32::max);
-        let (pixel, depth) = camera.project(DVec3::from_array(position.map(f64::from)))?;
-        let reach = 3.0 * f64::from(scale) / depth * camera.focal.max_element() + 1.0;
-        (reach.is_finite() && pixel.is_finite()).then(|| (pixel - reach, pixel + reach))
-    };
-    let nothing = || (DVec2::INFINITY, DVec2::NEG_INFINITY);
-    let both = |a: (DVec2, DVec2), b: (DVec2, DVec2)| (a.0.min(b.0), a.1.max(b.1));
-    let positions = gaussians.positions.par_iter().with_min_len(PER_TASK).enumerate();
-    let (low, high) = positions.filter_map(reached).reduce(nothing, both);
-    // Casting saturates, so infinities give an empty window.
-    let clamp = |x: f64, end: usize| (x.max(0.0) as usize).min(end);
-    let bounds = Bounds {
-        x0: clamp(low.x.floor(), camera.width),
-        y0: clamp(low.y.floor(), camera.height),
-        x1: clamp(high.x.ceil(), camera.width),
-        y1: clamp(high.y.ceil(), camera.height),
-    };
-    if bounds.is_empty() { Bounds::EMPTY } else { bounds }
 }

@@ -12,17 +12,20 @@ const MIN_AREA: f64 = 0.02;
 const SPAN: usize = 1 << 13;
 
 /// Loss of one picture.
-pub(crate) struct PictureLoss {
+pub struct PictureLoss {
     /// Weighted sum of the picture terms.
-    pub(crate) value: f64,
+    pub value: f64,
     /// Sum of squared colour differences, and how many there are.
-    pub(crate) squared: (f64, usize),
+    pub squared: (f64, usize),
     /// d value / d picture.
-    pub(crate) gradient: ImageGradients,
+    pub gradient: ImageGradients,
 }
 
 /// Compares a rendered window with its target colour and mask; `area` is the object's area in the picture [pixels].
-pub(crate) fn picture_loss(
+///
+/// # Errors
+/// [`MetricError`] where the sizes do not belong together.
+pub fn picture_loss(
     rendered: &Rendered,
     (color, mask): (&[[f32; 3]], &[f32]),
     (width, height): (usize, usize),

@@ -1,0 +1,65 @@
+//! The settings of both stages, with their defaults.
+
+use gic_motion::LossWeights;
+use serde::{Deserialize, Serialize};
+
+/// How to train the colours of a twin.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DressSettings {
+    /// Steps; each draws one frame.
+    pub steps: usize,
+    /// Views drawn per step.
+    pub views_per_step: usize,
+    /// Learning rate of the albedo, from the first step to the last.
+    pub albedo: (f64, f64),
+    /// Learning rate of the opacities' logits.
+    pub opacity: (f64, f64),
+    /// Learning rate of the scales' logarithms.
+    pub scale: (f64, f64),
+    /// Learning rate of the light.
+    pub light: (f64, f64),
+    /// A scale may grow or shrink by this factor.
+    pub scale_bound: f64,
+    /// Weights of the losses; those of motion are not used.
+    pub loss: LossWeights,
+}
+
+impl Default for DressSettings {
+    fn default() -> Self {
+        DressSettings {
+            steps: 300,
+            views_per_step: 4,
+            albedo: (3.0e-2, 3.0e-3),
+            opacity: (3.0e-2, 3.0e-3),
+            scale: (1.0e-2, 1.0e-3),
+            light: (1.0e-2, 1.0e-3),
+            scale_bound: 1.5,
+            loss: LossWeights::default(),
+        }
+    }
+}
+
+/// How to register.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RegisterSettings {
+    /// Starting rotations.
+    pub starts: usize,
+    /// Starts that are fitted to the pictures.
+    pub candidates: usize,
+    /// Steps of the first fit of each.
+    pub steps: usize,
+    /// Steps of the second fit, of the best.
+    pub final_steps: usize,
+    /// Weight of the colours beside that of the masks, which is 1.
+    pub color: f64,
+    /// Below this overlap of the registered scan with the mask of any camera, registration has failed.
+    pub least_iou: f64,
+}
+
+impl Default for RegisterSettings {
+    fn default() -> Self {
+        RegisterSettings { starts: 6_000, candidates: 10, steps: 60, final_steps: 150, color: 0.5, least_iou: 0.9 }
+    }
+}
