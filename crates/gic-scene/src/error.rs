@@ -5,6 +5,10 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+/// What to do about a missing mask.
+pub(crate) const MASK_HINT: &str = "add a mask file or an alpha channel, a picture of the empty background of this camera, or \
+                                    give a matting network (--matting model.onnx)";
+
 /// One thing wrong with the data of a scene. The text names the file and says what to do.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[non_exhaustive]

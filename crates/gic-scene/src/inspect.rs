@@ -11,8 +11,9 @@ use crate::camera::Camera;
 use crate::error::{Problem, SceneError};
 use crate::hull::{Hull, HullSettings, HullView};
 use crate::picture::{Mask, Picture};
-use crate::scene::{MaskSource, Scene, Split};
+use crate::scene::Scene;
 use crate::sheet;
+use crate::view::{MaskSource, Split};
 
 /// Everything worth knowing about a scene before working with it. Lengths in metres where [`Inspection::metric`] says so.
 #[derive(Clone, Debug, Serialize)]

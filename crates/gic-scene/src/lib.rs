@@ -5,25 +5,34 @@
 
 mod camera;
 mod error;
+mod format;
 mod hull;
 mod inspect;
 mod lens;
+mod load;
 mod matting;
 mod network;
+mod options;
 mod picture;
 mod read;
 mod scene;
 mod sheet;
 mod similarity;
+mod view;
+mod world;
 
 pub use camera::Camera;
 pub use error::{Problem, SceneError, Severity};
+pub use format::Format;
 pub use hull::{Hull, HullSettings, HullView, SurfacePoint};
 pub use inspect::{CameraReport, GroundSource, HullReport, Inspection, inspect};
 pub use matting::difference_matte;
+pub use options::{Masks, OpenOptions};
 pub use picture::{Mask, Picture, PixelBox, touches_border};
-pub use scene::{ColouredPoint, Format, MaskSource, Masks, OpenOptions, Plane, Scene, Split, View, World};
+pub use scene::Scene;
 pub use similarity::Similarity;
+pub use view::{MaskSource, Split, View};
+pub use world::{ColouredPoint, Plane, World};
 
 #[doc = include_str!("../CONVENTIONS.md")]
 pub mod conventions {}

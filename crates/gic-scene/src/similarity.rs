@@ -3,7 +3,8 @@
 use glam::{DMat3, DVec3};
 
 use crate::camera::Camera;
-use crate::scene::{ColouredPoint, Plane, Scene, World};
+use crate::scene::Scene;
+use crate::world::{ColouredPoint, Plane, World};
 
 /// x' = scale * rotation * x + translation.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -6,11 +6,15 @@ use std::path::{Path, PathBuf};
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
-use super::nerfstudio::find_mask;
-use super::{Draft, DraftCamera, DraftView, Intrinsics, pose};
+use super::draft::{Draft, DraftCamera, DraftView, Intrinsics};
+use super::mask_file::find_mask;
+use super::pose;
 use crate::error::{Problem, SceneError};
+use crate::format::Format;
 use crate::lens::Lens;
-use crate::scene::{ColouredPoint, Format, MaskSource, OpenOptions, Split, World};
+use crate::options::OpenOptions;
+use crate::view::{MaskSource, Split};
+use crate::world::{ColouredPoint, World};
 
 /// Folders, relative to the scene, in which a model may lie.
 pub(super) const MODEL_FOLDERS: [&str; 5] = ["sparse/0", "sparse", "colmap/sparse/0", "colmap", "."];

@@ -3,7 +3,9 @@
 mod blender;
 mod colmap;
 mod draft;
+mod finish;
 mod json;
+mod mask_file;
 mod nerfstudio;
 mod pac_nerf;
 mod pose;
@@ -13,10 +15,10 @@ mod spring_gaus;
 use std::path::Path;
 
 use crate::error::SceneError;
-use crate::scene::{OpenOptions, Scene};
+use crate::options::OpenOptions;
+use crate::scene::Scene;
 
-pub(crate) use draft::MASK_HINT;
-use draft::{Draft, DraftCamera, DraftView, Intrinsics};
+use draft::Draft;
 
 type Reader = fn(&Path, &OpenOptions) -> Result<Draft, SceneError>;
 
@@ -32,8 +34,26 @@ const FORMATS: [(&str, Reader); 7] = [
     ("transforms.json", nerfstudio::read),
 ];
 
+impl Scene {
+    /// Opens the scene in folder `path` (or whose main file `path` is), recognising the format by its files.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] lists everything that is wrong with the data; the other errors stop at once.
+    pub fn open(path: impl AsRef<Path>) -> Result<Scene, SceneError> {
+        Scene::open_with(path, &OpenOptions::default())
+    }
+
+    /// Like [`Scene::open`], with settings.
+    ///
+    /// # Errors
+    /// As [`Scene::open`].
+    pub fn open_with(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Scene, SceneError> {
+        open(path.as_ref(), options)
+    }
+}
+
 /// Opens the scene at `path`: a folder, or the file that gives the format away.
-pub(crate) fn open(path: &Path, options: &OpenOptions) -> Result<Scene, SceneError> {
+fn open(path: &Path, options: &OpenOptions) -> Result<Scene, SceneError> {
     if !path.exists() {
         return Err(SceneError::NotFound { path: path.to_owned() });
     }
@@ -50,5 +70,5 @@ pub(crate) fn open(path: &Path, options: &OpenOptions) -> Result<Scene, SceneErr
         // A COLMAP model may lie in several places.
         None => colmap::read,
     };
-    draft::finish(reader(root, options)?, root, options)
+    finish::finish(reader(root, options)?, root, options)
 }

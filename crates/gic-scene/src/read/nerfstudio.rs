@@ -1,14 +1,19 @@
 //! nerfstudio: `transforms.json`, with intrinsics and lens distortion for all pictures or for each.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde_json::Value;
 
+use super::draft::{Draft, DraftCamera, DraftView, Intrinsics};
+use super::json;
+use super::mask_file::find_mask;
 use super::pose::{self, Axes};
-use super::{Draft, DraftCamera, DraftView, Intrinsics, json};
 use crate::error::{Problem, SceneError};
+use crate::format::Format;
 use crate::lens::Lens;
-use crate::scene::{Format, MaskSource, OpenOptions, Split, World};
+use crate::options::OpenOptions;
+use crate::view::{MaskSource, Split};
+use crate::world::World;
 use glam::{DVec2, DVec3};
 
 pub(super) fn read(root: &Path, _: &OpenOptions) -> Result<Draft, SceneError> {
@@ -129,14 +134,6 @@ fn lens_of(keys: &Keys) -> Result<Option<Lens>, String> {
 fn mask_beside(root: &Path, picture: &str) -> Option<MaskSource> {
     let name = Path::new(picture).file_name()?;
     find_mask(&root.join("masks"), Path::new(name)).map(MaskSource::File)
-}
-
-/// The mask of picture `name` (relative to the picture folder) in `folder`: `name.png`, or `name` with .png added.
-pub(super) fn find_mask(folder: &Path, name: &Path) -> Option<PathBuf> {
-    let replaced = folder.join(name.with_extension("png"));
-    let mut added = folder.join(name).into_os_string();
-    added.push(".png");
-    [replaced, PathBuf::from(added), folder.join(name)].into_iter().find(|path| path.is_file())
 }
 
 /// nerfstudio marks pictures for evaluation by their names.

@@ -8,11 +8,16 @@ use glam::{DMat3, DVec2, DVec3};
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::nerfstudio::find_mask;
-use super::{Draft, DraftCamera, DraftView, Intrinsics, colmap, draft, json, pose};
+use super::draft::{Draft, DraftCamera, DraftView, Intrinsics};
+use super::mask_file::find_mask;
+use super::{colmap, finish, json, pose};
 use crate::error::{Problem, SceneError};
+use crate::format::Format;
 use crate::lens::Lens;
-use crate::scene::{Format, MaskSource, OpenOptions, Plane, Scene, Split, World};
+use crate::options::OpenOptions;
+use crate::scene::Scene;
+use crate::view::{MaskSource, Split};
+use crate::world::{Plane, World};
 
 /// The videos' frame rate [Hz] where the user gives none: no file of the format states it.
 const FRAME_RATE: f64 = 30.0;
@@ -163,7 +168,7 @@ fn read_rest(
     let Some(model) = colmap::model_folder(&folder("colmap")) else { return Ok(None) };
     let draft = colmap::read_model(&model, &folder("images"), &folder("masks"))?;
     let options = OpenOptions { frame_rate: None, ..options.clone() };
-    match draft::finish(draft, &root.join("static"), &options) {
+    match finish::finish(draft, &root.join("static"), &options) {
         Ok(scene) => Ok(Some(scene)),
         Err(SceneError::Invalid(found)) => {
             problems.extend(found);

@@ -6,10 +6,14 @@ use glam::DVec3;
 use serde::Deserialize;
 use serde_json::{Map, Value};
 
+use super::draft::{Draft, DraftCamera, DraftView, Intrinsics};
+use super::json;
 use super::pose::{self, Axes};
-use super::{Draft, DraftCamera, DraftView, Intrinsics, json};
 use crate::error::{Problem, SceneError};
-use crate::scene::{Format, OpenOptions, Plane, Split, World};
+use crate::format::Format;
+use crate::options::OpenOptions;
+use crate::view::Split;
+use crate::world::{Plane, World};
 
 #[derive(Deserialize)]
 struct Entry {

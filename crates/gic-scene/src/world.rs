@@ -1,0 +1,41 @@
+//! What is known about the world frame of a scene.
+
+use glam::DVec3;
+
+/// A plane in the world frame.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plane {
+    /// A point on the plane [m].
+    pub point: DVec3,
+    /// The unit normal, pointing to the free side.
+    pub normal: DVec3,
+}
+
+impl Plane {
+    /// Signed distance [m] of a point; positive on the free side.
+    pub fn height(&self, x: DVec3) -> f64 {
+        self.normal.dot(x - self.point)
+    }
+}
+
+/// What the format fixes about the world frame; `None` where it says nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct World {
+    /// The unit vector that points up.
+    pub up: Option<DVec3>,
+    /// Gravitational acceleration [m/s^2].
+    pub gravity: Option<DVec3>,
+    /// The ground, which the object sticks to.
+    pub ground: Option<Plane>,
+    /// Whether lengths are metres; otherwise the unit is arbitrary (COLMAP, Blender).
+    pub metric: bool,
+}
+
+/// A coloured point of a sparse reconstruction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColouredPoint {
+    /// Position in the world frame.
+    pub position: DVec3,
+    /// Red, green, blue in [0, 1].
+    pub rgb: [f32; 3],
+}
