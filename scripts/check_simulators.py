@@ -1,7 +1,7 @@
 """Loads what `gic export` wrote for other simulators with those simulators themselves, and checks that it works.
 
     pip install mujoco usd-core meshio numpy
-    cargo run --release -p gic --example write_interchange -- FOLDER
+    cargo run --release -p gic-twin --example write_interchange -- FOLDER
     python3 scripts/check_simulators.py FOLDER/beam.xml FOLDER/beam.usda FOLDER/beam.msh FOLDER/beam.npz
     python3 scripts/check_simulators.py --cantilever FOLDER
     gic export RUN --format mjcf -o twin.xml && python3 scripts/check_simulators.py --settle twin.xml

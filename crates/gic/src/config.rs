@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 
 use gic_appearance::{DressSettings, RegisterSettings};
 use gic_motion::TrainSettings;
+use gic_twin::atomic;
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
-use crate::atomic;
 use crate::error::{Error, Result};
 
 /// The settings of all stages; [`Default`] is right for every scene that several cameras filmed, see [`TrainSettings::for_scene`].
@@ -389,7 +389,7 @@ impl Config {
             source: source.into(),
         })?;
         let head = "# Every setting of this run. Feed it back with --config, or change single ones with --set section.key=value.\n\n";
-        atomic::write(path, (head.to_owned() + &text).as_bytes())
+        Ok(atomic::write(path, (head.to_owned() + &text).as_bytes())?)
     }
 }
 

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
+use gic_twin::atomic;
 use include_dir::{Dir, include_dir};
 
-use crate::atomic;
 use crate::error::Result;
 
 /// An elastic object, 11 cameras x 14 frames, 200x200, with its ground truth.

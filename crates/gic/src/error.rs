@@ -3,9 +3,18 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use gic_twin::TwinError;
+use gic_view::ViewError;
+
 /// A failure of the pipeline.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
+    /// A twin, its matter or its simulation.
+    #[error(transparent)]
+    Twin(#[from] TwinError),
+    /// Pictures, pages and recordings.
+    #[error(transparent)]
+    View(#[from] ViewError),
     /// A file could not be read.
     #[error("cannot read {}", path.display())]
     Read {
@@ -32,18 +41,6 @@ pub enum Error {
         /// The cause, with line and column.
         source: Box<dyn std::error::Error + Send + Sync>,
     },
-    /// A key that no reader knows.
-    #[error("{}: unknown key `{key}`{}", path.display(), nearest_suffix(nearest.as_deref()))]
-    UnknownKey {
-        /// The file.
-        path: PathBuf,
-        /// The key with its path inside the file, such as `material.youngs_modulus`.
-        key: String,
-        /// The valid key that is spelled most alike, if any comes near.
-        nearest: Option<String>,
-        /// All valid keys at that place.
-        valid: Vec<String>,
-    },
     /// A value is missing, of the wrong kind or outside its bounds.
     #[error("{}: `{field}` {problem}", path.display())]
     Field {
@@ -65,16 +62,6 @@ pub enum Error {
         problem: String,
         /// What to do about it.
         hint: Option<String>,
-    },
-    /// A folder holds the output of other inputs or settings.
-    #[error("{} holds the output of another run: {difference}", path.display())]
-    OtherRun {
-        /// The folder.
-        path: PathBuf,
-        /// What differs.
-        difference: String,
-        /// What to do about it.
-        hint: String,
     },
     /// A stage of the pipeline failed.
     #[error("{stage} failed")]
@@ -107,14 +94,12 @@ pub enum Error {
 /// Result of the pipeline.
 pub type Result<T> = std::result::Result<T, Error>;
 
-fn nearest_suffix(nearest: Option<&str>) -> String {
-    nearest.map(|n| format!(", did you mean `{n}`?")).unwrap_or_default()
-}
-
 impl Error {
     /// The way out, in one sentence, where there is one.
     pub fn hint(&self) -> Option<String> {
         match self {
+            Self::Twin(error) => error.hint(),
+            Self::View(error) => error.hint(),
             Self::Read { source, .. } if source.kind() == io::ErrorKind::NotFound => {
                 Some("check the path; relative paths inside a twin are relative to the twin's own folder".into())
             }
@@ -126,13 +111,21 @@ impl Error {
                 io::ErrorKind::StorageFull => Some("free some disk space and run the same command again".into()),
                 _ => Some("check that the parent is a folder and not a file, or choose another one with -o".into()),
             },
-            Self::UnknownKey { valid, .. } => Some(format!("valid keys here: {}", valid.join(", "))),
             Self::Field { hint, .. }
             | Self::Content { hint, .. }
             | Self::Stage { hint, .. }
             | Self::Usage { hint, .. } => hint.clone(),
-            Self::OtherRun { hint, .. } => Some(hint.clone()),
             Self::Interrupted { resume, .. } => Some(resume.clone()),
+        }
+    }
+
+    /// Whether the user interrupted.
+    pub fn is_interrupt(&self) -> bool {
+        match self {
+            Self::Twin(error) => error.is_interrupt(),
+            Self::View(error) => error.is_interrupt(),
+            Self::Interrupted { .. } => true,
+            _ => false,
         }
     }
 

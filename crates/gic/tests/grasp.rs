@@ -10,9 +10,9 @@ use std::fs;
 use std::path::Path;
 use std::process::Output;
 
-use gic::events::Events;
 use gic::grasp::{AxisChoice, Gripper, Report, Request, grasp};
-use gic::{Interrupt, matter};
+use gic_twin::events::Events;
+use gic_twin::{Interrupt, matter};
 use glam::DVec3;
 use serde_json::{Value, json};
 

@@ -8,13 +8,13 @@ use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 use gic_scene::{Format, Scene};
+use gic_twin::Interrupt;
+use gic_twin::atomic;
+use gic_twin::events::{Event, Events};
 use serde::Serialize;
 
-use crate::atomic;
 use crate::error::{Error, Result};
 use crate::eval::{Evaluation, Truth, evaluate, mean};
-use crate::events::{Event, Events};
-use crate::interrupt::Interrupt;
 use states::Column;
 pub use states::{Figure, StateRow};
 

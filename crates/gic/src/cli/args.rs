@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 use gic::config::Model;
 use gic::grasp::MAX_REFINEMENT;
-use gic::twin::Setting;
+use gic_twin::twin::Setting;
 
 use super::flags::{AppearanceFlags, FillFlags, IdentifyFlags, ReconstructFlags, SceneFlags, SettingsFlags};
 
@@ -271,7 +271,7 @@ pub(crate) struct SimulateArgs {
     pub(crate) colliders: Option<PathBuf>,
     /// Another twin or run folder in the same world, moved by X,Y,Z metres; may be repeated, also for copies of the same
     #[arg(long = "with", value_name = "TWIN@X,Y,Z")]
-    pub(crate) companions: Vec<gic::simulate::Companion>,
+    pub(crate) companions: Vec<gic_twin::simulate::Companion>,
     /// Start anew, even if the folder holds frames of another twin or other settings
     #[arg(long)]
     pub(crate) restart: bool,
@@ -292,16 +292,16 @@ pub(crate) struct RenderArgs {
     pub(crate) out: PathBuf,
     /// From where: `orbit`, or the number of a camera of the scene
     #[arg(long, value_name = "N|orbit", default_value = "orbit")]
-    pub(crate) camera: gic::render::Viewpoint,
+    pub(crate) camera: gic_view::render::Viewpoint,
     /// The scene whose cameras to use; a run knows its own
     #[arg(long, value_name = "SCENE")]
     pub(crate) scene: Option<PathBuf>,
     /// What lies behind the matter
     #[arg(long, value_enum, default_value = "floor")]
-    pub(crate) background: gic::render::Background,
+    pub(crate) background: gic_view::render::Background,
     /// What the colours mean
     #[arg(long, value_enum, default_value = "stress")]
-    pub(crate) color: gic::render::Coloring,
+    pub(crate) color: gic_view::render::Coloring,
     /// Put the video's picture to the left; needs a camera of the scene
     #[arg(long)]
     pub(crate) beside_video: bool,

@@ -15,8 +15,10 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
-use gic::events::{Event, Events};
-use gic::{Error, Interrupt};
+use gic::Error;
+use gic_twin::events::{Event, Events};
+use gic_twin::{Interrupt, TwinError};
+use gic_view::ViewError;
 
 use args::{Cli, Command};
 
@@ -40,9 +42,7 @@ pub(crate) fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             report(&error);
-            let interrupted =
-                error.chain().any(|e| matches!(e.downcast_ref::<Error>(), Some(Error::Interrupted { .. })));
-            ExitCode::from(if interrupted { 130 } else { 1 })
+            ExitCode::from(if error.chain().any(is_interrupt) { 130 } else { 1 })
         }
     }
 }
@@ -103,6 +103,21 @@ fn on_ctrl_c(interrupt: &Interrupt) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Whether the user interrupted.
+fn is_interrupt(error: &(dyn std::error::Error + 'static)) -> bool {
+    error.downcast_ref::<Error>().is_some_and(Error::is_interrupt)
+        || error.downcast_ref::<TwinError>().is_some_and(TwinError::is_interrupt)
+        || error.downcast_ref::<ViewError>().is_some_and(ViewError::is_interrupt)
+}
+
+/// The way out of an error, where it knows one.
+fn hint(error: &(dyn std::error::Error + 'static)) -> Option<String> {
+    let pipeline = error.downcast_ref::<Error>().and_then(Error::hint);
+    let twin = || error.downcast_ref::<TwinError>().and_then(TwinError::hint);
+    let view = || error.downcast_ref::<ViewError>().and_then(ViewError::hint);
+    pipeline.or_else(twin).or_else(view)
+}
+
 /// Prints an error, its causes and the way out on stderr.
 fn report(error: &anyhow::Error) {
     let mut text = format!("error: {error}\n");
@@ -114,7 +129,7 @@ fn report(error: &anyhow::Error) {
         }
         last = cause;
     }
-    if let Some(hint) = error.chain().find_map(|e| e.downcast_ref::<Error>().and_then(Error::hint)) {
+    if let Some(hint) = error.chain().find_map(hint) {
         text += &format!("  hint: {hint}\n");
     }
     let _ = std::io::stderr().write_all(text.as_bytes());

@@ -2,7 +2,7 @@
 
 use std::io::IsTerminal;
 
-use gic::events::{Event, Sink};
+use gic_twin::events::{Event, Sink};
 use indicatif::{ProgressBar, ProgressStyle};
 
 pub(crate) struct Progress {

@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use gic::eval::{Truth, evaluate};
-use gic::{atomic, bench, demo, pipeline};
+use gic::{bench, demo, pipeline};
+use gic_twin::atomic;
 use pipeline::Run;
 
 use super::Context;

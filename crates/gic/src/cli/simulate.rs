@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use gic::simulate::{Companion, Request, simulate};
-use gic::twin::Setting;
+use gic_twin::simulate::{Companion, Request, simulate};
+use gic_twin::twin::Setting;
 use serde_json::json;
 
 use super::Context;

@@ -3,7 +3,8 @@
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use gic::view::{Request, default_page, record, view};
+use gic::recording::record;
+use gic_view::page::{Request, default_page, view};
 
 use super::Context;
 use super::args::ViewArgs;

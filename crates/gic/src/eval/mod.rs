@@ -9,14 +9,14 @@ mod volume;
 use std::path::Path;
 
 use gic_metrics::{compare_clouds, noise_floor};
+use gic_twin::Interrupt;
+use gic_twin::atomic;
+use gic_twin::events::Events;
+use gic_twin::matter::read_particles;
 use serde::{Deserialize, Serialize};
 
-use crate::atomic;
 use crate::config::{Config, Layer};
 use crate::error::{Error, Result};
-use crate::events::Events;
-use crate::interrupt::Interrupt;
-use crate::matter::read_particles;
 use crate::pipeline::{FillSummary, FrameFilling, IdentifyRecord, filling_file, prediction_file};
 pub use pictures::PictureError;
 use pictures::Pictures;

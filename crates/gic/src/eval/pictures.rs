@@ -5,14 +5,14 @@ use std::path::Path;
 use gic_metrics::{MetricError, Rectangle, mask_iou, psnr, ssim};
 use gic_scene::{Camera, Mask, Picture, Scene};
 use gic_splat::{Gaussians, RenderSettings, render};
+use gic_twin::matter::read_particles;
+use gic_view::look::Look;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::mean;
 use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::look::Look;
-use crate::matter::read_particles;
 use crate::pipeline::{TWIN_MATTER, open_scene, prediction_file, simulated_frame};
 
 /// Pictures of the twin against those of the video, both over black: means over cameras.

@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use gic_scene::Similarity;
+use gic_twin::atomic;
 use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::Truth;
-use crate::atomic;
 use crate::error::Result;
 use crate::pipeline::RegistrationRecord;
 

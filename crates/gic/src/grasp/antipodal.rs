@@ -86,7 +86,7 @@ fn mean_normal(surface: &[(DVec3, DVec3)], place: DVec3, normal: DVec3, reach: f
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::matter::{Shape, ShapeKind};
+    use gic_twin::matter::{Shape, ShapeKind};
 
     fn lattice(kind: ShapeKind, rotation_deg: [f64; 3]) -> Vec<DVec3> {
         Shape { kind, centre_m: [0.3, 0.2, 0.1], rotation_deg }.sample(0.005)
@@ -96,7 +96,7 @@ mod tests {
     fn a_turned_box_is_gripped_across_its_faces() {
         let positions = lattice(ShapeKind::Box { size_m: [0.05, 0.04, 0.12] }, [0.0, 30.0, 0.0]);
         let line = search(&positions, 0.005, DVec3::Y, 0.5, 0.03, 0.02).unwrap();
-        let turn = crate::twin::rotation([0.0, 30.0, 0.0]);
+        let turn = gic_twin::rotation([0.0, 30.0, 0.0]);
         let along = (line.direction.dot(turn * DVec3::X)).abs().max(line.direction.dot(turn * DVec3::Z).abs());
         assert!(along > 4f64.to_radians().cos(), "{line:?}");
         assert!(line.middle.distance(DVec3::new(0.3, 0.2, 0.1)) < 0.015, "{line:?}");

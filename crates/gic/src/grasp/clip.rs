@@ -4,17 +4,15 @@ use std::path::{Path, PathBuf};
 
 use gic_motion::outward_normals;
 use gic_mpm::Body;
+use gic_twin::atomic;
+use gic_view::render::{Encoder, Particles, Studio};
 use glam::DVec3;
 
 use super::place::Place;
 use super::report::Report;
 use super::rig::{Moment, Pads, Pose};
 use super::{STAGE, percentile};
-use crate::atomic;
 use crate::error::{Error, Result};
-use crate::render::film::Encoder;
-use crate::render::frames::Particles;
-use crate::render::studio::Studio;
 
 /// Particles whose outward normal is shorter lie so deep that no picture shows them.
 const VISIBLE: f32 = 0.15;

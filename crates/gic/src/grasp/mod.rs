@@ -14,17 +14,17 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use gic_mpm::{Material, Stepping, World};
+use gic_twin::Interrupt;
+use gic_twin::atomic;
+use gic_twin::events::{Event, Events};
+use gic_twin::twin::{Setting, Twin};
+use gic_twin::usage::Meter;
 use glam::DVec3;
 
 pub use place::AxisChoice;
 pub use report::{Lift, Report, Squeeze};
 
-use crate::atomic;
 use crate::error::{Error, Result};
-use crate::events::{Event, Events};
-use crate::interrupt::Interrupt;
-use crate::twin::{Setting, Twin};
-use crate::usage::Meter;
 use clip::Clip;
 use measure::{Faces, mean_position, touching};
 use place::Place;
@@ -257,7 +257,7 @@ impl<'a> Grasp<'a> {
         }
         Ok(Report {
             schema: "gic.grasp/1".into(),
-            gic_version: crate::VERSION.into(),
+            gic_version: gic_twin::VERSION.into(),
             axis: self.request.axis.name().into(),
             axis_direction: self.place.to_world.x_axis.to_array(),
             centre_m: self.place.origin.to_array(),

@@ -7,10 +7,10 @@ use std::f64::consts::PI;
 use std::ops::ControlFlow;
 
 use gic_mpm::{Collider, ColliderPath, Contact, ContactForce, Frame, Options, Primitive, Simulator, Snapshot, World};
+use gic_twin::Interrupt;
 use glam::{DQuat, DVec3};
 
 use crate::error::{Error, Result};
-use crate::interrupt::Interrupt;
 
 /// First number of a particle's velocity in a snapshot, of its velocity gradient and of its deformation gradient.
 const VELOCITY: usize = 3;

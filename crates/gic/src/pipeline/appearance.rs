@@ -5,13 +5,13 @@ use std::ops::ControlFlow;
 use gic_appearance::{DressProgress, Posture, dress};
 use gic_continuum::{Appearance, informed_gaussians};
 use gic_motion::outward_normals;
+use gic_twin::matter::read_particles;
+use gic_view::look::Look;
 use glam::DVec3;
 
 use super::predict::{prediction_file, simulated_frame};
 use super::{Run, Stage, TWIN_MATTER};
 use crate::error::{Error, Result};
-use crate::look::Look;
-use crate::matter::read_particles;
 
 /// Steps between two events.
 const EVENT_EVERY: usize = 25;
@@ -37,7 +37,7 @@ impl Run<'_> {
         if self.interrupt.requested() {
             return Err(self.interrupted("the prediction"));
         }
-        Look::save(&lit, spacing, &self.folder)
+        Ok(Look::save(&lit, spacing, &self.folder)?)
     }
 
     /// Particles of the twin at a frame of the video [m].

@@ -3,14 +3,14 @@
 use std::path::Path;
 
 use gic_continuum::{write_mesh_ply, write_msh, write_obj, write_particles_ply, write_stl};
+use gic_twin::interchange::{Carrier, MotionSamples, write_mjcf, write_particle_set, write_usd};
+use gic_twin::matter::read_particles;
+use gic_twin::simulate::Trajectory;
+use gic_twin::twin::Twin;
 use glam::DVec3;
 
 use super::Run;
 use crate::error::{Error, Result};
-use crate::interchange::{Carrier, MotionSamples, write_mjcf, write_particle_set, write_usd};
-use crate::matter::read_particles;
-use crate::simulate::Trajectory;
-use crate::twin::Twin;
 
 /// Forms of export.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -91,7 +91,7 @@ impl Run<'_> {
     }
 
     fn finished_twin(&self) -> Result<Twin> {
-        Twin::read(&self.path("twin.json"), &[])
+        Ok(Twin::read(&self.path("twin.json"), &[])?)
     }
 
     /// The points [m], given at the first frame, in every frame of the prediction; no frames where there is no prediction.

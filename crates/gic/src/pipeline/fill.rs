@@ -7,16 +7,16 @@ use gic_continuum::{
     calibrate, compare_with_masks, sample_particles, sample_points,
 };
 use gic_scene::{Hull, HullSettings, HullView, Mask};
+use gic_twin::atomic;
+use gic_twin::matter::{read_particles, write_particles};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::bodies::Bodies;
 use super::source::Source;
 use super::{Run, Stage};
-use crate::atomic;
 use crate::config::UnseenChoice;
 use crate::error::{Error, Result};
-use crate::matter::{read_particles, write_particles};
 
 /// Grid cells along the side of a cube with the object's volume, before rounding: 0.02 m cells for the paper's objects, whose
 /// boxes are 0.3 to 0.45 m. The volume says it better than the box, which depends on the object's orientation.
@@ -198,7 +198,7 @@ impl Run<'_> {
             outline_frames: bodies.outline_frames(),
             frames,
         };
-        atomic::write_json(&self.path("fill.json"), &summary)
+        Ok(atomic::write_json(&self.path("fill.json"), &summary)?)
     }
 
     /// Distance of neighbouring particles [m]: two a grid cell along each axis, for the object as filled at the first frame.
@@ -340,7 +340,7 @@ fn write_body(path: &Path, particles: &Particles) -> Result<()> {
         let [density, factor, doubt] = [particles.densities[i], particles.volume_factors[i], particles.doubts[i]];
         [x, y, z, density, f32::from(particles.surface[i]), factor, doubt]
     });
-    write_particles(path, ["x", "y", "z", "density", "surface", "volume_factor", "doubt"], rows)
+    Ok(write_particles(path, ["x", "y", "z", "density", "surface", "volume_factor", "doubt"], rows)?)
 }
 
 /// Overlaps of the views that have a mask.

@@ -20,7 +20,7 @@ impl Run<'_> {
         if !goes_on && folder.exists() {
             std::fs::remove_dir_all(&folder).map_err(Error::write(&folder))?;
         }
-        crate::atomic::create_folder(&folder)?;
+        gic_twin::atomic::create_folder(&folder)?;
         stamp.write(&begun)?;
         let checkpoint = folder.join("checkpoint");
         let mut tell = |progress: &Progress| self.tell(progress);

@@ -8,16 +8,16 @@ use gic_identify::{
     Checkpoint, Event, Identification, IdentifyError, Input, Observation, Optimizer, Settings, Stage as IdentifyStage,
     Step, Target, View, identify,
 };
+use gic_twin::atomic;
+use gic_twin::matter::write_particles;
+use gic_twin::twin::{self, ContactKind, Obstacle, ObstacleShape, Twin};
 use serde::{Deserialize, Serialize};
 
 use super::predict::simulated_frame;
 use super::stamp::Stamp;
 use super::{Continuum, Run, Stage};
-use crate::atomic;
 use crate::config::{MaterialChoice, Model, OptimizerChoice, TargetChoice};
 use crate::error::{Error, Result};
-use crate::matter::write_particles;
-use crate::twin::{self, ContactKind, Obstacle, ObstacleShape, Twin};
 
 /// Substeps of a frame on a grid of [`REFERENCE_GRID_M`], whatever the frame rate, as in the published simulations. Every substep's
 /// transfers damp the motion a little, so other numbers of them find other parameters: 144 instead of 200 cost 5 % of a bouncing
@@ -149,7 +149,7 @@ impl Run<'_> {
             }
         });
         match (found, unwritten) {
-            (_, Some(error)) => Err(error),
+            (_, Some(error)) => Err(error.into()),
             (Err(IdentifyError::Interrupted), None) => {
                 Err(self.interrupted("the last finished stage of identification"))
             }
@@ -186,7 +186,7 @@ impl Run<'_> {
     /// Obstacles: from a file, else the scene's ground.
     pub(super) fn obstacles(&self) -> Result<Vec<Obstacle>> {
         if let Some(path) = &self.config.identify.colliders {
-            return Twin::read_obstacles(path);
+            return Ok(Twin::read_obstacles(path)?);
         }
         let half_space = |point: [f64; 3], normal: [f64; 3]| {
             let shape = ObstacleShape::HalfSpace { point_m: point, normal };
@@ -300,7 +300,7 @@ impl Run<'_> {
             let (density, surface) = (particles.densities[i], f32::from(particles.surface[i]));
             [x, y, z, density, surface, found.volume_factors[i] as f32]
         });
-        write_particles(&self.path(TWIN_MATTER), ["x", "y", "z", "density", "surface", "volume_factor"], rows)
+        Ok(write_particles(&self.path(TWIN_MATTER), ["x", "y", "z", "density", "surface", "volume_factor"], rows)?)
     }
 
     fn twin(&self, input: &Input, obstacles: Vec<Obstacle>, found: &Identification, record: &IdentifyRecord) -> Twin {
@@ -332,7 +332,7 @@ impl Run<'_> {
             substeps_per_frame: Some(input.substeps_per_frame),
             loss: Some(found.loss.chamfer_m + found.loss.mask_l1),
             seed: self.config.seed,
-            gic_version: Some(crate::VERSION.into()),
+            gic_version: Some(gic_twin::VERSION.into()),
             seconds,
             ..Twin::new(found.material, twin::Continuum::File(PathBuf::from(TWIN_MATTER)))
         }
@@ -348,7 +348,7 @@ impl Run<'_> {
     /// # Errors
     /// A missing or damaged file.
     pub fn identified(&self) -> Result<IdentifyRecord> {
-        atomic::read_json(&self.path("identify.json"))
+        Ok(atomic::read_json(&self.path("identify.json"))?)
     }
 }
 

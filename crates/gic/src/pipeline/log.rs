@@ -5,10 +5,10 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::time::Instant;
 
+use gic_twin::events::{Event, Sink};
 use serde::Serialize;
 
 use crate::error::{Error, Result};
-use crate::events::{Event, Sink};
 
 pub(super) struct Log {
     file: BufWriter<File>,

@@ -21,15 +21,15 @@ use std::path::{Path, PathBuf};
 
 use gic_motion::TrainSettings;
 use gic_scene::{Masks, OpenOptions, Scene};
+use gic_twin::Interrupt;
+use gic_twin::atomic;
+use gic_twin::events::{Event, Events};
+use gic_twin::usage::Meter;
+use gic_view::look;
 use sha2::{Digest, Sha256};
 
-use crate::atomic;
 use crate::config::{Config, Layer, MaskChoice, MaterialChoice};
 use crate::error::{Error, Result};
-use crate::events::{Event, Events};
-use crate::interrupt::Interrupt;
-use crate::look;
-use crate::usage::Meter;
 pub use export::Export;
 pub(crate) use fill::filling_file;
 #[cfg(feature = "rerun")]
@@ -135,7 +135,7 @@ impl<'a> Run<'a> {
         config.write(&file)?;
         events.add(log::Log::open(&folder.join("log.jsonl"))?);
         let command = std::env::args().collect::<Vec<_>>().join(" ");
-        events.send(&Event::Started { command, gic_version: crate::VERSION.into() });
+        events.send(&Event::Started { command, gic_version: gic_twin::VERSION.into() });
         for problem in &video.warnings {
             events.warn("scene", problem.to_string());
         }
@@ -287,6 +287,14 @@ impl<'a> Run<'a> {
     fn interrupted(&self, after: &str) -> Error {
         Error::Interrupted { after: after.into(), resume: "run the same command again to go on from there".into() }
     }
+}
+
+/// Opens the scene of a run folder, with all frames of the video.
+///
+/// # Errors
+/// Those of [`open_scene`], unusable settings.
+pub fn scene_of_run(run: &Path) -> Result<Scene> {
+    open_scene(&Config::resolve(vec![Layer::read(&run.join("config.toml"))?])?)
 }
 
 /// Opens the scene that a configuration names.

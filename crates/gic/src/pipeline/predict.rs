@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use gic_scene::Scene;
+use gic_twin::simulate::{Request, simulate};
 
 use super::Run;
 use crate::error::Result;
-use crate::simulate::{Request, simulate};
 
 impl Run<'_> {
     pub(super) fn predict(&self) -> Result<()> {
@@ -19,7 +19,8 @@ impl Run<'_> {
             frames: Some(self.frames_to_simulate()),
             restart: true,
         };
-        simulate(&request, self.events, self.interrupt).map(|_| ())
+        simulate(&request, self.events, self.interrupt)?;
+        Ok(())
     }
 }
 

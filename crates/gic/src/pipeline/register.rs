@@ -4,11 +4,11 @@ use std::ops::ControlFlow;
 
 use gic_appearance::{Candidate, Registration, check_registrable, register};
 use gic_scene::Similarity;
+use gic_twin::atomic;
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::{Run, Stage};
-use crate::atomic;
 use crate::config::TargetChoice;
 use crate::error::{Error, Result};
 
@@ -102,7 +102,7 @@ impl Run<'_> {
     /// A scene without a scan, a missing or damaged file.
     pub fn registration(&self) -> Result<RegistrationRecord> {
         self.require_scan()?;
-        atomic::read_json(&self.path("registration.json"))
+        Ok(atomic::read_json(&self.path("registration.json"))?)
     }
 
     /// Refuses what cannot end well with a scan, before the minutes that it takes.
@@ -156,7 +156,7 @@ impl Run<'_> {
             record.overlaps_text()
         );
         self.events.note(stage, text);
-        atomic::write_json(&self.path("registration.json"), &record)
+        Ok(atomic::write_json(&self.path("registration.json"), &record)?)
     }
 
     fn registration_record(&self, found: &Registration) -> RegistrationRecord {

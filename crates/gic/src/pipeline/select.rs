@@ -8,13 +8,13 @@ use gic_continuum::{Appearance, Drawing, informed_gaussians};
 use gic_identify::{Identification, Input};
 use gic_mpm::{Body, Options, Simulator, Stepping, World};
 use gic_splat::{RenderSettings, render};
+use gic_twin::atomic;
 use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::stamp::Stamp;
 use super::{Run, Stage};
-use crate::atomic;
 use crate::config::Model;
 use crate::error::{Error, Result};
 use crate::eval::mean;
@@ -165,7 +165,7 @@ impl Run<'_> {
     }
 
     pub(super) fn selection(&self) -> Result<Selection> {
-        atomic::read_json(&self.path("selection.json"))
+        Ok(atomic::read_json(&self.path("selection.json"))?)
     }
 
     /// Fits a law to the first `fitted` frames, roughly or in full, and predicts the others.

@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use gic_twin::atomic;
+use gic_twin::first_difference;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 
-use crate::atomic;
-use crate::difference::first_difference;
 use crate::error::{Error, Result};
 
 /// Everything that decides a stage's result.
@@ -30,7 +30,7 @@ impl Stamp {
             source: source.into(),
         })?;
         let input = (input.0.to_owned(), input.1);
-        Ok(Self { gic_version: crate::VERSION.into(), input, settings, seconds: 0.0 })
+        Ok(Self { gic_version: gic_twin::VERSION.into(), input, settings, seconds: 0.0 })
     }
 
     /// The same stamp with the time that the stage took.
@@ -61,6 +61,6 @@ impl Stamp {
     }
 
     pub(super) fn write(&self, path: &Path) -> Result<()> {
-        atomic::write_json(path, self)
+        Ok(atomic::write_json(path, self)?)
     }
 }

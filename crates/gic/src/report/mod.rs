@@ -1,18 +1,18 @@
 //! `report.html`: one file that opens offline, with everything that a run found.
 
-mod chart;
-mod overlay;
 mod views;
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 
-use crate::atomic;
+use gic_twin::atomic;
+use gic_twin::events::{Event, Events};
+use gic_view::html::escape;
+use gic_view::report::{Series, chart, short};
+
 use crate::error::{Error, Result};
-use crate::events::{Event, Events};
 use crate::pipeline::{IdentifyRecord, Run, Selection, Stage};
-use chart::{Series, chart, short};
 
 const STAGE: &str = "report";
 
@@ -35,10 +35,6 @@ pub fn write(run: &Run, events: &Events) -> Result<()> {
     atomic::write(&path, page.as_bytes())?;
     events.note(STAGE, format!("open {} in a browser", path.display()));
     Ok(())
-}
-
-pub(crate) fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 fn head(model: &str) -> String {
@@ -231,6 +227,6 @@ fn settings(run: &Run) -> Result<String> {
     Ok(format!(
         "<h2>Settings</h2><details><summary>config.toml</summary><pre>{}</pre></details><p>gic {}</p>",
         escape(&text),
-        crate::VERSION
+        gic_twin::VERSION
     ))
 }

@@ -2,14 +2,15 @@
 
 use std::fmt::Write;
 
-use super::chart::{Series, chart};
-use super::{STAGE, escape, overlay};
+use gic_twin::events::Events;
+use gic_twin::matter::read_particles;
+use gic_view::html::escape;
+use gic_view::look::Look;
+use gic_view::report::{Drawn, Overlay, Series, chart, overlays};
+
+use super::STAGE;
 use crate::error::{Error, Result};
-use crate::events::Events;
-use crate::look::Look;
-use crate::matter::read_particles;
 use crate::pipeline::{IdentifyRecord, Run, TWIN_MATTER};
-use overlay::{Drawn, Overlay};
 
 pub(super) fn views(run: &Run, found: &IdentifyRecord, events: &Events) -> Result<String> {
     let scene = run.video();
@@ -19,8 +20,8 @@ pub(super) fn views(run: &Run, found: &IdentifyRecord, events: &Events) -> Resul
     let drawn = Drawn { drawing, appearance, factor: found.splat_factor, look };
     let mut by_camera: Vec<Vec<Option<Overlay>>> = scene.cameras.iter().map(|_| Vec::new()).collect();
     for frame in 0..frames {
-        let overlays = overlay::overlays(scene, &drawn, &run.predicted(frame)?, frame)?;
-        by_camera.iter_mut().zip(overlays).for_each(|(camera, overlay)| camera.push(overlay));
+        let views = overlays(scene, &drawn, &run.predicted(frame)?, frame)?;
+        by_camera.iter_mut().zip(views).for_each(|(camera, overlay)| camera.push(overlay));
         events.step(STAGE, "", frame as u64 + 1, Some(frames as u64), &[]);
     }
     let embed = Error::stage("writing the report");

@@ -1,0 +1,86 @@
+//! A plain particle set: an .npz of arrays and a .json of parameters, for Genesis, Newton, Taichi and anything else that reads NumPy.
+
+use std::io::{self, Cursor};
+use std::path::{Path, PathBuf};
+
+use gic_mpm::World;
+use npyz::WriterBuilder;
+use npyz::npz::NpzWriter;
+use serde_json::json;
+
+use crate::atomic;
+use crate::error::{Result, TwinError};
+use crate::twin::Twin;
+
+/// Writes `path` (.npz) with `positions` [m] and `velocities` [m/s], both float32 of shape [n, 3], `volumes` [m^3] and `masses` [kg], both
+/// float32 of shape [n]; and beside it a .particles.json with the law, its parameters and Lame's, density, gravity, obstacles and spacings, all in
+/// SI units. Returns the path of the latter.
+///
+/// # Errors
+/// An unwritable file.
+pub fn write_particle_set(path: &Path, twin: &Twin, world: &World) -> Result<PathBuf> {
+    let body = &world.bodies[0];
+    let n = body.positions.len();
+    let masses = body.masses_kg();
+    let moment: glam::DVec3 = body.positions.iter().zip(&masses).map(|(p, mass)| *p * *mass).sum();
+    let centre = moment / masses.iter().sum::<f64>();
+    let velocity = |p: &glam::DVec3| body.velocity_m_s + body.angular_velocity_rad_s.cross(*p - centre);
+    let flat = |v: glam::DVec3| v.as_vec3().to_array();
+    let positions: Vec<f32> = body.positions.iter().flat_map(|p| flat(*p)).collect();
+    let velocities: Vec<f32> = body.positions.iter().flat_map(|p| flat(velocity(p))).collect();
+    let arrays: [(&str, Vec<f32>, &[u64]); 4] = [
+        ("positions", positions, &[n as u64, 3]),
+        ("velocities", velocities, &[n as u64, 3]),
+        ("volumes", masses.iter().map(|mass| (mass / body.density_kg_m3) as f32).collect(), &[n as u64]),
+        ("masses", masses.iter().map(|mass| *mass as f32).collect(), &[n as u64]),
+    ];
+    atomic::write(path, &archive(&arrays).map_err(TwinError::write(path))?)?;
+    // Not `.json` alone: beside `twin.npz` lies `twin.json`, the twin itself.
+    let parameters = path.with_extension("particles.json");
+    atomic::write_json(&parameters, &describe(path, twin, world))?;
+    Ok(parameters)
+}
+
+/// The bytes of an .npz file.
+fn archive(arrays: &[(&str, Vec<f32>, &[u64])]) -> io::Result<Vec<u8>> {
+    let mut bytes = Cursor::new(Vec::new());
+    let mut archive = NpzWriter::new(&mut bytes);
+    // The day of writing is no part of the content: same twin, same bytes.
+    let undated = zip::write::FileOptions::default().last_modified_time(zip::DateTime::default());
+    for (name, values, shape) in arrays {
+        let mut writer = archive.array(name, undated)?.default_dtype().shape(shape).begin_nd()?;
+        writer.extend(values.iter().copied())?;
+        writer.finish()?;
+    }
+    archive.zip_writer().finish()?;
+    drop(archive);
+    Ok(bytes.into_inner())
+}
+
+fn describe(path: &Path, twin: &Twin, world: &World) -> serde_json::Value {
+    let body = &world.bodies[0];
+    let lame = twin.material.elastic_moduli().map(|[young, poisson]| {
+        json!({
+            "youngs_modulus_pa": young,
+            "poisson_ratio": poisson,
+            "lame_mu_pa": young / (2.0 * (1.0 + poisson)),
+            "lame_lambda_pa": young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
+        })
+    });
+    json!({
+        "schema": "gic.particles/1",
+        "gic_version": crate::VERSION,
+        "arrays": path.file_name().unwrap_or_default().to_string_lossy(),
+        "particles": body.positions.len(),
+        "material": twin.material,
+        "elasticity": lame,
+        "density_kg_m3": body.density_kg_m3,
+        "mass_kg": body.masses_kg().iter().sum::<f64>(),
+        "particle_spacing_m": twin.particle_spacing_m,
+        "grid_spacing_m": world.grid_spacing_m,
+        "gravity_m_s2": twin.gravity_m_s2,
+        "initial_velocity_m_s": twin.initial_velocity_m_s,
+        "initial_angular_velocity_rad_s": twin.initial_angular_velocity_rad_s,
+        "colliders": twin.colliders,
+    })
+}

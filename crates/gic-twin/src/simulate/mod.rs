@@ -1,0 +1,180 @@
+//! `gic simulate`: a twin's future, frame by frame, resumable after each.
+
+mod bodies;
+mod state;
+mod trajectory;
+
+use std::path::{Path, PathBuf};
+
+use gic_mpm::{Frame, Options, SimulationError, Simulator};
+
+use crate::atomic;
+use crate::error::{Result, TwinError};
+use crate::events::{Event, Events};
+use crate::interrupt::Interrupt;
+use crate::matter::write_particles;
+use crate::twin::{Setting, Twin};
+use crate::usage::Meter;
+use bodies::Cast;
+pub use bodies::Companion;
+pub use trajectory::{FrameSummary, Trajectory};
+
+const STAGE: &str = "simulate";
+
+/// What to simulate, and where to.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// The twin's file.
+    pub twin: PathBuf,
+    /// Changes to the twin.
+    pub settings: Vec<Setting>,
+    /// A file with further obstacles.
+    pub colliders: Option<PathBuf>,
+    /// Further twins in the same world.
+    pub companions: Vec<Companion>,
+    /// Folder for the frames.
+    pub out: PathBuf,
+    /// Frames in all, the initial state included; `None` takes the twin's.
+    pub frames: Option<usize>,
+    /// Forget what the folder holds.
+    pub restart: bool,
+}
+
+/// What a simulation gave.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Outcome {
+    /// Frames on disk.
+    pub frames: usize,
+    /// Frames that were there already.
+    pub reused: usize,
+    /// Particles in each.
+    pub particles: usize,
+}
+
+/// Simulates a twin and writes every frame; goes on where an earlier call with the same twin and settings stopped.
+///
+/// # Errors
+/// Bad input, an unstable simulation, an unwritable folder; [`TwinError::Interrupted`] after the frame during which the interrupt came.
+pub fn simulate(request: &Request, events: &Events, interrupt: &Interrupt) -> Result<Outcome> {
+    let cast = Cast::read(request)?;
+    let frames = request.frames.unwrap_or(cast.twin.frames);
+    atomic::create_folder(&request.out)?;
+    let mut run = Run::open(request, &cast, frames)?;
+    let reused = run.trajectory.frames.len();
+    let particles = run.trajectory.particles;
+    if reused >= frames {
+        let reason = format!("{} holds {reused} frames of this simulation already", request.out.display());
+        events.send(&Event::StageSkipped { stage: STAGE.into(), reason });
+        return Ok(Outcome { frames: reused, reused, particles });
+    }
+    let goes_on = if reused > 0 { format!(", goes on after frame {}", reused - 1) } else { String::new() };
+    let reason = format!("{frames} frames of {particles} particles{goes_on}");
+    events.send(&Event::StageStarted { stage: STAGE.into(), reason });
+    let meter = Meter::start();
+    for index in reused..frames {
+        if interrupt.requested() {
+            return Err(TwinError::Interrupted {
+                after: format!("{index} of {frames} frames"),
+                resume: format!("run the same command again to go on with frame {index}"),
+            });
+        }
+        let summary = run.frame(index)?;
+        let values = [("substeps", summary.substeps as f64), ("speed_m_s", summary.largest_speed_m_s)];
+        events.step(STAGE, "", index as u64 + 1, Some(frames as u64), &values);
+    }
+    events.send(&meter.done(STAGE));
+    Ok(Outcome { frames, reused, particles })
+}
+
+/// A simulation and its folder.
+struct Run<'a> {
+    out: &'a Path,
+    simulator: Simulator,
+    trajectory: Trajectory,
+    identity: [u8; 32],
+    frame_rate_hz: f64,
+    /// Mass of each particle [kg].
+    masses: Vec<f64>,
+}
+
+impl<'a> Run<'a> {
+    /// Sets up the simulation and takes up what the folder holds of it.
+    fn open(request: &'a Request, cast: &Cast, frames: usize) -> Result<Self> {
+        let options = Options::default();
+        let simulator = Simulator::new(&cast.world, &options).map_err(|source| refused(&cast.twin, source))?;
+        let trajectory = Trajectory::new(cast, &options);
+        let mut run = Self {
+            out: &request.out,
+            simulator,
+            identity: trajectory.identity(),
+            trajectory,
+            frame_rate_hz: cast.world.frame_rate_hz,
+            masses: cast.masses(),
+        };
+        if !request.restart {
+            run.take_up(frames)?;
+        }
+        Ok(run)
+    }
+
+    fn take_up(&mut self, frames: usize) -> Result<()> {
+        let Some(found) = Trajectory::read(self.out)? else { return Ok(()) };
+        if let Some(difference) = found.difference(&self.trajectory) {
+            return Err(TwinError::OtherRun {
+                path: self.out.to_owned(),
+                difference,
+                hint: "choose another folder with -o, or add --restart to replace what is there".into(),
+            });
+        }
+        let present = found.frames.iter().take_while(|frame| self.out.join(&frame.file).is_file()).count();
+        if present >= frames {
+            self.trajectory.frames = found.frames;
+            return Ok(());
+        }
+        // Without a usable state the frames are computed again, to the same bytes.
+        if let Some(snapshot) = state::read(self.out, &self.identity)?.filter(|s| s.frame < present) {
+            self.simulator.restore(&snapshot).map_err(TwinError::simulation("taking up the saved state"))?;
+            self.trajectory.frames = found.frames;
+            self.trajectory.frames.truncate(snapshot.frame + 1);
+        }
+        Ok(())
+    }
+
+    /// Computes a frame and writes it: particles first, then its line in the trajectory, then the state that goes on from it.
+    fn frame(&mut self, index: usize) -> Result<&FrameSummary> {
+        let frame = if index == 0 {
+            self.simulator.frame()
+        } else {
+            self.simulator.advance_frame().map_err(TwinError::simulation("simulation"))?
+        };
+        let file = format!("particles_{index:04}.ply");
+        write_frame(&self.out.join(&file), &frame)?;
+        let summary = FrameSummary::new(&frame, file, self.frame_rate_hz, &self.masses);
+        self.trajectory.frames.push(summary);
+        self.trajectory.write(self.out)?;
+        state::write(self.out, &self.identity, &self.simulator.snapshot())?;
+        Ok(&self.trajectory.frames[index])
+    }
+}
+
+/// The simulator's refusal of a world, in the twin's words.
+fn refused(twin: &Twin, source: SimulationError) -> TwinError {
+    let hint = match &source {
+        SimulationError::InsideCollider { collider, .. } => {
+            let label = twin.colliders.get(*collider).map(|o| o.label(*collider)).unwrap_or_default();
+            Some(format!("move the continuum (`centre_m` of a shape) or {label} apart"))
+        }
+        _ => None,
+    };
+    TwinError::Simulation { stage: "setting up the simulation", hint, source }
+}
+
+/// Writes a frame as binary PLY: position [m], velocity [m/s], von Mises stress [Pa], relative volume.
+pub fn write_frame(path: &Path, frame: &Frame) -> Result<()> {
+    let rows = (0..frame.positions.len()).map(|i| {
+        let [x, y, z] = frame.positions[i].as_vec3().to_array();
+        let [vx, vy, vz] = frame.velocities[i].as_vec3().to_array();
+        [x, y, z, vx, vy, vz, frame.von_mises_pa[i], frame.jacobian[i]]
+    });
+    write_particles(path, ["x", "y", "z", "vx", "vy", "vz", "von_mises_pa", "J"], rows)
+}

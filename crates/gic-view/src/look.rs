@@ -1,0 +1,158 @@
+//! The look of a twin: points finer than the particles that are simulated, bound to them, with trained colours.
+
+use std::path::Path;
+
+use gic_appearance::{Light, LitGaussians};
+use gic_metrics::KdTree;
+use gic_motion::outward_normals;
+use gic_splat::Gaussians;
+use gic_twin::TwinError;
+use gic_twin::atomic;
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Result, ViewError};
+
+/// The files that hold a look, inside a run folder.
+pub const FILES: [&str; 2] = ["appearance/gaussians.ply", "appearance/light.json"];
+const SCHEMA: &str = "gic.light/1";
+/// Points whose normal is shorter than this lie almost two spacings deep, behind nearly opaque ones.
+const DEEP: f32 = 0.06;
+
+/// Points with colours, each carried by one particle of the simulation.
+pub struct Look {
+    lit: LitGaussians,
+    /// Distance of neighbouring points [m].
+    spacing: f64,
+    /// Index of the particle that carries each point.
+    parents: Vec<u32>,
+    /// From the particle to the point, at the first frame [m].
+    offsets: Vec<DVec3>,
+}
+
+/// `light.json`.
+#[derive(Serialize, Deserialize)]
+struct LightFile {
+    schema: String,
+    /// Distance of neighbouring points [m].
+    point_spacing_m: f64,
+    #[serde(flatten)]
+    light: Light,
+}
+
+impl Look {
+    /// Writes the colours of points that lie `spacing` metres apart.
+    ///
+    /// # Errors
+    /// An unwritable folder.
+    pub fn save(lit: &LitGaussians, spacing: f64, run: &Path) -> Result<()> {
+        let [ply, light] = FILES.map(|file| run.join(file));
+        atomic::create_folder(&run.join("appearance"))?;
+        gic_splat::write_ply(&ply, &lit.gaussians).map_err(ViewError::stage("writing the twin's colours"))?;
+        let file = LightFile { schema: SCHEMA.into(), point_spacing_m: spacing, light: lit.light };
+        Ok(atomic::write_json(&light, &file)?)
+    }
+
+    /// Reads the look of a run and binds it to the particles `rest` [m] that its simulations start from; `None` where the run has
+    /// no colours.
+    ///
+    /// # Errors
+    /// Damaged files.
+    pub fn load(run: &Path, rest: &[DVec3]) -> Result<Option<Self>> {
+        let [ply, light] = FILES.map(|file| run.join(file));
+        if !ply.exists() || !light.exists() {
+            return Ok(None);
+        }
+        let file: LightFile = atomic::read_json(&light)?;
+        if file.schema != SCHEMA {
+            return Err(TwinError::Content {
+                path: light,
+                problem: format!("has schema {}, and this gic reads {SCHEMA}", file.schema),
+                hint: Some("run `gic run` on the folder again".into()),
+            }
+            .into());
+        }
+        let gaussians = gic_splat::read_ply(&ply).map_err(ViewError::stage("reading the twin's colours"))?.gaussians;
+        let lit = LitGaussians { gaussians, light: file.light };
+        Ok(Some(Self::bind(lit, file.point_spacing_m, rest)))
+    }
+
+    /// Binds each point to the nearest particle.
+    fn bind(lit: LitGaussians, spacing: f64, rest: &[DVec3]) -> Self {
+        let anchors: Vec<[f32; 3]> = rest.iter().map(|p| p.as_vec3().to_array()).collect();
+        let tree = KdTree::new(&anchors);
+        let points = &lit.gaussians.positions;
+        let parents: Vec<u32> = points.iter().map(|&p| tree.nearest(p).map_or(0, |(i, _)| i as u32)).collect();
+        let to_f64 = |p: [f32; 3]| DVec3::from_array(p.map(f64::from));
+        let offsets =
+            points.iter().zip(&parents).map(|(&p, &i)| to_f64(p) - rest.get(i as usize).copied().unwrap_or(to_f64(p)));
+        Self { spacing, offsets: offsets.collect(), parents, lit }
+    }
+
+    /// Distance of neighbouring points [m].
+    pub fn spacing(&self) -> f64 {
+        self.spacing
+    }
+
+    /// Index of the particle that carries each point.
+    pub fn parents(&self) -> &[u32] {
+        &self.parents
+    }
+
+    /// All Gaussians when the particles are at `moved` [m], in the order of those that the look was bound to.
+    pub fn at(&self, moved: &[DVec3]) -> Gaussians {
+        let positions = self.positions(moved);
+        let normals = outward_normals(&positions, self.spacing);
+        self.lit.at(positions, &normals)
+    }
+
+    /// Those of [`Look::at`] that can be seen: without the ones that have matter all around.
+    pub fn visible(&self, moved: &[DVec3]) -> Gaussians {
+        let positions = self.positions(moved);
+        let normals = outward_normals(&positions, self.spacing);
+        let outside = |normal: &[f32; 3]| normal.iter().map(|x| x * x).sum::<f32>() > DEEP * DEEP;
+        let seen: Vec<usize> = (0..positions.len()).filter(|&i| outside(&normals[i])).collect();
+        let lit = LitGaussians { gaussians: self.lit.gaussians.select(&seen), light: self.lit.light };
+        lit.at(seen.iter().map(|&i| positions[i]).collect(), &seen.iter().map(|&i| normals[i]).collect::<Vec<_>>())
+    }
+
+    fn positions(&self, moved: &[DVec3]) -> Vec<[f32; 3]> {
+        let position = |(&i, &offset): (&u32, &DVec3)| (moved[i as usize] + offset).as_vec3().to_array();
+        self.parents.iter().zip(&self.offsets).map(position).collect()
+    }
+}
+
+/// RGB of Gaussians that [`Look::at`] gave.
+pub fn colors(drawn: &Gaussians) -> impl Iterator<Item = [f32; 3]> + '_ {
+    drawn.sh.iter().map(|sh| sh.map(gic_splat::color_of_coefficient))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_look_comes_back_from_disk_and_moves_with_its_particles() {
+        let folder = tempfile::tempdir().unwrap();
+        let rest: Vec<DVec3> =
+            (0..27).map(|i| DVec3::new((i % 3) as f64, (i / 3 % 3) as f64, (i / 9) as f64) * 0.01).collect();
+        let points: Vec<[f32; 3]> = rest.iter().map(|p| (*p + DVec3::splat(0.002)).as_vec3().to_array()).collect();
+        let mut gaussians = Gaussians::colorless(points.clone(), vec![0.9; 27], vec![0.005; 27]);
+        gaussians.sh = vec![[0.3, -0.2, 0.1]; 27];
+        let mut light = Light::default();
+        light.coefficients[2] = [0.2; 3];
+        assert!(Look::load(folder.path(), &rest).unwrap().is_none());
+        Look::save(&LitGaussians { gaussians, light }, 0.01, folder.path()).unwrap();
+        let look = Look::load(folder.path(), &rest).unwrap().unwrap();
+        let shift = DVec3::new(1.0, 2.0, 3.0);
+        let drawn = look.at(&rest.iter().map(|p| *p + shift).collect::<Vec<_>>());
+        for (moved, point) in drawn.positions.iter().zip(&points) {
+            for axis in 0..3 {
+                assert!((moved[axis] - point[axis] - shift.as_vec3()[axis]).abs() < 1e-5);
+            }
+        }
+        // The light comes from above: what lies on top is brighter than what lies below.
+        let (top, bottom) = (drawn.sh[6 + 1][0], drawn.sh[1][0]);
+        assert!(top > bottom + 0.1, "{top} {bottom}");
+    }
+}

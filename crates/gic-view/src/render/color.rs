@@ -1,0 +1,102 @@
+//! What the colours of particles mean.
+
+use gic_twin::simulate::{FrameSummary, Trajectory};
+
+use super::frames::Particles;
+
+/// Value of the degree-0 harmonic: colour = 0.5 + this * coefficient.
+const SH0: f32 = 0.282_094_8;
+
+/// Meaning of the colours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Coloring {
+    /// Von Mises stress, from blue to red.
+    Stress,
+    /// Speed, from blue to red.
+    Speed,
+    /// One colour for all.
+    Plain,
+    /// As the video showed the object.
+    Appearance,
+}
+
+/// From a particle's value to its colour.
+pub(crate) struct Scale {
+    coloring: Coloring,
+    /// The value that is drawn red.
+    most: f64,
+}
+
+impl Scale {
+    /// Red is the largest value of a typical frame: the median of the frames' maxima, so that one short impact does not leave all else blue.
+    pub(crate) fn new(coloring: Coloring, trajectory: &Trajectory) -> Self {
+        let largest = |frame: &FrameSummary| match coloring {
+            Coloring::Stress => frame.largest_von_mises_pa,
+            Coloring::Speed => frame.largest_speed_m_s,
+            Coloring::Plain | Coloring::Appearance => 1.0,
+        };
+        let mut maxima: Vec<f64> = trajectory.frames.iter().map(largest).collect();
+        maxima.sort_by(f64::total_cmp);
+        let most = maxima.get(maxima.len() / 2).copied().filter(|&most| most > 0.0).unwrap_or(1.0);
+        Self { coloring, most }
+    }
+
+    /// Red is the von Mises stress given [Pa].
+    pub(super) fn stress(most_pa: f64) -> Self {
+        Self { coloring: Coloring::Stress, most: if most_pa > 0.0 { most_pa } else { 1.0 } }
+    }
+
+    pub(crate) fn legend(&self) -> String {
+        match self.coloring {
+            Coloring::Stress => format!("colour: von Mises stress, blue 0 to red {:.3e} Pa and more", self.most),
+            Coloring::Speed => format!("colour: speed, blue 0 to red {:.3} m/s and more", self.most),
+            Coloring::Plain | Coloring::Appearance => "colour: plain".into(),
+        }
+    }
+
+    /// A value as a fraction of what is drawn red; 0 for what is no number.
+    pub(crate) fn share(&self, value: f32) -> f32 {
+        let share = value / self.most as f32;
+        if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) }
+    }
+
+    /// The particles' colours, RGB in [0, 1].
+    pub(crate) fn colors(&self, particles: &Particles) -> Vec<[f32; 3]> {
+        let along = |values: &[f32]| values.iter().map(|&v| blue_to_red(v / self.most as f32)).collect();
+        match self.coloring {
+            Coloring::Stress => along(&particles.von_mises_pa),
+            Coloring::Speed => along(&particles.speeds),
+            Coloring::Plain | Coloring::Appearance => vec![[0.80, 0.58, 0.42]; particles.positions.len()],
+        }
+    }
+
+    /// The particles' colours as coefficients of the degree-0 harmonic.
+    pub(crate) fn harmonics(&self, particles: &Particles) -> Vec<[f32; 3]> {
+        self.colors(particles).into_iter().map(|color| color.map(|c| (c - 0.5) / SH0)).collect()
+    }
+}
+
+/// Blue, light blue, yellow, red for 0 to 1; what is no number is grey.
+fn blue_to_red(t: f32) -> [f32; 3] {
+    const STOPS: [[f32; 3]; 4] = [[0.16, 0.27, 0.66], [0.35, 0.70, 0.90], [0.98, 0.86, 0.38], [0.84, 0.15, 0.16]];
+    if t.is_nan() {
+        return [0.5; 3];
+    }
+    let at = t.clamp(0.0, 1.0) * (STOPS.len() - 1) as f32;
+    let lower = (at as usize).min(STOPS.len() - 2);
+    let share = at - lower as f32;
+    std::array::from_fn(|c| STOPS[lower][c] + share * (STOPS[lower + 1][c] - STOPS[lower][c]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colours_run_from_blue_to_red_and_stay_in_range() {
+        assert_eq!(blue_to_red(-1.0), blue_to_red(0.0));
+        assert_eq!(blue_to_red(7.0), blue_to_red(1.0));
+        assert!(blue_to_red(0.0)[2] > blue_to_red(0.0)[0] && blue_to_red(1.0)[0] > blue_to_red(1.0)[2]);
+        assert_eq!(blue_to_red(f32::NAN), [0.5; 3]);
+    }
+}

@@ -1,0 +1,129 @@
+//! Films: GIF here, MP4 and animated WebP by a found ffmpeg.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use gic_scene::Picture;
+use gic_twin::atomic;
+use image::codecs::gif::{GifEncoder, Repeat};
+use image::{Delay, Frame, Rgba, RgbaImage};
+
+use super::STAGE;
+use crate::error::{Result, ViewError};
+
+/// Quality of the palette: 1 best, 30 fastest.
+const GIF_SPEED: i32 = 10;
+
+/// How a film will be made.
+pub struct Encoder {
+    path: PathBuf,
+    kind: Kind,
+    slow_motion: f64,
+}
+
+enum Kind {
+    Gif,
+    Mp4,
+    Webp,
+}
+
+impl Encoder {
+    /// Chosen by the file's ending, so many times slower than life.
+    ///
+    /// # Errors
+    /// An ending that is no film's, or a film that cannot be made here.
+    pub fn of(path: &Path, slow_motion: f64) -> Result<Self> {
+        let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+        let kind = match ending.as_str() {
+            "gif" => Kind::Gif,
+            "mp4" => Kind::Mp4,
+            "webp" => Kind::Webp,
+            other => {
+                return Err(ViewError::Usage {
+                    problem: format!("`{other}` is no kind of film that gic can make"),
+                    hint: Some("name the film .gif, .mp4 or .webp".into()),
+                });
+            }
+        };
+        if !matches!(kind, Kind::Gif) {
+            let found = Command::new("ffmpeg").arg("-version").stdout(Stdio::null()).stderr(Stdio::null()).status();
+            if !found.is_ok_and(|status| status.success()) {
+                return Err(ViewError::Usage {
+                    problem: format!(".{ending} needs the program ffmpeg, which is not to be found here"),
+                    hint: Some("install ffmpeg, or make a .gif".into()),
+                });
+            }
+        }
+        Ok(Self { path: path.to_owned(), kind, slow_motion })
+    }
+
+    /// Writes the film of the pictures, which also lie in `folder`; says how.
+    ///
+    /// # Errors
+    /// An unwritable file, a failure of ffmpeg.
+    pub fn write(&self, pictures: &[Picture], folder: &Path, frame_rate_hz: f64) -> Result<String> {
+        let rate = frame_rate_hz / self.slow_motion;
+        let by = match self.kind {
+            Kind::Gif => {
+                self.gif(pictures, rate)?;
+                "GIF, by gic"
+            }
+            Kind::Mp4 => {
+                // H.264 wants even sizes.
+                let even = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2"];
+                let quality = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "18"];
+                self.ffmpeg(pictures.len(), folder, rate, &[&even[..], &quality].concat())?;
+                "H.264, by ffmpeg"
+            }
+            Kind::Webp => {
+                self.ffmpeg(pictures.len(), folder, rate, &["-c:v", "libwebp_anim", "-loop", "0", "-quality", "80"])?;
+                "animated WebP, by ffmpeg"
+            }
+        };
+        Ok(format!("{} ({by}, {rate:.1} frames per second)", self.path.display()))
+    }
+
+    fn gif(&self, pictures: &[Picture], rate: f64) -> Result<()> {
+        let mut bytes = Vec::new();
+        let mut encoder = GifEncoder::new_with_speed(&mut bytes, GIF_SPEED);
+        encoder.set_repeat(Repeat::Infinite).map_err(ViewError::stage(STAGE))?;
+        // GIF counts hundredths of a second.
+        let delay = Delay::from_numer_denom_ms((1000.0 / rate).round().max(20.0) as u32, 1);
+        for picture in pictures {
+            let frame = Frame::from_parts(to_image(picture), 0, 0, delay);
+            encoder.encode_frame(frame).map_err(ViewError::stage(STAGE))?;
+        }
+        drop(encoder);
+        Ok(atomic::write(&self.path, &bytes)?)
+    }
+
+    /// Has ffmpeg encode the first `count` pictures that lie in `folder`.
+    fn ffmpeg(&self, count: usize, folder: &Path, rate: f64, codec: &[&str]) -> Result<()> {
+        let ending = self.path.extension().unwrap_or_default().to_string_lossy();
+        let part = self.path.with_extension(format!("part.{ending}"));
+        let output = Command::new("ffmpeg")
+            .args(["-y", "-loglevel", "error", "-framerate", &format!("{rate}"), "-i"])
+            .arg(folder.join("frame_%04d.png"))
+            .args(["-frames:v", &count.to_string()])
+            .args(codec)
+            .arg(&part)
+            .output()
+            .map_err(ViewError::write(&self.path))?;
+        if !output.status.success() {
+            let reason = String::from_utf8_lossy(&output.stderr).trim().to_owned();
+            return Err(ViewError::Stage {
+                stage: STAGE,
+                hint: Some("the pictures themselves are complete; try a .gif".into()),
+                source: format!("ffmpeg could not make {}: {reason}", self.path.display()).into(),
+            });
+        }
+        std::fs::rename(&part, &self.path).map_err(ViewError::write(&self.path))
+    }
+}
+
+fn to_image(picture: &Picture) -> RgbaImage {
+    RgbaImage::from_fn(picture.width as u32, picture.height as u32, |x, y| {
+        let [r, g, b] = picture.at(x as usize, y as usize).map(|c| (c * 255.0).round() as u8);
+        Rgba([r, g, b, 255])
+    })
+}

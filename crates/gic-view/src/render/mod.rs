@@ -1,0 +1,133 @@
+//! `gic render`: pictures of a simulated motion, from a camera of the scene or from an orbit, as PNG files and as a film.
+
+pub(crate) mod color;
+mod film;
+pub(crate) mod frames;
+pub(crate) mod paint;
+mod shade;
+mod studio;
+mod viewpoint;
+
+use std::path::PathBuf;
+
+use gic_scene::{Picture, Scene};
+use gic_twin::Interrupt;
+use gic_twin::atomic;
+use gic_twin::events::{Event, Events};
+use gic_twin::usage::Meter;
+use rayon::prelude::*;
+
+pub use color::Coloring;
+pub use film::Encoder;
+pub use frames::{Motion, Particles};
+use paint::Paint;
+pub use studio::Studio;
+pub use viewpoint::Viewpoint;
+
+use crate::error::{Result, ViewError};
+
+const STAGE: &str = "render";
+/// What lies behind the matter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Background {
+    /// Black.
+    Black,
+    /// White.
+    White,
+    /// The ground planes of the simulation as a chequered floor, over light grey.
+    Floor,
+    /// The camera's own picture of the empty scene.
+    Picture,
+}
+
+/// What to render, and where to.
+#[derive(Clone, Debug)]
+pub struct Request {
+    /// Folder for the pictures.
+    pub out: PathBuf,
+    /// From where.
+    pub viewpoint: Viewpoint,
+    /// What lies behind.
+    pub background: Background,
+    /// Meaning of the colours.
+    pub coloring: Coloring,
+    /// Put the video's picture to the left of each picture; needs a camera of the scene.
+    pub beside_video: bool,
+    /// Width and height [pixels] of pictures from an orbit.
+    pub size: [usize; 2],
+    /// A film besides the pictures: .gif, .mp4 or .webp.
+    pub film: Option<PathBuf>,
+    /// How many times slower than life the film runs.
+    pub slow_motion: f64,
+}
+
+/// What was rendered.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Outcome {
+    /// Number of pictures.
+    pub frames: usize,
+    /// What the colours mean, in a sentence.
+    pub legend: String,
+    /// How the film was made, if one was asked for.
+    pub film: Option<String>,
+}
+
+/// Renders every frame of a motion; `scene` has the cameras, and only an orbit does without.
+///
+/// # Errors
+/// A camera or background that the scene does not have, unwritable files, a film that cannot be
+/// encoded here.
+pub fn render(
+    request: &Request,
+    motion: &Motion,
+    scene: Option<&Scene>,
+    events: &Events,
+    interrupt: &Interrupt,
+) -> Result<Outcome> {
+    let film = request.film.as_deref().map(|path| film::Encoder::of(path, request.slow_motion)).transpose()?;
+    let view = viewpoint::View::new(request, motion, scene)?;
+    let stage = view.stage(motion, request.background);
+    let first = motion.particles(0)?;
+    let paint = Paint::new(request.coloring, motion, &first)?;
+    atomic::create_folder(&request.out)?;
+    let count = motion.trajectory.frames.len();
+    events.send(&Event::StageStarted { stage: STAGE.into(), reason: format!("{count} frames") });
+    let meter = Meter::start();
+    let draw = |index: usize| -> Result<Picture> {
+        let later = if index > 0 { Some(motion.particles(index)?) } else { None };
+        let gaussians = paint.gaussians(later.as_ref().unwrap_or(&first));
+        let camera = view.camera(index, count);
+        let rendered = gic_splat::render(&gaussians, &camera, &paint.settings());
+        let mut picture = shade::compose(&rendered, &camera, &stage, paint.is_lit());
+        if request.beside_video {
+            picture = beside(&view.video(motion.trajectory.frames[index].time_s)?, &picture);
+        }
+        picture.save_png(&request.out.join(format!("frame_{index:04}.png"))).map_err(ViewError::stage(STAGE))?;
+        Ok(picture)
+    };
+    let mut pictures = Vec::new();
+    // A frame's work is partly serial, so several are made at once.
+    for batch in (0..count).collect::<Vec<_>>().chunks(rayon::current_num_threads()) {
+        if interrupt.requested() {
+            return Err(ViewError::interrupted(format!("{} of {count} pictures", batch[0])));
+        }
+        let drawn = batch.par_iter().map(|&index| draw(index)).collect::<Result<Vec<_>>>()?;
+        if film.is_some() {
+            pictures.extend(drawn);
+        }
+        events.step(STAGE, "", (batch[0] + batch.len()) as u64, Some(count as u64), &[]);
+    }
+    let film = film.map(|film| film.write(&pictures, &request.out, motion.frame_rate_hz())).transpose()?;
+    events.send(&meter.done(STAGE));
+    Ok(Outcome { frames: count, legend: paint.legend(), film })
+}
+
+/// Two pictures of the same height, side by side.
+fn beside(left: &Picture, right: &Picture) -> Picture {
+    let rows = left.rgb.chunks_exact(3 * left.width).zip(right.rgb.chunks_exact(3 * right.width));
+    Picture {
+        width: left.width + right.width,
+        height: left.height.min(right.height),
+        rgb: rows.flat_map(|(l, r)| l.iter().chain(r)).copied().collect(),
+    }
+}

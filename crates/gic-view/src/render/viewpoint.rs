@@ -1,0 +1,186 @@
+//! From where to look.
+
+use std::f64::consts::{PI, TAU};
+use std::str::FromStr;
+
+use gic_scene::{Camera, Picture, Scene};
+use glam::{DMat3, DVec2, DVec3};
+
+use super::frames::Motion;
+use super::shade::{Backdrop, Stage};
+use super::{Background, Request, STAGE};
+use crate::error::{Result, ViewError};
+
+/// From where to look.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Viewpoint {
+    /// One turn around the motion, from a little above.
+    Orbit,
+    /// A camera of the scene, by its number.
+    Camera(usize),
+}
+
+impl FromStr for Viewpoint {
+    type Err = String;
+
+    fn from_str(text: &str) -> std::result::Result<Self, String> {
+        match text {
+            "orbit" => Ok(Self::Orbit),
+            number => number.parse().map(Self::Camera).map_err(|_| "must be `orbit` or a camera's number".into()),
+        }
+    }
+}
+
+/// Height of the orbit's camera above the horizon [rad].
+const ELEVATION: f64 = 0.35;
+/// Half of the angle that the orbit's camera sees [rad].
+const HALF_ANGLE: f64 = 0.35;
+/// Empty space around the motion, as a factor.
+const MARGIN: f64 = 1.15;
+
+/// The cameras of a rendering, and what stands still in it.
+pub(super) enum View<'a> {
+    Orbit { centre: DVec3, distance: f64, up: DVec3, size: [usize; 2] },
+    Fixed { number: usize, camera: Camera, backdrop: Option<Picture>, scene: &'a Scene },
+}
+
+impl<'a> View<'a> {
+    pub(super) fn new(request: &Request, motion: &Motion, scene: Option<&'a Scene>) -> Result<Self> {
+        let needs_picture = request.background == Background::Picture;
+        match request.viewpoint {
+            Viewpoint::Orbit if request.beside_video => Err(ViewError::Usage {
+                problem: "no video was taken from an orbit".into(),
+                hint: Some("use a camera of the scene: --camera 0 --beside-video".into()),
+            }),
+            Viewpoint::Orbit if needs_picture => Err(ViewError::Usage {
+                problem: "an orbit has no background picture".into(),
+                hint: Some("use a camera of the scene (--camera 0), or --background floor, black or white".into()),
+            }),
+            Viewpoint::Orbit => {
+                let bounds = motion.bounds();
+                let distance = distance_to(bounds, request.size);
+                Ok(Self::Orbit { centre: 0.5 * (bounds.0 + bounds.1), distance, up: motion.up(), size: request.size })
+            }
+            Viewpoint::Camera(number) => {
+                let Some(scene) = scene else {
+                    return Err(ViewError::Usage {
+                        problem: "these frames do not say which scene's cameras to use".into(),
+                        hint: Some("add --scene SCENE, or use --camera orbit".into()),
+                    });
+                };
+                let Some(camera) = scene.cameras.get(number) else {
+                    return Err(ViewError::Usage {
+                        problem: format!("the scene has no camera {number}"),
+                        hint: Some(format!("its cameras are 0 to {}", scene.cameras.len().saturating_sub(1))),
+                    });
+                };
+                let backdrop =
+                    if needs_picture { scene.load_background(number).map_err(ViewError::stage(STAGE))? } else { None };
+                if needs_picture && backdrop.is_none() {
+                    return Err(ViewError::Usage {
+                        problem: format!("camera {number} has no picture of the empty scene"),
+                        hint: Some("use --background floor, black or white".into()),
+                    });
+                }
+                Ok(Self::Fixed { number, camera: camera.clone(), backdrop, scene })
+            }
+        }
+    }
+
+    /// The camera of frame `index` of `count`.
+    pub(super) fn camera(&self, index: usize, count: usize) -> Camera {
+        match self {
+            Self::Fixed { camera, .. } => camera.clone(),
+            Self::Orbit { centre, distance, up, size } => {
+                let turn = TAU * index as f64 / count.max(1) as f64 + 0.25 * PI;
+                orbit(*centre, *distance, *up, turn, *size)
+            }
+        }
+    }
+
+    /// The video's picture at a time [s]; black where there is none.
+    pub(super) fn video(&self, time_s: f64) -> Result<Picture> {
+        let Self::Fixed { number, camera, scene, .. } = self else {
+            unreachable!("an orbit beside the video is refused")
+        };
+        let half_frame = 0.5 / scene.frame_rate.unwrap_or(24.0);
+        let frame = scene.times.iter().position(|t| (t - time_s).abs() < half_frame);
+        match frame.and_then(|frame| scene.view(*number, frame)) {
+            Some(view) => Ok(scene.load(view).map_err(ViewError::stage(STAGE))?.0),
+            None => {
+                let rgb = vec![0.0; 3 * camera.width * camera.height];
+                Ok(Picture { width: camera.width, height: camera.height, rgb })
+            }
+        }
+    }
+
+    /// What the matter stands before.
+    pub(super) fn stage(&self, motion: &Motion, background: Background) -> Stage<'_> {
+        let backdrop = match (background, self) {
+            (Background::Picture, Self::Fixed { backdrop: Some(picture), .. }) => Backdrop::Picture(picture),
+            (Background::White, _) => Backdrop::Plain([1.0; 3]),
+            (Background::Floor, _) => Backdrop::Floor(motion.planes()),
+            _ => Backdrop::Plain([0.0; 3]),
+        };
+        Stage { backdrop, up: motion.up() }
+    }
+}
+
+/// How far away a camera sees everything within the bounds [m].
+fn distance_to((low, high): (DVec3, DVec3), [width, height]: [usize; 2]) -> f64 {
+    let radius = 0.5 * (high - low).length() * MARGIN;
+    // The shorter side of the picture has to hold the ball.
+    radius / HALF_ANGLE.sin() * (height as f64 / width.min(height) as f64)
+}
+
+/// A camera that sees everything within the bounds [m] from the side `from`, a little above.
+pub(super) fn beside(bounds: (DVec3, DVec3), up: DVec3, from: DVec3, size: [usize; 2]) -> Camera {
+    let horizontal = from.reject_from_normalized(up).try_normalize().unwrap_or_else(|| up.any_orthonormal_vector());
+    looking(0.5 * (bounds.0 + bounds.1), distance_to(bounds, size), up, horizontal, size)
+}
+
+/// A camera on an orbit around `centre`, `distance` metres away.
+fn orbit(centre: DVec3, distance: f64, up: DVec3, turn: f64, size: [usize; 2]) -> Camera {
+    let (side, other) = up.any_orthonormal_pair();
+    looking(centre, distance, up, side * turn.cos() + other * turn.sin(), size)
+}
+
+/// A camera that looks at `centre` from `distance` metres away, from the side of the unit vector `horizontal` and a little above.
+fn looking(centre: DVec3, distance: f64, up: DVec3, horizontal: DVec3, [width, height]: [usize; 2]) -> Camera {
+    let outward = horizontal * ELEVATION.cos() + up * ELEVATION.sin();
+    let forward = -outward;
+    let right = forward.cross(up).normalize();
+    Camera {
+        width,
+        height,
+        focal: DVec2::splat(0.5 * height as f64 / HALF_ANGLE.tan()),
+        principal: DVec2::new(0.5 * width as f64, 0.5 * height as f64),
+        rotation: DMat3::from_cols(right, forward.cross(right), forward),
+        centre: centre + outward * distance,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_orbit_keeps_the_centre_in_the_middle_and_up_up() {
+        for turn in [0.0, 1.0, 4.0] {
+            let centre = DVec3::new(0.3, 0.2, -0.1);
+            let camera = orbit(centre, 2.0, DVec3::Y, turn, [320, 200]);
+            let (pixel, depth) = camera.project(centre).unwrap();
+            assert!((pixel - DVec2::new(160.0, 100.0)).length() < 1e-9 && (depth - 2.0).abs() < 1e-9);
+            let (above, _) = camera.project(centre + DVec3::Y * 0.1).unwrap();
+            assert!(above.y < pixel.y && (above.x - pixel.x).abs() < 1e-9);
+            assert!((camera.rotation.determinant() - 1.0).abs() < 1e-12);
+        }
+    }
+
+    #[test]
+    fn viewpoints_are_orbit_or_a_number() {
+        assert_eq!("orbit".parse(), Ok(Viewpoint::Orbit));
+        assert_eq!("3".parse(), Ok(Viewpoint::Camera(3)));
+        assert!("left".parse::<Viewpoint>().is_err());
+    }
+}
