@@ -15,8 +15,8 @@ with `"sources"`: [{"what", "command", "commit", "machine"}] where there are sev
     "scenes"                  errors of parameters as `--bench` writes them
     "means_of" and "paper"    mean absolute errors by law of the files in {"column title": "FILE.json"}
 
-Errors of parameters are estimate less truth, times 100: log10 of moduli, viscosities and yield stresses, Poisson's ratio
-as it is, angles in radians. Velocities are mean absolute errors of the components in cm/s.
+Errors of parameters are estimate less truth, times 100: log10 of moduli, viscosities and yield stresses, Poisson's
+ratio as it is, angles in radians. Velocities are mean absolute errors of the components in cm/s.
 """
 
 import json
@@ -50,7 +50,8 @@ def paragraph(text, indent=""):
     """Lines of at most 120 characters; code keeps its spaces and may be longer."""
     parts = text.split("`")
     parts[1::2] = [part.replace(" ", "\0") for part in parts[1::2]]
-    lines = textwrap.wrap("`".join(parts), WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
+    lines = textwrap.wrap(
+        "`".join(parts), WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
     return [line.replace("\0", " ") for line in lines]
 
 
@@ -81,7 +82,8 @@ def scene_rows(section):
         velocity = f"{scene['velocity_cm_s']:.2f}"
         if scene.get("velocity_inside") is not None:
             velocity += f" ({scene['velocity_inside']} of 3)"
-        rows.append([scene["scene"], scene["law"], errors, velocity, *(scene.get("more", {}).get(k, "") for k in extra)])
+        more = scene.get("more", {})
+        rows.append([scene["scene"], scene["law"], errors, velocity, *(more.get(key, "") for key in extra)])
     return columns, rows
 
 
