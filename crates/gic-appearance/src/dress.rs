@@ -5,8 +5,8 @@
 
 use std::ops::ControlFlow;
 
-use gic_motion::adam::{Moments, decayed};
 use gic_motion::pictures::{self, Bounds, Target, picture_loss, windowed};
+use gic_optimize::{Moments, decayed};
 use gic_scene::Scene;
 use gic_splat::{
     GaussianGradients, Gaussians, RenderSettings, Shape, backward, coefficient_of_color, color_of_coefficient, logit,
@@ -34,7 +34,7 @@ pub struct LitGaussians {
 }
 
 impl LitGaussians {
-    /// The Gaussians to draw when they are at `positions` [m] with outward `normals` ([`gic_motion::outward_normals`]), both shape [n, 3].
+    /// The Gaussians to draw when they are at `positions` [m] with outward `normals` ([`gic_geometry::outward_normals`]), both shape [n, 3].
     pub fn at(&self, positions: Vec<[f32; 3]>, normals: &[[f32; 3]]) -> Gaussians {
         let lit = |(sh, &normal): (&[f32; 3], &[f32; 3])| {
             let light = self.light.at(normal);

@@ -8,10 +8,8 @@
 use std::error::Error;
 use std::path::PathBuf;
 
-use gic_continuum::{
-    ContinuumError, Filling, Placement, sample_particles, write_mesh_ply, write_msh, write_obj, write_particles_ply,
-    write_stl,
-};
+use gic_continuum::{ContinuumError, Filling, Placement, sample_particles, write_particles_ply};
+use gic_geometry::{write_mesh_ply, write_msh, write_obj, write_stl};
 use glam::DVec3;
 
 fn main() -> Result<(), Box<dyn Error>> {

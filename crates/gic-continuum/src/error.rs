@@ -51,12 +51,7 @@ pub enum ContinuumError {
         "nothing is left of the body after filling: no voxel is inside every mask and behind every depth map; check the cameras and masks"
     )]
     Empty,
-    /// A grid would not fit in memory.
-    #[error("a grid of {voxels:.2e} voxels is needed, more than the limit of {limit:.0e}; use a larger grid spacing")]
-    TooManyVoxels {
-        /// Voxels needed.
-        voxels: f64,
-        /// The limit.
-        limit: f64,
-    },
+    /// A grid or a mesh cannot be made.
+    #[error(transparent)]
+    Geometry(#[from] gic_geometry::GeometryError),
 }

@@ -2,10 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use gic_continuum::{
-    Filling, Placement, TriangleMesh, sample_particles, write_mesh_ply, write_msh, write_obj, write_particles_ply,
-    write_stl,
-};
+use gic_continuum::{Filling, Placement, sample_particles, write_particles_ply};
+use gic_geometry::{TriangleMesh, write_mesh_ply, write_msh, write_obj, write_stl};
 use glam::DVec3;
 
 /// An ellipsoid off the origin, so that no axis can be mistaken for another.

@@ -8,10 +8,10 @@ use common::{
     sphere, torus, views,
 };
 use gic_continuum::{
-    ContinuumError, Drawing, FillSettings, Filling, GroundPlane, MaskedView, Particles, Placement, SurfacePoint,
-    Unseen, calibrate, compare_with_masks, fill, sample_particles,
+    ContinuumError, Drawing, FillSettings, Filling, GroundPlane, MaskedView, Particles, Placement, Unseen, calibrate,
+    compare_with_masks, fill, sample_particles,
 };
-use gic_metrics::KdTree;
+use gic_geometry::{KdTree, SurfacePoint};
 use gic_scene::Camera;
 use gic_splat::{Gaussians, Shape};
 use glam::{DMat3, DVec3};
@@ -267,7 +267,7 @@ fn unusable_input_is_an_error() {
     let negative = FillSettings { grid_spacing: -1.0, ..settings.clone() };
     assert!(matches!(fill(&good, &views(cameras, &masks), &negative), Err(ContinuumError::Setting { .. })));
     let fine = FillSettings { grid_spacing: 1e-4, ..settings };
-    assert!(matches!(fill(&good, &views(cameras, &masks), &fine), Err(ContinuumError::TooManyVoxels { .. })));
+    assert!(matches!(fill(&good, &views(cameras, &masks), &fine), Err(ContinuumError::Geometry(_))));
 }
 
 #[test]

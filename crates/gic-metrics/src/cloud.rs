@@ -1,12 +1,13 @@
 //! Metrics of point clouds [m]: chamfer distance and earth mover's distance as the paper reports them.
 
+use gic_geometry::{KdTree, squared_distance};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use crate::error::usable_cloud;
-use crate::kd_tree::squared_distance;
-use crate::{KdTree, MetricError, assign};
+
+use crate::{MetricError, assign};
 
 /// Random points of each cloud that the chamfer distance looks at.
 pub const CHAMFER_POINTS: usize = 8192;

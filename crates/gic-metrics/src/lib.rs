@@ -8,7 +8,6 @@ mod assignment;
 mod cloud;
 mod error;
 mod image;
-mod kd_tree;
 mod ssim;
 
 pub use assignment::{Assignment, assign};
@@ -18,5 +17,4 @@ pub use cloud::{
 };
 pub use error::MetricError;
 pub use image::{Rectangle, mask_iou, psnr, soft_iou};
-pub use kd_tree::KdTree;
 pub use ssim::{ssim, ssim_with_gradient};

@@ -8,14 +8,12 @@
 //! - [`pictures`]: what is to be reproduced, and the loss of one picture (paper eq. 5).
 //! - `trainer`: the steps that fit all of them.
 
-pub mod adam;
 mod base;
 mod error;
 mod evaluate;
 mod gaussians;
 mod model;
 mod network;
-mod normals;
 pub mod pictures;
 mod settings;
 mod storage;
@@ -27,6 +25,5 @@ pub use error::MotionError;
 pub use evaluate::{ViewScore, evaluate};
 pub use model::{Domain, DynamicGaussians, Motion};
 pub use network::{Architecture, Deformation, MotionNetwork, NetworkGradient, Scalar};
-pub use normals::outward_normals;
 pub use settings::{Capture, DensitySettings, GaussianShape, InitialPoints, LearningRates, LossWeights, TrainSettings};
 pub use trainer::{Phase, Progress, train};

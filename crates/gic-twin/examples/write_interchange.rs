@@ -7,7 +7,8 @@
 use std::error::Error;
 use std::path::PathBuf;
 
-use gic_continuum::{ContinuumError, Filling, write_msh};
+use gic_continuum::{ContinuumError, Filling};
+use gic_geometry::write_msh;
 use gic_mpm::{Material, Options, rollout};
 use gic_twin::interchange::{Carrier, MotionSamples, write_mjcf, write_particle_set, write_usd};
 use gic_twin::matter::{Shape, ShapeKind};

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use gic_continuum::TetMesh;
+use gic_geometry::TetMesh;
 use gic_mpm::Material;
 use gic_twin::interchange::{MotionSamples, write_mjcf, write_particle_set, write_usd};
 use gic_twin::matter::{Shape, ShapeKind};

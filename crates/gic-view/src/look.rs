@@ -3,8 +3,7 @@
 use std::path::Path;
 
 use gic_appearance::{Light, LitGaussians};
-use gic_metrics::KdTree;
-use gic_motion::outward_normals;
+use gic_geometry::{KdTree, outward_normals};
 use gic_splat::Gaussians;
 use gic_twin::TwinError;
 use gic_twin::atomic;

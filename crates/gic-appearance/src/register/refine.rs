@@ -2,8 +2,8 @@
 
 use gic_metrics::mask_iou;
 use gic_motion::LossWeights;
-use gic_motion::adam::{Moments, decayed};
 use gic_motion::pictures::{Target, drawn_bounds, picture_loss, windowed};
+use gic_optimize::{Moments, decayed};
 use gic_splat::{GaussianGradients, Gaussians, RenderSettings, backward, render};
 use rayon::prelude::*;
 

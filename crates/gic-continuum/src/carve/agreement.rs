@@ -5,11 +5,12 @@
 //! mirror images are summed at each, and it moves to their minimum: a fraction of a voxel, shared with its neighbours as far as the minimum is
 //! flat. With it, the field is carried along, so that edges stay as they are.
 
+use gic_geometry::DensityField;
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::{Coloured, Difference, Place, Solid};
-use crate::{DensityField, Filling, Symmetry};
+use crate::{Filling, Symmetry};
 
 /// Depths that are tried, half a voxel apart: so many inside of the surface, the surface, and four outside.
 const INSIDE: usize = 6;

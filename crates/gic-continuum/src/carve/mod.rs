@@ -11,13 +11,14 @@
 
 mod agreement;
 
+use gic_geometry::DensityField;
 use gic_scene::{Camera, Picture};
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::fill::smooth;
 use crate::symmetry::Images;
-use crate::{DensityField, Filling, Symmetry};
+use crate::{Filling, Symmetry};
 
 /// Standard deviation of a colour, in [0, 1], and how far a place may be off in a picture [pixels].
 const NOISE: f32 = 3.0 / 255.0;

@@ -1,10 +1,11 @@
 //! Lines 1 to 6 of Algorithm 1: which share of each voxel is inside every mask and behind every rendered depth.
 
+use gic_geometry::DensityField;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use crate::FillSettings;
 use crate::evidence::{Evidence, Overview, Survey};
-use crate::{DensityField, FillSettings};
 
 /// Side of the boxes that the views are asked about first [voxels]; each is halved as long as some view is undecided about it.
 const BOX: usize = 8;

@@ -16,10 +16,10 @@
 //!    ([`crate::Completion`]).
 //! 4. *Depths know of the Gaussians' sizes.* Where a surface is drawn by large ones, it lies further in front of their centres.
 
-mod field;
 mod internal;
 mod unseen;
 
+use gic_geometry::{DensityField, TetMesh, TriangleMesh, marching_cubes};
 use gic_scene::Camera;
 use gic_splat::{Gaussians, Shape};
 use glam::DVec3;
@@ -29,8 +29,6 @@ use self::internal::{InternalParticles, internal_particles};
 use self::unseen::place_unseen;
 use crate::evidence::Evidence;
 use crate::{ContinuumError, FillSettings, MaskedView, Symmetry};
-
-pub use field::{DensityField, MAX_VOXELS};
 
 /// Fewer Gaussians than this are no body.
 const MIN_GAUSSIANS: usize = 8;
@@ -88,6 +86,19 @@ impl Filling {
     /// Volume of the body [m^3]: where the interpolated field is at least th_min.
     pub fn volume(&self) -> f64 {
         self.field.volume(self.th_min)
+    }
+
+    /// The surface at level th_min as a closed triangle mesh.
+    pub fn surface_mesh(&self) -> TriangleMesh {
+        marching_cubes(&self.field, self.th_min)
+    }
+
+    /// Tetrahedra that fill the level set th_min, with edges of about `edge` [m].
+    ///
+    /// # Errors
+    /// Those of [`gic_geometry::tetrahedra`].
+    pub fn tetrahedra(&self, edge: f64) -> Result<TetMesh, ContinuumError> {
+        Ok(gic_geometry::tetrahedra(&self.field, self.th_min, edge)?)
     }
 
     /// P~(t) of Algorithm 1, line 16: centres of the voxels of at least th_min [m].
@@ -282,7 +293,8 @@ fn initialize_field(gaussians: &Gaussians, settings: &FillSettings) -> Result<De
     }
     let [_, scale] = quartiles_of_scale(gaussians);
     let margin = 3.0 * scale + 3.0 * settings.finest_spacing();
-    DensityField::covering(low - margin, high + margin, settings.finest_spacing(), 1 << (settings.levels - 1))
+    let multiple = 1 << (settings.levels - 1);
+    Ok(DensityField::covering(low - margin, high + margin, settings.finest_spacing(), multiple)?)
 }
 
 /// Lines 8 to 15: from the coarsest to the finest level, upsample, mean-filter and reassign.

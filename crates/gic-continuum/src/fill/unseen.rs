@@ -10,10 +10,11 @@
 //!    known to have ([`FillSettings::volume`]), and undersides lie [`FillSettings::unseen_lift`] above the relaxed surface.
 //! 3. What lies close to where the boundary ends up is in doubt ([`crate::Filling::doubt`]).
 
+use gic_geometry::DensityField;
 use rayon::prelude::*;
 
 use crate::evidence::Evidence;
-use crate::{DensityField, FillSettings, Unseen};
+use crate::{FillSettings, Unseen};
 
 /// Boundary within so many voxels of a rendered surface counts as seen.
 const SEEN_WITHIN: f64 = 1.5;

@@ -1,6 +1,6 @@
 //! The Gaussian-informed continuum (paper eq. 7): particles as isotropic Gaussians, of which only alpha is drawn.
 
-use gic_metrics::KdTree;
+use gic_geometry::KdTree;
 use gic_splat::{Gaussians, RenderSettings, Shape, render};
 use glam::DVec3;
 

@@ -2,7 +2,7 @@
 
 mod informed;
 
-use gic_metrics::KdTree;
+use gic_geometry::{GeometryError, KdTree, MAX_VOXELS};
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -88,9 +88,9 @@ fn place(filling: &Filling, spacing: f64, placement: Placement) -> Result<Vec<DV
     let extent = DVec3::from_array(field.size.map(|n| n as f64)) * field.spacing;
     let count = (extent / spacing).ceil();
     let voxels = count.x * count.y * count.z;
-    let fits = voxels <= crate::MAX_VOXELS;
+    let fits = voxels <= MAX_VOXELS;
     if !fits {
-        return Err(ContinuumError::TooManyVoxels { voxels, limit: crate::MAX_VOXELS });
+        return Err(GeometryError::TooManyVoxels { voxels, limit: MAX_VOXELS }.into());
     }
     let [nx, ny, nz] = count.to_array().map(|c| c as usize);
     let mut points: Vec<DVec3> = (0..nx * ny * nz)

@@ -13,12 +13,12 @@
 
 mod outline;
 
-use gic_metrics::KdTree;
+use gic_geometry::{DensityField, KdTree};
 use glam::{DAffine3, DMat3, DVec3};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::{DensityField, Filling, MaskedView};
+use crate::{Filling, MaskedView};
 
 /// Directions of planes that are tried, evenly over a half sphere: 8 degrees apart.
 const DIRECTIONS: usize = 400;

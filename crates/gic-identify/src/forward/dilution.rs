@@ -5,9 +5,8 @@
 //! frame, which the friction angle would have to explain. The width follows the local number density to the power -1/3, relative to the
 //! particle's own neighbourhood at rest, so that the surface (half of a neighbourhood) is no dilution.
 
+use gic_geometry::densities;
 use glam::DVec3;
-
-use crate::surroundings::densities;
 
 /// Limits of the factor on a Gaussian's width.
 const LIMITS: (f32, f32) = (0.8, 1.5);

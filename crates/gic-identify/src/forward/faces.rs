@@ -1,8 +1,7 @@
 //! Which particles are on the surface of a body, and where its outside is.
 
+use gic_geometry::{Surroundings, offsets};
 use glam::DVec3;
-
-use crate::surroundings::{Surroundings, offsets};
 
 /// How far from a particle its neighbours' centre lies where it begins to count as one of the surface, and from where it counts fully, in
 /// units of the radius that makes neighbours. In the middle of a lattice's flat face it is .16, in the next layer below .01.

@@ -9,13 +9,13 @@
 //! An orthonormal basis of them becomes unknowns of the joint stage beside the material, with unit variances: what the pictures say about
 //! the shape is then used, and what they leave open widens the intervals.
 
+use gic_geometry::Neighbours;
 use glam::DVec3;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use crate::Input;
 use crate::forward::faces::faces;
-use crate::neighbours::Neighbours;
 
 /// Standard deviation of the surface's position along its normal, in particle spacings: where a camera sees it, where none does, and
 /// that of a common error of the whole surface. How far the matter that a particle stands for reaches beyond its centre is a convention to

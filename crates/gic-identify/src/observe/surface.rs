@@ -3,11 +3,11 @@
 //! The chamfer distance has a kink at zero and a bias: particles lie half a spacing inside the surface that the pictures show. The
 //! residuals used by Gauss-Newton are therefore signed, and measured relative to the distance at time 0.
 
+use gic_geometry::Neighbours;
 use glam::{DMat3, DVec3};
 
 use crate::Input;
 use crate::forward::faces::{faces, rise};
-use crate::neighbours::Neighbours;
 use crate::normal::{Cluster, Modality};
 use crate::solve::objective::Motion;
 

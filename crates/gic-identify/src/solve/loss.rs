@@ -1,11 +1,11 @@
 //! The loss of paper eq. 8: chamfer distance of the surfaces plus L1 of the masks, with its derivative by the particles' positions.
 
+use gic_geometry::Neighbours;
 use glam::DVec3;
 
 use crate::Loss;
 use crate::forward::footprint::Cloud;
 use crate::forward::silhouette::{alpha, alpha_backward};
-use crate::neighbours::Neighbours;
 use crate::observe::data::{Data, Moment};
 use crate::observe::surface::Context;
 use crate::solve::objective::Motion;

@@ -1,6 +1,7 @@
 //! Adam on the base motion's poses.
 
-use crate::adam::Moments;
+use gic_optimize::Moments;
+
 use crate::base::{BaseMotion, Lattice, PoseSlope};
 use crate::gaussians::smoothing::Neighbourhood;
 
@@ -111,8 +112,8 @@ mod tests {
 
     use super::*;
     use crate::Affine;
-    use crate::adam::decayed;
     use crate::base::Pose;
+    use gic_optimize::decayed;
 
     fn points() -> Vec<[f32; 3]> {
         (0..200).map(|i| core::array::from_fn(|k| ((i * (3 + k)) as f32 * 0.7 + k as f32).sin() * 0.2)).collect()

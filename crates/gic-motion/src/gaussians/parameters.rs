@@ -2,12 +2,12 @@
 
 use std::mem;
 
+use gic_optimize::Moments;
 use gic_splat::{GaussianGradients, Gaussians, Shape, logit, sigmoid};
 use glam::{Quat, Vec3};
 use rand::{Rng, RngExt};
 use rayon::prelude::*;
 
-use crate::adam::Moments;
 use crate::{DensitySettings, LearningRates};
 
 /// Gaussians per parallel task, at least.
@@ -200,7 +200,7 @@ impl ParameterMoments {
         (step, fraction): (usize, f64),
         (extent, alike): (f64, bool),
     ) {
-        use crate::adam::decayed;
+        use gic_optimize::decayed;
         let rate = |ends| decayed(ends, fraction);
         let feature = rate(rates.feature);
         let (positions, d_positions) = (p.positions.as_flattened_mut(), g.positions.as_flattened());

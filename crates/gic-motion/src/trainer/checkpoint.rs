@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
+use gic_optimize::Moments;
 use serde::{Deserialize, Serialize};
 
 use super::{Best, State};
-use crate::adam::Moments;
 use crate::base::fit::{Base, PoseFit};
 use crate::gaussians::parameters::{ParameterMoments, Parameters, ScreenGradients, details_per_gaussian};
 use crate::gaussians::smoothing::Anchors;

@@ -1,11 +1,11 @@
 //! The first base motion, from frame to frame, before training uses it.
 
+use gic_optimize::decayed;
 use glam::DVec3;
 use rand::Rng;
 use rayon::prelude::*;
 
 use super::{EXTENT_RADII, MIN_SYNCHRONOUS, State, Trainer, ViewGradient};
-use crate::adam::decayed;
 use crate::base::fit::{Base, Freedom, PoseFit};
 use crate::{BaseMotion, Lattice, MotionError, pictures};
 

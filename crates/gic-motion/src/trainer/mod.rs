@@ -13,13 +13,13 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
+use gic_optimize::{Moments, decayed};
 use gic_scene::Scene;
 use gic_splat::Gaussians;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use crate::adam::{Moments, decayed};
 use crate::base::Pose;
 use crate::base::fit::{Base, Freedom};
 use crate::gaussians::parameters::{Gradient, ParameterMoments, Parameters, ScreenGradients};

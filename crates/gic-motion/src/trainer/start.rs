@@ -1,12 +1,12 @@
 //! The state before the first step.
 
+use gic_optimize::Moments;
 use gic_scene::Scene;
 use gic_splat::{coefficient_of_color, logit};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::{EXTENT_RADII, State, Trainer};
-use crate::adam::Moments;
 use crate::gaussians::first_points::{self, Points};
 use crate::gaussians::parameters::{ParameterMoments, Parameters, ScreenGradients, details_per_gaussian};
 use crate::gaussians::smoothing::Anchors;

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use gic_continuum::TetMesh;
+use gic_geometry::TetMesh;
 use glam::DVec3;
 
 use super::{elastic_solid, least_height, vertex_masses};

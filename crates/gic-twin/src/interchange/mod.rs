@@ -10,7 +10,7 @@ pub use mjcf::write_mjcf;
 pub use particle_set::write_particle_set;
 pub use usd::{MotionSamples, write_usd};
 
-use gic_continuum::TetMesh;
+use gic_geometry::TetMesh;
 use glam::DVec3;
 
 use crate::error::{Result, TwinError};

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use gic_continuum::TetMesh;
+use gic_geometry::TetMesh;
 use glam::DVec3;
 
 use super::elastic_solid;

@@ -1,6 +1,6 @@
 //! Points of all frames, and their bytes in the page.
 
-use gic_motion::outward_normals;
+use gic_geometry::outward_normals;
 use glam::DVec3;
 
 use crate::error::{Result, ViewError};

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use gic_metrics::KdTree;
+use gic_geometry::KdTree;
 use gic_twin::matter::read_particles;
 use gic_twin::simulate::Trajectory;
 use glam::DVec3;

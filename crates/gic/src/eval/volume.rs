@@ -1,6 +1,6 @@
 //! How much room true particles take up: bodies are squeezed when they land, and sand loosens when it spreads.
 
-use gic_continuum::DensityField;
+use gic_geometry::DensityField;
 use glam::DVec3;
 
 use crate::error::{Error, Result};

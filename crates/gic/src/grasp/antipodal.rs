@@ -4,7 +4,7 @@
 //! either normal (Nguyen 1988). Among such pairs the one wins whose normals lie best along the line, whose line passes nearest to the
 //! centre of mass (weight then turns the object least in the grip), and around which the surface is flat.
 
-use gic_motion::outward_normals;
+use gic_geometry::outward_normals;
 use glam::DVec3;
 
 /// About so many places of the surface are tried, each with all others.

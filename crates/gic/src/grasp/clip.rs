@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use gic_motion::outward_normals;
+use gic_geometry::outward_normals;
 use gic_mpm::Body;
 use gic_twin::atomic;
 use gic_view::render::{Encoder, Particles, Studio};

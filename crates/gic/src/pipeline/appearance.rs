@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use gic_appearance::{DressProgress, Posture, dress};
 use gic_continuum::{Appearance, informed_gaussians};
-use gic_motion::outward_normals;
+use gic_geometry::outward_normals;
 use gic_twin::matter::read_particles;
 use gic_view::look::Look;
 use glam::DVec3;

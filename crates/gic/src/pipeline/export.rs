@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use gic_continuum::{write_mesh_ply, write_msh, write_obj, write_particles_ply, write_stl};
+use gic_continuum::write_particles_ply;
+use gic_geometry::{write_mesh_ply, write_msh, write_obj, write_stl};
 use gic_twin::interchange::{Carrier, MotionSamples, write_mjcf, write_particle_set, write_usd};
 use gic_twin::matter::read_particles;
 use gic_twin::simulate::Trajectory;

@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 
-use crate::{DensityField, Filling};
+use crate::DensityField;
 
 /// A triangle mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -80,20 +80,13 @@ impl TriangleMesh {
     }
 }
 
-impl Filling {
-    /// The surface at level th_min as a closed triangle mesh.
-    pub fn surface_mesh(&self) -> TriangleMesh {
-        marching_cubes(&self.field, self.th_min)
-    }
-}
-
 /// Corners of a cube: bit 0 of the index is x, bit 1 is y, bit 2 is z. Faces as four corners, counter-clockwise seen from outside.
 const FACES: [[usize; 4]; 6] = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 /// Vertices stay this share of an edge away from its ends, so that no triangle collapses to a point.
 const CLEARANCE: f64 = 1e-3;
 
-/// The level set of the interpolated field, the field being zero outside the grid.
-pub(crate) fn marching_cubes(field: &DensityField, level: f64) -> TriangleMesh {
+/// The level set of the interpolated field as a closed mesh, the field being zero outside the grid.
+pub fn marching_cubes(field: &DensityField, level: f64) -> TriangleMesh {
     // Nodes are voxel centres, with one layer of zeros around.
     let size = field.size.map(|n| n + 2);
     let node = |x: usize, y: usize, z: usize| x + size[0] * (y + size[1] * z);

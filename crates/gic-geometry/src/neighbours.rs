@@ -6,7 +6,7 @@ use glam::{DVec3, IVec3};
 
 /// Points in cells of a uniform grid over their bounding box.
 #[derive(Clone, Debug)]
-pub(crate) struct Neighbours {
+pub struct Neighbours {
     points: Vec<DVec3>,
     /// Index of each point in the slice that was given.
     ids: Vec<u32>,
@@ -21,7 +21,7 @@ const MOST_CELLS: f64 = 2.0e6;
 
 impl Neighbours {
     /// Sorts the points into cells of side `cell` [m].
-    pub(crate) fn new(points: &[DVec3], cell: f64) -> Neighbours {
+    pub fn new(points: &[DVec3], cell: f64) -> Neighbours {
         // Points that are no numbers are near to nothing, whichever cell they are in.
         let known = || points.iter().copied().filter(|p| p.is_finite());
         let low = known().reduce(DVec3::min).unwrap_or(DVec3::ZERO);
@@ -51,27 +51,27 @@ impl Neighbours {
     }
 
     /// Number of points.
-    pub(crate) fn len(&self) -> usize {
+    pub fn len(&self) -> usize {
         self.points.len()
     }
 
     /// The point at a place of the list [m].
-    pub(crate) fn point(&self, place: usize) -> DVec3 {
+    pub fn point(&self, place: usize) -> DVec3 {
         self.points[place]
     }
 
     /// Index of the point at a place of the list in the slice that was given.
-    pub(crate) fn id(&self, place: usize) -> usize {
+    pub fn id(&self, place: usize) -> usize {
         self.ids[place] as usize
     }
 
     /// The cells that have points.
-    pub(crate) fn occupied(&self) -> impl Iterator<Item = usize> {
+    pub fn occupied(&self) -> impl Iterator<Item = usize> {
         (0..self.starts.len() - 1).filter(|cell| self.starts[*cell] < self.starts[cell + 1])
     }
 
     /// The corner of a cell at which its coordinates are lowest [m].
-    pub(crate) fn corner(&self, cell: usize) -> DVec3 {
+    pub fn corner(&self, cell: usize) -> DVec3 {
         self.low + self.cell * self.index(cell).as_dvec3()
     }
 
@@ -81,12 +81,12 @@ impl Neighbours {
     }
 
     /// Places of a cell's points.
-    pub(crate) fn in_cell(&self, cell: usize) -> Range<usize> {
+    pub fn in_cell(&self, cell: usize) -> Range<usize> {
         self.starts[cell] as usize..self.starts[cell + 1] as usize
     }
 
     /// Places of the points in a cell and those around it, as runs: cells along z follow each other.
-    pub(crate) fn around(&self, cell: usize) -> [Range<usize>; 9] {
+    pub fn around(&self, cell: usize) -> [Range<usize>; 9] {
         let centre = self.index(cell);
         let (low, high) = ((centre.z - 1).max(0), (centre.z + 1).min(self.size.z - 1));
         std::array::from_fn(|k| {
@@ -112,7 +112,7 @@ impl Neighbours {
     }
 
     /// The `K` nearest points as (distance squared, index), nearest first; fewer points give infinite distances.
-    pub(crate) fn nearest<const K: usize>(&self, p: DVec3) -> [(f64, usize); K] {
+    pub fn nearest<const K: usize>(&self, p: DVec3) -> [(f64, usize); K] {
         let mut best = [(f64::INFINITY, usize::MAX); K];
         if self.points.is_empty() {
             return best;
@@ -168,7 +168,7 @@ impl Neighbours {
     }
 
     /// Calls `visit` with every point within `radius` of `p`, as (distance squared, index, position).
-    pub(crate) fn within(&self, p: DVec3, radius: f64, mut visit: impl FnMut(f64, usize, DVec3)) {
+    pub fn within(&self, p: DVec3, radius: f64, mut visit: impl FnMut(f64, usize, DVec3)) {
         if self.points.is_empty() {
             return;
         }

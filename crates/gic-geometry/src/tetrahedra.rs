@@ -8,7 +8,7 @@ use std::collections::HashMap;
 
 use glam::{DVec3, I64Vec3};
 
-use crate::{ContinuumError, Filling, MAX_VOXELS};
+use crate::{DensityField, GeometryError, MAX_VOXELS};
 
 /// A cut nearer to a lattice point than this share of a long edge moves the point (the paper's alpha_long for its safe mesh).
 const SNAP_LONG: f64 = 0.24999;
@@ -77,8 +77,7 @@ struct Lattice {
 }
 
 impl Lattice {
-    fn new(filling: &Filling, edge: f64) -> Result<Lattice, ContinuumError> {
-        let field = &filling.field;
+    fn new(field: &DensityField, level: f64, edge: f64) -> Result<Lattice, GeometryError> {
         // Half a cell of air all around, so that the surface closes.
         let low = field.origin - DVec3::splat(field.spacing + 0.5 * edge);
         let extent =
@@ -87,14 +86,14 @@ impl Lattice {
         let points = 8.0 * (cells.x + 1.0) * (cells.y + 1.0) * (cells.z + 1.0);
         let fits = points <= MAX_VOXELS;
         if !fits {
-            return Err(ContinuumError::TooManyVoxels { voxels: points, limit: MAX_VOXELS });
+            return Err(GeometryError::TooManyVoxels { voxels: points, limit: MAX_VOXELS });
         }
         let size = 2 * cells.as_i64vec3() + 1;
         let mut lattice = Lattice { size, positions: Vec::new(), values: Vec::new() };
         for i in 0..size.element_product() {
             let position = low + 0.5 * edge * lattice.point(i as usize).as_dvec3();
             lattice.positions.push(position);
-            lattice.values.push(field.sample(position) - filling.th_min);
+            lattice.values.push(field.sample(position) - level);
         }
         Ok(lattice)
     }
@@ -239,36 +238,37 @@ impl Builder<'_> {
     }
 }
 
-impl Filling {
-    /// Tetrahedra that fill the level set th_min, with edges of about `edge` metres.
-    pub fn tetrahedra(&self, edge: f64) -> Result<TetMesh, ContinuumError> {
-        let good = edge > 0.0 && edge.is_finite();
-        if !good {
-            return Err(ContinuumError::Setting { setting: "tetrahedron edge", value: edge, must: "above 0 m" });
+/// Tetrahedra that fill the space where the field is at least `level`, with edges of about `edge` [m].
+///
+/// # Errors
+/// [`GeometryError`] where the edge is not above 0, needs too many lattice points, or is too long for the body.
+pub fn tetrahedra(field: &DensityField, level: f64, edge: f64) -> Result<TetMesh, GeometryError> {
+    let good = edge > 0.0 && edge.is_finite();
+    if !good {
+        return Err(GeometryError::TetrahedronEdge { edge });
+    }
+    let mut lattice = Lattice::new(field, level, edge)?;
+    lattice.snap();
+    let mut builder =
+        Builder { lattice: &lattice, mesh: TetMesh::default(), of_point: HashMap::new(), of_cut: HashMap::new() };
+    for i in 0..lattice.values.len() {
+        let centre = lattice.point(i);
+        if !Lattice::is_point(centre) || centre.x & 1 == 0 {
+            continue;
         }
-        let mut lattice = Lattice::new(self, edge)?;
-        lattice.snap();
-        let mut builder =
-            Builder { lattice: &lattice, mesh: TetMesh::default(), of_point: HashMap::new(), of_cut: HashMap::new() };
-        for i in 0..lattice.values.len() {
-            let centre = lattice.point(i);
-            if !Lattice::is_point(centre) || centre.x & 1 == 0 {
-                continue;
-            }
-            for axis in 0..3 {
-                let (e, u, v) = (I64Vec3::AXES[axis], I64Vec3::AXES[(axis + 1) % 3], I64Vec3::AXES[(axis + 2) % 3]);
-                let Some(other) = lattice.index(centre + 2 * e) else { continue };
-                // Around the edge between two cell centres, the four edges of the face between the cells.
-                let ring = [e + u + v, e - u + v, e - u - v, e + u - v].map(|d| lattice.index(centre + d));
-                for k in 0..4 {
-                    if let (Some(a), Some(b)) = (ring[k], ring[(k + 1) % 4]) {
-                        builder.add([i, other, a, b]);
-                    }
+        for axis in 0..3 {
+            let (e, u, v) = (I64Vec3::AXES[axis], I64Vec3::AXES[(axis + 1) % 3], I64Vec3::AXES[(axis + 2) % 3]);
+            let Some(other) = lattice.index(centre + 2 * e) else { continue };
+            // Around the edge between two cell centres, the four edges of the face between the cells.
+            let ring = [e + u + v, e - u + v, e - u - v, e + u - v].map(|d| lattice.index(centre + d));
+            for k in 0..4 {
+                if let (Some(a), Some(b)) = (ring[k], ring[(k + 1) % 4]) {
+                    builder.add([i, other, a, b]);
                 }
             }
         }
-        if builder.mesh.tetrahedra.is_empty() { Err(ContinuumError::Empty) } else { Ok(builder.mesh) }
     }
+    if builder.mesh.tetrahedra.is_empty() { Err(GeometryError::NothingInside { edge }) } else { Ok(builder.mesh) }
 }
 
 #[cfg(test)]
@@ -276,20 +276,24 @@ mod tests {
     use super::*;
     use crate::TriangleMesh;
 
-    fn filling_of(distance: impl Fn(DVec3) -> f64, spacing: f64) -> Filling {
-        Filling::of_body((DVec3::splat(-0.16), DVec3::splat(0.16)), spacing, 4.0 * spacing, distance).unwrap()
+    fn field_of(distance: impl Fn(DVec3) -> f64, spacing: f64) -> DensityField {
+        let mut field = DensityField::covering(DVec3::splat(-0.16), DVec3::splat(0.16), spacing, 1).unwrap();
+        for i in 0..field.len() {
+            field.values[i] = (0.5 - distance(field.centre(field.voxel(i))) / (4.0 * spacing)).clamp(0.0, 1.0) as f32;
+        }
+        field
     }
 
     #[test]
     fn ball_and_ring_are_filled_by_well_shaped_tetrahedra_with_a_closed_boundary() {
         use std::f64::consts::PI;
-        let ball = filling_of(|p| p.length() - 0.12, 0.01);
-        let ring = filling_of(|p| ((p.x.hypot(p.z) - 0.09).hypot(p.y)) - 0.04, 0.01);
-        for (filling, volume, radius, euler) in
+        let ball = field_of(|p| p.length() - 0.12, 0.01);
+        let ring = field_of(|p| ((p.x.hypot(p.z) - 0.09).hypot(p.y)) - 0.04, 0.01);
+        for (field, volume, radius, euler) in
             [(ball, 4.0 / 3.0 * PI * 0.12f64.powi(3), 0.12, 2), (ring, 2.0 * PI * PI * 0.09 * 0.04 * 0.04, 0.04, 0)]
         {
             let edge = 0.015f64;
-            let mesh = filling.tetrahedra(edge).unwrap();
+            let mesh = tetrahedra(&field, 0.5, edge).unwrap();
             // Chords of length `edge` lie up to edge^2 / (8 radius) below an arc.
             let chords = 2.0 * edge * edge / (8.0 * radius * radius);
             assert!((mesh.volume() / volume - 1.0).abs() < 0.005 + chords, "{}", mesh.volume() / volume);

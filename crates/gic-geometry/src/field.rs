@@ -3,7 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::ContinuumError;
+use crate::GeometryError;
 
 /// More voxels than this are refused: 4 bytes each, and filling needs a few fields.
 pub const MAX_VOXELS: f64 = 4e7;
@@ -24,11 +24,11 @@ pub struct DensityField {
 impl DensityField {
     /// A field of zeros that covers the box `low`..`high` [m] with voxels of side `spacing` [m], the number of voxels along each
     /// axis being a multiple of `multiple`.
-    pub fn covering(low: DVec3, high: DVec3, spacing: f64, multiple: usize) -> Result<DensityField, ContinuumError> {
+    pub fn covering(low: DVec3, high: DVec3, spacing: f64, multiple: usize) -> Result<DensityField, GeometryError> {
         let count = (high - low) / spacing;
         let voxels = count.to_array().iter().map(|c| c.max(1.0)).product::<f64>();
         if !(count.is_finite() && voxels <= MAX_VOXELS) {
-            return Err(ContinuumError::TooManyVoxels { voxels, limit: MAX_VOXELS });
+            return Err(GeometryError::TooManyVoxels { voxels, limit: MAX_VOXELS });
         }
         let size = count.to_array().map(|c| (c - 1e-9).ceil().max(1.0) as usize).map(|c| c.next_multiple_of(multiple));
         let extent = DVec3::from_array(size.map(|n| n as f64)) * spacing;
@@ -77,12 +77,12 @@ impl DensityField {
     }
 
     /// Indices of the 3x3x3 voxels around one, those in the grid.
-    pub(crate) fn around(&self, index: usize) -> impl Iterator<Item = usize> + '_ {
+    pub fn around(&self, index: usize) -> impl Iterator<Item = usize> + '_ {
         self.within(index, 1)
     }
 
     /// Indices of the voxels no more than `reach` voxels from one along each axis, those in the grid.
-    pub(crate) fn within(&self, index: usize, reach: usize) -> impl Iterator<Item = usize> + '_ {
+    pub fn within(&self, index: usize, reach: usize) -> impl Iterator<Item = usize> + '_ {
         let [x, y, z] = self.voxel(index);
         let range = |c: usize, n: usize| c.saturating_sub(reach)..(c + reach + 1).min(n);
         let [xs, ys, zs] = [range(x, self.size[0]), range(y, self.size[1]), range(z, self.size[2])];
@@ -225,7 +225,7 @@ mod tests {
     #[test]
     fn too_fine_a_grid_is_refused() {
         let refused = DensityField::covering(DVec3::ZERO, DVec3::ONE, 1e-3, 8);
-        assert!(matches!(refused, Err(ContinuumError::TooManyVoxels { .. })));
+        assert!(matches!(refused, Err(GeometryError::TooManyVoxels { .. })));
         assert!(DensityField::covering(DVec3::ZERO, DVec3::splat(f64::NAN), 0.1, 8).is_err());
     }
 

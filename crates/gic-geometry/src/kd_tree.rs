@@ -73,7 +73,7 @@ impl KdTree {
 
 /// Squared distance of two points [m^2].
 #[inline]
-pub(crate) fn squared_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
+pub fn squared_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
     let d = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
     d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
 }

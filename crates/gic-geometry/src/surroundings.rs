@@ -7,11 +7,11 @@ use std::ops::Range;
 use gic_simd::{Kernel, Lanes, Level, MAX_LANES, dispatch};
 use glam::DVec3;
 
-use crate::neighbours::Neighbours;
+use crate::Neighbours;
 
 /// The surroundings of a point, itself included.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Surroundings {
+pub struct Surroundings {
     /// Sum of the weights.
     pub weight: f64,
     /// Sum of the weighted ways from the others to the point, in units of the radius; zero where it was not asked for.
@@ -19,12 +19,12 @@ pub(crate) struct Surroundings {
 }
 
 /// Sums of the weights within `radius` [m] of each point, shape [n].
-pub(crate) fn densities(points: &[DVec3], radius: f64) -> Vec<f32> {
+pub fn densities(points: &[DVec3], radius: f64) -> Vec<f32> {
     surroundings::<false>(Level::active(), points, radius).iter().map(|around| around.weight as f32).collect()
 }
 
 /// Weights and weighted ways within `radius` [m] of each point, shape [n].
-pub(crate) fn offsets(points: &[DVec3], radius: f64) -> Vec<Surroundings> {
+pub fn offsets(points: &[DVec3], radius: f64) -> Vec<Surroundings> {
     surroundings::<true>(Level::active(), points, radius)
 }
 

@@ -1,0 +1,24 @@
+//! Points, grids and meshes in space: neighbours, normals, fields, surfaces.
+//!
+//! Positions are in metres in whichever frame the caller works in. Grids are x fastest, then y, then z.
+
+mod error;
+mod field;
+mod kd_tree;
+mod marching_cubes;
+mod mesh_files;
+mod neighbours;
+mod outward_normals;
+mod surroundings;
+mod tetrahedra;
+mod volume;
+
+pub use error::GeometryError;
+pub use field::{DensityField, MAX_VOXELS};
+pub use kd_tree::{KdTree, squared_distance};
+pub use marching_cubes::{SurfacePoint, TriangleMesh, marching_cubes};
+pub use mesh_files::{write_mesh_ply, write_msh, write_obj, write_stl};
+pub use neighbours::Neighbours;
+pub use outward_normals::outward_normals;
+pub use surroundings::{Surroundings, densities, offsets};
+pub use tetrahedra::{TetMesh, tetrahedra};

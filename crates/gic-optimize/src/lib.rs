@@ -1,0 +1,5 @@
+//! Minimisers that several stages share.
+
+mod adam;
+
+pub use adam::{Moments, decayed};
