@@ -3,11 +3,11 @@
 use gic_mpm::gradient;
 use glam::DVec3;
 
-use crate::forward::footprint::Cloud;
+use crate::forward::footprint::IsotropicGaussians;
 use crate::result::Stage;
-use crate::solve::levenberg::Iterate;
+use crate::solve::levenberg_marquardt::Iterate;
 use crate::solve::loss::frame_loss;
-use crate::stages::Job;
+use crate::stages::Identification;
 use crate::unknowns::state::{State, Unknown};
 
 const BETA: (f64, f64) = (0.9, 0.999);
@@ -16,7 +16,7 @@ const EPSILON: f64 = 1e-8;
 const MOST_FAILURES: usize = 10;
 
 /// Fits the material with the initial velocity fixed; the best iterate is returned, not the last (as the release does).
-pub(crate) fn adam(job: &Job, free: usize, start: State, iterations: usize) -> Result<State, String> {
+pub(crate) fn adam(job: &Identification, free: usize, start: State, iterations: usize) -> Result<State, String> {
     let unknowns = job.free_materials();
     let mut state = start;
     let mut best: Option<(f64, State)> = None;
@@ -55,21 +55,26 @@ pub(crate) fn adam(job: &Job, free: usize, start: State, iterations: usize) -> R
 }
 
 /// Loss of eq. 8, mean over frames, and its derivative by the search coordinates of `unknowns`.
-fn loss_and_gradient(job: &Job, free: usize, state: &State, unknowns: &[Unknown]) -> Result<(f64, Vec<f64>), String> {
+fn loss_and_gradient(
+    job: &Identification,
+    free: usize,
+    state: &State,
+    unknowns: &[Unknown],
+) -> Result<(f64, Vec<f64>), String> {
     let simulation = job.simulation(free);
     let (world, from) = simulation.world_and_start(state);
-    let last = job.data.moments.last().map_or(0, |moment| moment.frame);
-    let share = 1.0 / job.data.moments.len() as f64;
+    let last = job.video.frames.last().map_or(0, |frame| frame.simulated_frame);
+    let share = 1.0 / job.video.frames.len() as f64;
     let mut total = 0.0;
     simulation.count();
     let gradient = gradient(&world, &simulation.options, last + 1 - from, |frame| {
-        let moment = job.data.moments.iter().find(|moment| moment.frame == frame.index + from)?;
+        let observed = job.video.frames.iter().find(|observed| observed.simulated_frame == frame.index + from)?;
         let positions: Vec<[f32; 3]> = frame.positions.iter().map(|p| p.as_vec3().to_array()).collect();
         // The widths' own change with the positions is left out of the gradient.
-        let scales = job.dilution.scales(&frame.positions);
+        let scales = job.splat_widths.scales(&frame.positions);
         let (opacities, factor) = (&job.input.opacities, state.splat.exp() as f32);
-        let cloud = Cloud { positions: &positions, opacities, scales: &scales, factor };
-        let loss = frame_loss(moment, &job.context, cloud, true);
+        let gaussians = IsotropicGaussians { positions: &positions, opacities, scales: &scales, factor };
+        let loss = frame_loss(observed, &job.context, gaussians, true);
         total += share * (loss.chamfer_m + loss.mask_l1);
         Some(loss.gradient.iter().map(|g: &DVec3| *g * share).collect())
     })

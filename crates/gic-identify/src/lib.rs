@@ -18,7 +18,7 @@ mod vector;
 pub use checkpoint::{Checkpoint, Event};
 pub use error::IdentifyError;
 pub use input::{Input, Observation, View};
-pub use result::{Estimate, Identification, Loss, Stage, Step};
+pub use result::{Estimate, Estimates, Loss, Stage, Step};
 pub use settings::{Optimizer, Settings, Target};
 pub use stages::identify;
 pub use unknowns::parameter::{MaterialKind, Parameter};

@@ -1,6 +1,6 @@
-//! Gauss-Newton's normal equations, kept apart by cluster (one picture, or one frame's surface).
+//! Gauss-Newton's normal equations, kept apart by block (one picture, or one frame's surface).
 //!
-//! The residuals of one picture are correlated: a shape that is a millimetre too fat is wrong along its whole outline. The clusters'
+//! The residuals of one picture are correlated: a shape that is a millimetre too fat is wrong along its whole outline. The blocks'
 //! gradients at the optimum measure that correlation, which is what the sandwich estimate of the covariance needs.
 
 use nalgebra::{DMatrix, DVector};
@@ -14,9 +14,9 @@ pub(crate) enum Modality {
     Surface,
 }
 
-/// Sums over the residuals r of one cluster with Jacobian J: half the squared norm, J^T r, J^T J.
+/// Sums over the residuals r of one block with Jacobian J: half the squared norm, J^T r, J^T J.
 #[derive(Clone, Debug)]
-pub(crate) struct Cluster {
+pub(crate) struct ResidualBlock {
     pub modality: Modality,
     /// Index of the observation.
     pub observation: usize,
@@ -30,9 +30,9 @@ pub(crate) struct Cluster {
     pub hessian: DMatrix<f64>,
 }
 
-impl Cluster {
-    pub(crate) fn new(modality: Modality, observation: usize, camera: Option<usize>, unknowns: usize) -> Cluster {
-        Cluster {
+impl ResidualBlock {
+    pub(crate) fn new(modality: Modality, observation: usize, camera: Option<usize>, unknowns: usize) -> ResidualBlock {
+        ResidualBlock {
             modality,
             observation,
             camera,
@@ -56,8 +56,8 @@ impl Cluster {
         }
     }
 
-    /// Mirrors the lower triangle that [`Cluster::add`] fills.
-    pub(crate) fn finish(mut self) -> Cluster {
+    /// Mirrors the lower triangle that [`ResidualBlock::add`] fills.
+    pub(crate) fn finish(mut self) -> ResidualBlock {
         self.hessian.fill_upper_triangle_with_lower_triangle();
         self
     }
@@ -69,7 +69,7 @@ pub(crate) struct Weights {
     pub mask: Vec<f64>,
     pub surface: Vec<f64>,
     /// How many times larger the surfaces' errors are than their scatter shows.
-    pub understated: Vec<f64>,
+    pub error_inflation: Vec<f64>,
 }
 
 impl Weights {
@@ -78,28 +78,28 @@ impl Weights {
         Weights {
             mask: vec![mask; observations],
             surface: vec![surface; observations],
-            understated: vec![1.0; observations],
+            error_inflation: vec![1.0; observations],
         }
     }
 
-    /// That of one cluster, times how much larger its errors are than its residuals.
-    pub(crate) fn of_errors(&self, cluster: &Cluster) -> f64 {
-        match cluster.modality {
-            Modality::Mask => self.of(cluster),
-            Modality::Surface => self.of(cluster) * self.understated[cluster.observation],
+    /// That of one block, times how much larger its errors are than its residuals.
+    pub(crate) fn of_errors(&self, block: &ResidualBlock) -> f64 {
+        match block.modality {
+            Modality::Mask => self.of(block),
+            Modality::Surface => self.of(block) * self.error_inflation[block.observation],
         }
     }
 
-    /// That of one cluster.
-    pub(crate) fn of(&self, cluster: &Cluster) -> f64 {
-        match cluster.modality {
-            Modality::Mask => self.mask[cluster.observation],
-            Modality::Surface => self.surface[cluster.observation],
+    /// That of one block.
+    pub(crate) fn of(&self, block: &ResidualBlock) -> f64 {
+        match block.modality {
+            Modality::Mask => self.mask[block.observation],
+            Modality::Surface => self.surface[block.observation],
         }
     }
 }
 
-/// Weighted sum of all clusters.
+/// Weighted sum of all blocks.
 #[derive(Clone, Debug)]
 pub(crate) struct Normal {
     pub cost: f64,
@@ -108,27 +108,27 @@ pub(crate) struct Normal {
 }
 
 impl Normal {
-    /// Sums in the order of the clusters, so that the result does not depend on threads.
-    pub(crate) fn sum(clusters: &[Cluster], weights: &Weights, unknowns: usize) -> Normal {
+    /// Sums in the order of the blocks, so that the result does not depend on threads.
+    pub(crate) fn sum(blocks: &[ResidualBlock], weights: &Weights, unknowns: usize) -> Normal {
         let mut total =
             Normal { cost: 0.0, gradient: DVector::zeros(unknowns), hessian: DMatrix::zeros(unknowns, unknowns) };
-        for cluster in clusters {
-            let w = weights.of(cluster);
-            total.cost += w * cluster.cost;
-            total.gradient += &cluster.gradient * w;
-            total.hessian += &cluster.hessian * w;
+        for block in blocks {
+            let w = weights.of(block);
+            total.cost += w * block.cost;
+            total.gradient += &block.gradient * w;
+            total.hessian += &block.hessian * w;
         }
         total
     }
 
     /// How much the quadratic model falls along `delta`: -(g^T d + d^T H d / 2).
-    pub(crate) fn promised(&self, delta: &[f64]) -> f64 {
+    pub(crate) fn predicted_decrease(&self, delta: &[f64]) -> f64 {
         let d = DVector::from_column_slice(delta);
         -(self.gradient.dot(&d) + 0.5 * (&self.hessian * &d).dot(&d))
     }
 
     /// How much the quadratic model can fall at all: g^T H^-1 g / 2.
-    pub(crate) fn largest_gain(&self) -> f64 {
+    pub(crate) fn largest_predicted_decrease(&self) -> f64 {
         self.step(0.0).map_or(f64::INFINITY, |step| -0.5 * self.gradient.dot(&step))
     }
 
@@ -176,7 +176,7 @@ mod tests {
             other[k] = length;
             let moved = (&other - &step).norm_squared();
             // The curvature is at least a tenth in every direction.
-            prop_assert!(normal.promised(step.as_slice()) >= normal.promised(other.as_slice()) + 0.049 * moved - 1e-9);
+            prop_assert!(normal.predicted_decrease(step.as_slice()) >= normal.predicted_decrease(other.as_slice()) + 0.049 * moved - 1e-9);
         }
     }
 }

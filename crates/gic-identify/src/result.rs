@@ -71,7 +71,7 @@ pub struct Step {
 
 /// The identified twin.
 #[derive(Clone, Debug)]
-pub struct Identification {
+pub struct Estimates {
     /// The material at the estimate.
     pub material: Material,
     /// Its parameters with intervals.

@@ -3,13 +3,13 @@
 use std::ops::ControlFlow;
 
 use gic_identify::{
-    Checkpoint, Event, Identification, IdentifyError, Input, MaterialKind, Observation, Settings, Target, identify,
+    Checkpoint, Estimates, Event, IdentifyError, Input, MaterialKind, Observation, Settings, Target, identify,
 };
 use gic_mpm::{Body, Collider, ColliderPath, Contact, Material, Options, Primitive, Stepping, World, rollout};
 use glam::{DQuat, DVec3};
 use rand::{RngExt, SeedableRng};
 
-fn run(input: &Input, kind: MaterialKind, settings: &Settings) -> Result<Identification, IdentifyError> {
+fn run(input: &Input, kind: MaterialKind, settings: &Settings) -> Result<Estimates, IdentifyError> {
     identify(input, kind, settings, Checkpoint::default(), &mut |_| ControlFlow::Continue(()))
 }
 
@@ -278,7 +278,7 @@ fn an_interrupted_identification_ends_at_the_same_answer() {
         assert_eq!(kept, last);
     };
     assert!(stops >= 4, "stopped {stops} times only");
-    let values = |found: &Identification| -> Vec<_> {
+    let values = |found: &Estimates| -> Vec<_> {
         found
             .estimates
             .iter()

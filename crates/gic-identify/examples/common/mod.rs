@@ -127,7 +127,7 @@ pub(crate) fn input(scene: &Path, positions: Vec<DVec3>, volume: f64) -> Input {
     }
 }
 
-/// Indices of the outermost particles of a regular cloud: those with an empty neighbourhood on one side.
+/// Indices of the outermost particles of a regular gaussians: those with an empty neighbourhood on one side.
 pub(crate) fn outer(points: &[DVec3]) -> Vec<usize> {
     let radius = 0.022;
     (0..points.len())

@@ -5,8 +5,8 @@ use rayon::prelude::*;
 
 use crate::Input;
 use crate::forward::shape::ShapeModes;
-use crate::observe::data::Data;
-use crate::solve::objective::{Forward, Level, Motion};
+use crate::observe::video::ObservedVideo;
+use crate::solve::objective::{ForwardModel, FrameSelection, Trajectories};
 use crate::unknowns::state::State;
 
 /// Distance travelled after `time` by gravity alone, as symplectic Euler sums it with steps of `dt`: g t (t + dt) / 2.
@@ -40,7 +40,7 @@ pub(crate) fn substep(input: &Input) -> f64 {
 /// Free flight of a rigid body.
 pub(crate) struct Flight<'a> {
     pub input: &'a Input,
-    pub data: &'a Data,
+    pub video: &'a ObservedVideo,
     pub shape: &'a ShapeModes,
 }
 
@@ -55,21 +55,21 @@ impl Flight<'_> {
     }
 }
 
-impl Forward for Flight<'_> {
-    fn motion(&self, state: &State, level: &Level) -> Result<Motion, String> {
-        let end = level.end.min(self.data.moments.len());
-        let positions: Vec<Vec<[f32; 3]>> = (0..self.data.moments.len())
+impl ForwardModel for Flight<'_> {
+    fn trajectories(&self, state: &State, selection: &FrameSelection) -> Result<Trajectories, String> {
+        let end = selection.end.min(self.video.frames.len());
+        let positions: Vec<Vec<[f32; 3]>> = (0..self.video.frames.len())
             .into_par_iter()
             .map(|o| {
-                if o < level.first || o >= end {
+                if o < selection.first || o >= end {
                     return Vec::new();
                 }
-                let world = self.positions(state, self.data.moments[o].frame);
+                let world = self.positions(state, self.video.frames[o].simulated_frame);
                 world.iter().map(|p| p.as_vec3().to_array()).collect()
             })
             .collect();
         let scales = vec![self.input.scales.clone(); positions.len()];
-        let swelling = self.shape.swelling(&state.shape);
-        Ok(Motion { positions, scales, splat_factor: state.splat.exp() as f32, swelling })
+        let outward_displacements = self.shape.outward_displacements(&state.shape);
+        Ok(Trajectories { positions, scales, splat_factor: state.splat.exp() as f32, outward_displacements })
     }
 }

@@ -11,7 +11,7 @@ pub(crate) const PIXEL_VARIANCE: f32 = 1.0 / 12.0;
 
 /// Particles as they are drawn.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Cloud<'a> {
+pub(crate) struct IsotropicGaussians<'a> {
     /// Positions [m], shape [n].
     pub positions: &'a [[f32; 3]],
     /// Opacity at the centre, shape [n].
@@ -39,7 +39,7 @@ pub(crate) struct Footprint {
 }
 
 /// World-to-camera in single precision.
-pub(crate) struct Eye {
+pub(crate) struct Projection {
     pub turn: glam::Mat3,
     centre: glam::Vec3,
     pub focal: glam::Vec2,
@@ -49,10 +49,10 @@ pub(crate) struct Eye {
     size: (usize, usize),
 }
 
-impl Eye {
-    pub(crate) fn new(camera: &Camera) -> Eye {
+impl Projection {
+    pub(crate) fn new(camera: &Camera) -> Projection {
         let focal = camera.focal.as_vec2();
-        Eye {
+        Projection {
             turn: camera.rotation.as_mat3().transpose(),
             centre: camera.centre.as_vec3(),
             focal,
@@ -65,10 +65,14 @@ impl Eye {
     /// The particles from `first` on, as many as there are lanes, or fewer at the end. A NaN position is not drawn; a Gaussian around the
     /// camera itself has no silhouette.
     #[inline(always)]
-    pub(crate) fn footprints<L: Lanes<Scalar = f32>>(&self, cloud: &Cloud, first: usize) -> [Footprint; MAX_LANES] {
-        let end = (first + L::LANES).min(cloud.positions.len());
+    pub(crate) fn footprints<L: Lanes<Scalar = f32>>(
+        &self,
+        gaussians: &IsotropicGaussians,
+        first: usize,
+    ) -> [Footprint; MAX_LANES] {
+        let end = (first + L::LANES).min(gaussians.positions.len());
         let mut world = [[f32::NAN; MAX_LANES]; 3];
-        for (lane, p) in cloud.positions[first..end].iter().enumerate() {
+        for (lane, p) in gaussians.positions[first..end].iter().enumerate() {
             for axis in 0..3 {
                 world[axis][lane] = p[axis];
             }
@@ -80,7 +84,7 @@ impl Eye {
         ];
         let rows = [self.turn.row(0), self.turn.row(1), self.turn.row(2)];
         let camera = [dot([x, y, z], rows[0]), dot([x, y, z], rows[1]), dot([x, y, z], rows[2])];
-        let sigma_m = L::load_partial(&cloud.scales[first..end], 0.0) * L::of(cloud.factor);
+        let sigma_m = L::load_partial(&gaussians.scales[first..end], 0.0) * L::of(gaussians.factor);
         let in_front = L::and((L::of(CUTOFF_SIGMAS) * sigma_m).lt(camera[2]), L::of(1e-3).lt(camera[2]));
 
         let per_depth = L::one() / camera[2];
@@ -93,7 +97,7 @@ impl Eye {
         let variance = squared + L::of(PIXEL_VARIANCE);
         let radius = L::of(CUTOFF_SIGMAS) * variance.sqrt();
         // The low pass widens the Gaussian; its peak falls so that its integral stays.
-        let peak = L::load_partial(&cloud.opacities[first..end], 0.0) * squared / variance;
+        let peak = L::load_partial(&gaussians.opacities[first..end], 0.0) * squared / variance;
         let (columns, rows) = (Span::new(centre[0], radius, self.size.0), Span::new(centre[1], radius, self.size.1));
         let seen = L::bits(L::and(in_front, L::and(columns.inside, rows.inside)));
 

@@ -15,7 +15,7 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use crate::Input;
-use crate::forward::faces::faces;
+use crate::forward::surface_membership::memberships;
 
 /// Standard deviation of the surface's position along its normal, in particle spacings: where a camera sees it, where none does, and
 /// that of a common error of the whole surface. How far the matter that a particle stands for reaches beyond its centre is a convention to
@@ -55,7 +55,7 @@ const ANCHOR_SPACING: f64 = 2.5;
 /// Combinations of functionals with less than this share of the largest variance are left out.
 const LEAST_VARIANCE: f64 = 1e-3;
 
-/// A place counts as seen from a camera that it faces: cosine between its normal and the direction to the camera.
+/// A place counts as seen from a camera that it memberships: cosine between its normal and the direction to the camera.
 const FACING: f64 = 0.25;
 
 /// Displacement fields, each of one standard deviation.
@@ -130,7 +130,7 @@ impl ShapeModes {
     }
 
     /// How far each particle moves outward [m], shape [n]; empty where nothing moves.
-    pub(crate) fn swelling(&self, amounts: &[f64]) -> Vec<f32> {
+    pub(crate) fn outward_displacements(&self, amounts: &[f64]) -> Vec<f32> {
         let mut sums = Vec::new();
         for (field, amount) in self.outward.iter().zip(amounts) {
             sums.resize(field.len(), 0.0);
@@ -152,8 +152,8 @@ impl ShapeModes {
 /// Outward directions of the particles on the surface, `None` inside.
 fn normals(input: &Input) -> Vec<Option<DVec3>> {
     let positions: Vec<[f32; 3]> = input.positions.iter().map(|p| p.as_vec3().to_array()).collect();
-    let faces = faces(&positions, 1.1 * input.grid_spacing_m);
-    faces.iter().map(|face| face.is_surface().then_some(face.outward)).collect()
+    let memberships = memberships(&positions, 1.1 * input.grid_spacing_m);
+    memberships.iter().map(|membership| membership.is_surface().then_some(membership.outward)).collect()
 }
 
 /// Places on the surface, one per cell; `normals` are those of the particles.
@@ -262,10 +262,10 @@ fn functionals(anchors: &[Anchor], spacing: f64, up: DVec3) -> DMatrix<f64> {
             let d = anchor.position - centre;
             let height = anchor.position.dot(up) - lowest;
             let (tip, foot) = ((-height / (TIP * spacing)).exp(), (-height / (FOOT * spacing)).exp());
-            let moments = [d.x * d.x, d.y * d.y, d.z * d.z, d.x * d.y, d.y * d.z, d.x * d.z];
+            let frames = [d.x * d.x, d.y * d.y, d.z * d.z, d.x * d.y, d.y * d.z, d.x * d.z];
             let contact = [tip, foot, foot * d.dot(east), foot * d.dot(north)];
             let unseen = f64::from(u8::from(!anchor.seen));
-            [1.0, d.x, d.y, d.z].into_iter().chain(moments).chain(contact).chain([unseen, anchor.bluntness]).collect()
+            [1.0, d.x, d.y, d.z].into_iter().chain(frames).chain(contact).chain([unseen, anchor.bluntness]).collect()
         })
         .collect();
     DMatrix::from_fn(n, rows[0].len(), |i, k| rows[i][k])
@@ -404,8 +404,9 @@ mod tests {
         let volume = input.positions.len() as f64 * SPACING.powi(3);
         let radius = (volume * 0.75 / std::f64::consts::PI).cbrt();
         for k in 0..modes.count() {
-            let swelling = modes.swelling(&unit(k));
-            let surface: Vec<f64> = swelling.iter().filter(|s| **s != 0.0).map(|s| f64::from(*s)).collect();
+            let outward_displacements = modes.outward_displacements(&unit(k));
+            let surface: Vec<f64> =
+                outward_displacements.iter().filter(|s| **s != 0.0).map(|s| f64::from(*s)).collect();
             let flux = 3.0 / radius * surface.iter().sum::<f64>() / surface.len() as f64;
             let largest = surface.iter().fold(0.0, |m: f64, s| m.max(s.abs()));
             let mut factors = vec![1.0; input.positions.len()];

@@ -7,15 +7,15 @@
 use gic_scene::Camera;
 use gic_simd::{Kernel, Lanes, Level, MAX_LANES, dispatch};
 
-use crate::forward::footprint::{Cloud, Eye, PIXEL_VARIANCE};
+use crate::forward::footprint::{IsotropicGaussians, PIXEL_VARIANCE, Projection};
 
 /// Accumulated alpha of the particles in `camera`, row-major, shape [height * width].
-pub(crate) fn alpha(cloud: Cloud, camera: &Camera) -> Vec<f32> {
-    dispatch(Level::active(), Draw { cloud, camera })
+pub(crate) fn alpha(gaussians: IsotropicGaussians, camera: &Camera) -> Vec<f32> {
+    dispatch(Level::active(), Draw { gaussians, camera })
 }
 
 struct Draw<'a> {
-    cloud: Cloud<'a>,
+    gaussians: IsotropicGaussians<'a>,
     camera: &'a Camera,
 }
 
@@ -25,12 +25,12 @@ impl Kernel for Draw<'_> {
     #[inline(always)]
     fn run<L: Lanes<Scalar = f32>>(self) -> Vec<f32> {
         let (width, height) = (self.camera.width, self.camera.height);
-        let eye = Eye::new(self.camera);
+        let projection = Projection::new(self.camera);
         // Whole lanes are drawn: what lies beyond a Gaussian's last column is multiplied by one, in the next row or behind the picture.
         let mut transmittance = vec![1.0f32; width * height + MAX_LANES];
         let (mut row, mut column) = (vec![0.0f32; width + MAX_LANES], vec![0.0f32; height + MAX_LANES]);
-        for first in (0..self.cloud.positions.len()).step_by(L::LANES) {
-            for footprint in eye.footprints::<L>(&self.cloud, first).iter().take(L::LANES) {
+        for first in (0..self.gaussians.positions.len()).step_by(L::LANES) {
+            for footprint in projection.footprints::<L>(&self.gaussians, first).iter().take(L::LANES) {
                 if footprint.is_empty() {
                     continue;
                 }
@@ -59,17 +59,17 @@ impl Kernel for Draw<'_> {
 /// dA/d alpha_i = (1 - A) / (1 - alpha_i). The change of a Gaussian's width with its depth is small against the motion of its
 /// centre across the outline, but it is included, so that finite differences agree.
 pub(crate) fn alpha_backward(
-    cloud: Cloud,
+    gaussians: IsotropicGaussians,
     camera: &Camera,
     rendered: &[f32],
     bar: &[f32],
     gradient: &mut [glam::DVec3],
 ) {
-    dispatch(Level::active(), DrawBackward { cloud, camera, rendered, bar, gradient });
+    dispatch(Level::active(), DrawBackward { gaussians, camera, rendered, bar, gradient });
 }
 
 struct DrawBackward<'a> {
-    cloud: Cloud<'a>,
+    gaussians: IsotropicGaussians<'a>,
     camera: &'a Camera,
     rendered: &'a [f32],
     bar: &'a [f32],
@@ -82,13 +82,15 @@ impl Kernel for DrawBackward<'_> {
     #[inline(always)]
     fn run<L: Lanes<Scalar = f32>>(self) {
         let (width, height) = (self.camera.width, self.camera.height);
-        let eye = Eye::new(self.camera);
+        let projection = Projection::new(self.camera);
         // d loss / d alpha_i, but for the share of the Gaussian itself.
         let mut pull: Vec<f32> = self.bar.iter().zip(self.rendered).map(|(bar, a)| bar * (1.0 - a)).collect();
         pull.resize(width * height + MAX_LANES, 0.0);
         let (mut row, mut column) = (vec![0.0f32; width + MAX_LANES], vec![0.0f32; height + MAX_LANES]);
-        for first in (0..self.cloud.positions.len()).step_by(L::LANES) {
-            for (lane, footprint) in eye.footprints::<L>(&self.cloud, first).iter().enumerate().take(L::LANES) {
+        for first in (0..self.gaussians.positions.len()).step_by(L::LANES) {
+            for (lane, footprint) in
+                projection.footprints::<L>(&self.gaussians, first).iter().enumerate().take(L::LANES)
+            {
                 if footprint.is_empty() {
                     continue;
                 }
@@ -116,13 +118,13 @@ impl Kernel for DrawBackward<'_> {
                 let blur = f64::from(PIXEL_VARIANCE);
                 let spread = sum.sum_lanes() * 2.0 * blur / variance
                     + squared.sum_lanes() * (variance - blur) / variance.powi(2);
-                let (c, focal) = (footprint.camera.as_dvec3(), eye.focal.as_dvec2());
+                let (c, focal) = (footprint.camera.as_dvec3(), projection.focal.as_dvec2());
                 let across = glam::DVec3::new(
                     dx * focal.x / c.z,
                     dy * focal.y / c.z,
                     -(dx * focal.x * c.x + dy * focal.y * c.y) / (c.z * c.z) - spread / c.z,
                 );
-                self.gradient[first + lane] += eye.turn.as_dmat3().transpose() * across;
+                self.gradient[first + lane] += projection.turn.as_dmat3().transpose() * across;
             }
         }
     }
@@ -146,8 +148,8 @@ mod tests {
         }
     }
 
-    fn cloud<'a>(positions: &'a [[f32; 3]], opacities: &'a [f32], scales: &'a [f32]) -> Cloud<'a> {
-        Cloud { positions, opacities, scales, factor: 1.1 }
+    fn gaussians<'a>(positions: &'a [[f32; 3]], opacities: &'a [f32], scales: &'a [f32]) -> IsotropicGaussians<'a> {
+        IsotropicGaussians { positions, opacities, scales, factor: 1.1 }
     }
 
     fn points(n: usize) -> Vec<[f32; 3]> {
@@ -159,7 +161,7 @@ mod tests {
     fn agrees_with_the_rasteriser() {
         let positions = points(60);
         let (opacities, scales) = (vec![0.6; 60], vec![0.03; 60]);
-        let own = alpha(cloud(&positions, &opacities, &scales), &camera());
+        let own = alpha(gaussians(&positions, &opacities, &scales), &camera());
         let gaussians = gic_splat::Gaussians {
             positions,
             opacities,
@@ -178,17 +180,18 @@ mod tests {
     }
 
     /// The definition in f64, Gaussian by Gaussian and pixel by pixel.
-    fn plain(cloud: Cloud, camera: &Camera) -> Vec<f64> {
+    fn plain(gaussians: IsotropicGaussians, camera: &Camera) -> Vec<f64> {
         let mut transmittance = vec![1.0f64; camera.width * camera.height];
-        for (i, position) in cloud.positions.iter().enumerate() {
+        for (i, position) in gaussians.positions.iter().enumerate() {
             let p = camera.rotation.transpose() * (glam::Vec3::from_array(*position).as_dvec3() - camera.centre);
             let centre = camera.focal * p.truncate() / p.z + camera.principal;
-            let sigma = (camera.focal.x * camera.focal.y).sqrt() * f64::from(cloud.scales[i] * cloud.factor) / p.z;
+            let sigma =
+                (camera.focal.x * camera.focal.y).sqrt() * f64::from(gaussians.scales[i] * gaussians.factor) / p.z;
             let variance = sigma * sigma + f64::from(PIXEL_VARIANCE);
             for (k, t) in transmittance.iter_mut().enumerate() {
                 let d = DVec2::new((k % camera.width) as f64 + 0.5, (k / camera.width) as f64 + 0.5) - centre;
                 if p.z > 0.0 && d.abs().max_element() <= 4.0 * variance.sqrt() {
-                    let peak = f64::from(cloud.opacities[i]) * sigma * sigma / variance;
+                    let peak = f64::from(gaussians.opacities[i]) * sigma * sigma / variance;
                     *t *= 1.0 - peak * (-0.5 * d.length_squared() / variance).exp();
                 }
             }
@@ -204,10 +207,10 @@ mod tests {
             let (opacities, scales) = (vec![0.8; n], (0..n).map(|i| scale * (1.0 + i as f32 / 30.0)).collect::<Vec<_>>());
             // In front of the camera by as much as a Gaussian reaches.
                         let far = Camera { centre: DVec3::new(-0.3, 0.2, -8.0), rotation: DMat3::IDENTITY, focal: DVec2::splat(300.0), ..camera() };
-            let cloud = cloud(&positions, &opacities, &scales);
-            let exact = plain(cloud, &far);
+            let gaussians = gaussians(&positions, &opacities, &scales);
+            let exact = plain(gaussians, &far);
             for level in Level::supported() {
-                let found = dispatch(level, Draw { cloud, camera: &far });
+                let found = dispatch(level, Draw { gaussians, camera: &far });
                 prop_assert_eq!(found.len(), exact.len());
                 for (found, exact) in found.iter().zip(&exact) {
                     // A pixel at the very end may fall on the other side of it: exp(-8).
@@ -225,7 +228,7 @@ mod tests {
         let (opacities, scales) = (vec![0.6; 4], vec![0.03; 4]);
         let straight = Camera { rotation: DMat3::IDENTITY, ..camera() };
         for camera in [camera(), straight] {
-            assert!(alpha(cloud(&nowhere, &opacities, &scales), &camera).iter().all(|a| *a == 0.0));
+            assert!(alpha(gaussians(&nowhere, &opacities, &scales), &camera).iter().all(|a| *a == 0.0));
         }
     }
 
@@ -236,15 +239,15 @@ mod tests {
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(6);
         let bar: Vec<f32> = (0..48 * 40).map(|_| random.random::<f32>() - 0.5).collect();
         let loss = |positions: &[[f32; 3]]| -> f64 {
-            alpha(cloud(positions, &opacities, &scales), &camera())
+            alpha(gaussians(positions, &opacities, &scales), &camera())
                 .iter()
                 .zip(&bar)
                 .map(|(a, b)| f64::from(*a) * f64::from(*b))
                 .sum()
         };
-        let rendered = alpha(cloud(&positions, &opacities, &scales), &camera());
+        let rendered = alpha(gaussians(&positions, &opacities, &scales), &camera());
         let mut gradient = vec![DVec3::ZERO; 25];
-        alpha_backward(cloud(&positions, &opacities, &scales), &camera(), &rendered, &bar, &mut gradient);
+        alpha_backward(gaussians(&positions, &opacities, &scales), &camera(), &rendered, &bar, &mut gradient);
         let largest = gradient.iter().map(|g| g.abs().max_element()).fold(0.0, f64::max);
         for i in 0..25 {
             for axis in 0..3 {

@@ -5,11 +5,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use gic_mpm::{Body, Options, Stepping, World, rollout};
 use glam::DVec3;
 
-use crate::forward::dilution::Dilution;
 use crate::forward::flight::{fall, placed, substep, volume_factors};
 use crate::forward::shape::ShapeModes;
-use crate::observe::data::Data;
-use crate::solve::objective::{Forward, Level, Motion};
+use crate::forward::splat_widths::SplatWidths;
+use crate::observe::video::ObservedVideo;
+use crate::solve::objective::{ForwardModel, FrameSelection, Trajectories};
 use crate::unknowns::state::State;
 use crate::{Input, MaterialKind};
 
@@ -27,7 +27,7 @@ pub(crate) struct Resolution {
 /// Rollouts of the input's particles.
 pub(crate) struct Simulation<'a> {
     pub input: &'a Input,
-    pub data: &'a Data,
+    pub video: &'a ObservedVideo,
     pub shape: &'a ShapeModes,
     pub kind: MaterialKind,
     pub options: Options,
@@ -36,7 +36,7 @@ pub(crate) struct Simulation<'a> {
     pub free: usize,
     pub rollouts: &'a AtomicUsize,
     /// Widths of the simulated particles' Gaussians.
-    pub dilution: &'a Dilution,
+    pub splat_widths: &'a SplatWidths,
 }
 
 impl Simulation<'_> {
@@ -99,25 +99,25 @@ impl Simulation<'_> {
             }
             gic_mpm::ColliderPath::Keyframed { keys, .. } => keys.len() <= 1,
         });
-        if still && state.angular == DVec3::ZERO { self.data.moments[self.free.max(1) - 1].frame } else { 0 }
+        if still && state.angular == DVec3::ZERO { self.video.frames[self.free.max(1) - 1].simulated_frame } else { 0 }
     }
 }
 
-impl Forward for Simulation<'_> {
-    fn motion(&self, state: &State, level: &Level) -> Result<Motion, String> {
+impl ForwardModel for Simulation<'_> {
+    fn trajectories(&self, state: &State, selection: &FrameSelection) -> Result<Trajectories, String> {
         self.count();
-        let end = level.end.min(self.data.moments.len());
+        let end = selection.end.min(self.video.frames.len());
         let (world, from) = self.world_and_start(state);
-        let mut positions = vec![Vec::new(); self.data.moments.len()];
-        let mut scales = vec![self.dilution.rest_scales().to_vec(); self.data.moments.len()];
+        let mut positions = vec![Vec::new(); self.video.frames.len()];
+        let mut scales = vec![self.splat_widths.rest_scales().to_vec(); self.video.frames.len()];
         let single = |p: &DVec3| p.as_vec3().to_array();
-        for (o, moment) in self.data.moments.iter().enumerate().take(end) {
-            if o < level.first || moment.frame > from {
+        for (o, observed) in self.video.frames.iter().enumerate().take(end) {
+            if o < selection.first || observed.simulated_frame > from {
                 continue;
             }
             // Free flight, seen from where the rollout starts.
             let input = self.input;
-            let (now, start) = (moment.frame as f64, from as f64);
+            let (now, start) = (observed.simulated_frame as f64, from as f64);
             let travelled = |frame: f64| {
                 let t = frame / input.frame_rate_hz;
                 state.velocity * t + fall(input.gravity_m_s2, t, substep(input))
@@ -125,17 +125,19 @@ impl Forward for Simulation<'_> {
             let back = travelled(now) - travelled(start);
             positions[o] = world.bodies[0].positions.iter().map(|p| single(&(*p + back))).collect();
         }
-        let last = self.data.moments[..end].last().map_or(0, |moment| moment.frame);
+        let last = self.video.frames[..end].last().map_or(0, |observed| observed.simulated_frame);
         let frames = (last + 1).saturating_sub(from);
         if frames > 1 {
             rollout(&world, &self.options, frames, |frame| {
-                let Some(o) = self.data.moments.iter().position(|moment| moment.frame == frame.index + from) else {
+                let Some(o) =
+                    self.video.frames.iter().position(|observed| observed.simulated_frame == frame.index + from)
+                else {
                     return;
                 };
-                if frame.index > 0 && o >= level.first && o < end {
+                if frame.index > 0 && o >= selection.first && o < end {
                     positions[o] = frame.positions.iter().map(single).collect();
-                    if !self.data.moments[o].views.is_empty() {
-                        scales[o] = self.dilution.scales(&frame.positions);
+                    if !self.video.frames[o].views.is_empty() {
+                        scales[o] = self.splat_widths.scales(&frame.positions);
                     }
                 }
             })
@@ -144,7 +146,7 @@ impl Forward for Simulation<'_> {
         if positions.iter().flatten().flatten().any(|x| !x.is_finite()) {
             return Err("the rollout is not finite".to_owned());
         }
-        let swelling = self.shape.swelling(&state.shape);
-        Ok(Motion { positions, scales, splat_factor: state.splat.exp() as f32, swelling })
+        let outward_displacements = self.shape.outward_displacements(&state.shape);
+        Ok(Trajectories { positions, scales, splat_factor: state.splat.exp() as f32, outward_displacements })
     }
 }

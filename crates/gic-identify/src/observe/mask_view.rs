@@ -4,7 +4,7 @@ use gic_scene::Camera;
 use gic_simd::{Kernel, Lanes, Level, dispatch};
 use glam::DVec2;
 
-use crate::forward::footprint::{Cloud, Eye};
+use crate::forward::footprint::{IsotropicGaussians, Projection};
 
 /// Pixels around what is drawn, for hypotheses that differ by a small step.
 const MARGIN: usize = 4;
@@ -79,15 +79,15 @@ impl MaskView {
     }
 
     /// The pixels that the particles or the mask cover, with a margin for small moves, in whole blocks of `block` pixels.
-    pub(crate) fn window(&self, cloud: Cloud, block: usize) -> Window {
-        let drawn = dispatch(Level::active(), Extent { cloud, camera: &self.camera, known: self.covered });
+    pub(crate) fn window(&self, gaussians: IsotropicGaussians, block: usize) -> Window {
+        let drawn = dispatch(Level::active(), Extent { gaussians, camera: &self.camera, known: self.covered });
         drawn.aligned(MARGIN, block, (self.camera.width, self.camera.height))
     }
 }
 
 /// The pixels that particles cover, besides those known.
 struct Extent<'a> {
-    cloud: Cloud<'a>,
+    gaussians: IsotropicGaussians<'a>,
     camera: &'a Camera,
     known: Window,
 }
@@ -97,9 +97,9 @@ impl Kernel for Extent<'_> {
 
     #[inline(always)]
     fn run<L: Lanes<Scalar = f32>>(self) -> Window {
-        let (eye, mut window) = (Eye::new(self.camera), self.known);
-        for first in (0..self.cloud.positions.len()).step_by(L::LANES) {
-            for footprint in eye.footprints::<L>(&self.cloud, first).iter().filter(|f| !f.is_empty()) {
+        let (projection, mut window) = (Projection::new(self.camera), self.known);
+        for first in (0..self.gaussians.positions.len()).step_by(L::LANES) {
+            for footprint in projection.footprints::<L>(&self.gaussians, first).iter().filter(|f| !f.is_empty()) {
                 window.join(footprint.columns, footprint.rows);
             }
         }

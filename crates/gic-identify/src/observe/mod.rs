@@ -1,5 +1,5 @@
 //! What the video shows: masks and extracted surfaces, prepared once.
 
-pub(crate) mod data;
 pub(crate) mod mask_view;
 pub(crate) mod surface;
+pub(crate) mod video;

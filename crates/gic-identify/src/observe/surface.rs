@@ -7,9 +7,9 @@ use gic_geometry::Neighbours;
 use glam::{DMat3, DVec3};
 
 use crate::Input;
-use crate::forward::faces::{faces, rise};
-use crate::normal::{Cluster, Modality};
-use crate::solve::objective::Motion;
+use crate::forward::surface_membership::{memberships, smoothstep};
+use crate::normal::{Modality, ResidualBlock};
+use crate::solve::objective::Trajectories;
 
 /// How many of the nearest points make up what a distance is measured from.
 const NEAREST: usize = 6;
@@ -41,7 +41,7 @@ impl ObservedSurface {
     }
 
     /// From here on each point counts the less the more it is in doubt; without `doubts` nothing changes.
-    pub(crate) fn distrust(&mut self, doubts: &[f32]) {
+    pub(crate) fn discount_doubtful(&mut self, doubts: &[f32]) {
         for (seen, doubt) in self.seen.iter_mut().zip(doubts) {
             *seen = 1.0 - f64::from(*doubt);
         }
@@ -98,12 +98,12 @@ impl Context {
             knee: 0.5 * input.grid_spacing_m,
         };
         let positions: Vec<[f32; 3]> = input.positions.iter().map(|p| p.as_vec3().to_array()).collect();
-        let faces = faces(&positions, context.radius);
-        context.sampled = sampled(faces.iter().filter(|face| face.is_surface()).count());
+        let memberships = memberships(&positions, context.radius);
+        context.sampled = sampled(memberships.iter().filter(|membership| membership.is_surface()).count());
         let Some(first) = first else { return context };
         let mut known = Vec::new();
-        for (i, face) in faces.iter().enumerate().filter(|(_, face)| face.is_surface()) {
-            let (distance, normal, _) = signed_distance(first, input.positions[i], face.outward);
+        for (i, membership) in memberships.iter().enumerate().filter(|(_, membership)| membership.is_surface()) {
+            let (distance, normal, _) = signed_distance(first, input.positions[i], membership.outward);
             if distance.abs() < 2.0 * context.margin && normal.is_finite() {
                 context.rest[i] = distance;
                 known.push(distance);
@@ -120,9 +120,9 @@ impl Context {
 
     /// Indices of the particles on the surface that touch nothing.
     pub(crate) fn surface_particles(&self, positions: &[[f32; 3]], time: f64) -> Vec<usize> {
-        let faces = faces(positions, self.radius);
+        let memberships = memberships(positions, self.radius);
         (0..positions.len())
-            .filter(|i| faces[*i].is_surface() && !self.in_contact(point(positions[*i]), time))
+            .filter(|i| memberships[*i].is_surface() && !self.in_contact(point(positions[*i]), time))
             .collect()
     }
 
@@ -146,7 +146,7 @@ impl Context {
     /// How far a point is clear of all obstacles: 0 in contact, 1 out of it, one half at the margin.
     fn clear(&self, p: DVec3, time: f64) -> f64 {
         let nearest = self.colliders.iter().map(|c| c.signed_distance(p, time)).fold(f64::INFINITY, f64::min);
-        rise(nearest / self.margin, (0.75, 1.25))
+        smoothstep(nearest / self.margin, (0.75, 1.25))
     }
 
     /// Whether a particle is one of those that take part: spread evenly over their numbers, whatever the order these follow.
@@ -156,24 +156,24 @@ impl Context {
     }
 
     /// Normal equations of one frame; correspondences are those of the base motion.
-    pub(crate) fn cluster(
+    pub(crate) fn block(
         &self,
         (o, time): (usize, f64),
         observed: &ObservedSurface,
-        motion: &Motion,
-        perturbed: &[Motion],
+        trajectories: &Trajectories,
+        perturbed: &[Trajectories],
         steps: &[f64],
-    ) -> Cluster {
-        let comparison = Comparison { context: self, o, motion, perturbed, steps };
-        let base: Vec<DVec3> = motion.positions[o].iter().map(|p| point(*p)).collect();
-        let faces = faces(&motion.positions[o], self.radius);
-        let mut cluster = Cluster::new(Modality::Surface, o, None, steps.len());
-        let surface: Vec<usize> = (0..base.len()).filter(|i| faces[*i].share > 0.0).collect();
+    ) -> ResidualBlock {
+        let comparison = Comparison { context: self, o, trajectories, perturbed, steps };
+        let base: Vec<DVec3> = trajectories.positions[o].iter().map(|p| point(*p)).collect();
+        let memberships = memberships(&trajectories.positions[o], self.radius);
+        let mut block = ResidualBlock::new(Modality::Surface, o, None, steps.len());
+        let surface: Vec<usize> = (0..base.len()).filter(|i| memberships[*i].share > 0.0).collect();
         for &i in surface.iter().filter(|i| self.takes_part(**i)) {
-            let weight = faces[i].share * self.clear(base[i], time);
+            let weight = memberships[i].share * self.clear(base[i], time);
             if weight > 0.0 {
-                let (distance, normal, seen) = signed_distance(observed, base[i], faces[i].outward);
-                comparison.add(&mut cluster, &[(i, 1.0)], normal, distance, weight * seen);
+                let (distance, normal, seen) = signed_distance(observed, base[i], memberships[i].outward);
+                comparison.add(&mut block, &[(i, 1.0)], normal, distance, weight * seen);
             }
         }
         let simulated: Vec<DVec3> = surface.iter().map(|i| base[*i]).collect();
@@ -183,15 +183,15 @@ impl Context {
             let (y, n) = (observed.points[k], observed.normals[k]);
             let weight = self.clear(y, time) * observed.seen[k];
             if weight > 0.0 && !surface.is_empty() {
-                let near = shares(tree.nearest(y), |k| faces[surface[k]].share);
+                let near = shares(tree.nearest(y), |k| memberships[surface[k]].share);
                 let particles: Vec<(usize, f64)> = near.iter().map(|(k, share)| (surface[*k], *share)).collect();
                 let mean = |of: &dyn Fn(usize) -> DVec3| particles.iter().map(|(i, share)| *share * of(*i)).sum();
-                let (place, outward): (DVec3, DVec3) = (mean(&|i| base[i]), mean(&|i| faces[i].outward));
+                let (place, outward): (DVec3, DVec3) = (mean(&|i| base[i]), mean(&|i| memberships[i].outward));
                 let (distance, normal) = directed(place - y, n, outward, self.margin);
-                comparison.add(&mut cluster, &particles, normal, distance, weight);
+                comparison.add(&mut block, &particles, normal, distance, weight);
             }
         }
-        cluster.finish()
+        block.finish()
     }
 }
 
@@ -200,8 +200,8 @@ struct Comparison<'a> {
     context: &'a Context,
     /// Index of the observation.
     o: usize,
-    motion: &'a Motion,
-    perturbed: &'a [Motion],
+    trajectories: &'a Trajectories,
+    perturbed: &'a [Trajectories],
     steps: &'a [f64],
 }
 
@@ -209,26 +209,28 @@ impl Comparison<'_> {
     /// Adds the distance of some particles, with shares that sum to one, from the surface along `normal`, relative to where they belong.
     ///
     /// Huber's loss, `weight` times: quadratic up to the knee, linear beyond.
-    fn add(&self, cluster: &mut Cluster, particles: &[(usize, f64)], normal: DVec3, distance: f64, weight: f64) {
+    fn add(&self, block: &mut ResidualBlock, particles: &[(usize, f64)], normal: DVec3, distance: f64, weight: f64) {
         if weight == 0.0 {
             return;
         }
-        let swollen = |motion: &Motion, i: usize| motion.swelling.get(i).map_or(0.0, |s| f64::from(*s));
+        let outward_displacement = |trajectories: &Trajectories, i: usize| {
+            trajectories.outward_displacements.get(i).map_or(0.0, |s| f64::from(*s))
+        };
         let mut row = vec![0.0; self.steps.len()];
         let mut residual = distance;
         for &(i, share) in particles {
-            let (p, own) = (point(self.motion.positions[self.o][i]), swollen(self.motion, i));
+            let (p, own) = (point(self.trajectories.positions[self.o][i]), outward_displacement(self.trajectories, i));
             residual -= share * (self.context.rest_of(i) + own);
             for ((slot, moved), step) in row.iter_mut().zip(self.perturbed).zip(self.steps) {
-                let way = normal.dot(point(moved.positions[self.o][i]) - p) - (swollen(moved, i) - own);
+                let way = normal.dot(point(moved.positions[self.o][i]) - p) - (outward_displacement(moved, i) - own);
                 *slot += share * way / step;
             }
         }
         let (size, knee) = (residual.abs(), self.context.knee);
-        cluster.add(residual, &row, weight * (knee / size.max(knee)).min(1.0));
-        // `Cluster::add` counts weight r^2 / 2; Huber's cost beyond the knee is knee (|r| - knee / 2).
+        block.add(residual, &row, weight * (knee / size.max(knee)).min(1.0));
+        // `ResidualBlock::add` counts weight r^2 / 2; Huber's cost beyond the knee is knee (|r| - knee / 2).
         if size > knee {
-            cluster.cost += weight * 0.5 * knee * (size - knee);
+            block.cost += weight * 0.5 * knee * (size - knee);
         }
     }
 }
@@ -301,8 +303,8 @@ mod tests {
 
     /// Surface particles of the block moved out by 5 mm: what pictures would show of it.
     fn shown(positions: &[DVec3]) -> Vec<DVec3> {
-        let faces = faces(&single(positions), 0.022);
-        positions.iter().zip(faces).filter(|(_, f)| f.is_surface()).map(|(p, f)| *p + 0.005 * f.outward).collect()
+        let memberships = memberships(&single(positions), 0.022);
+        positions.iter().zip(memberships).filter(|(_, f)| f.is_surface()).map(|(p, f)| *p + 0.005 * f.outward).collect()
     }
 
     fn context(particles: usize) -> Context {
@@ -317,9 +319,14 @@ mod tests {
         }
     }
 
-    fn motion(positions: &[DVec3]) -> Motion {
+    fn trajectories(positions: &[DVec3]) -> Trajectories {
         let n = positions.len();
-        Motion { positions: vec![single(positions)], scales: vec![vec![0.005; n]], splat_factor: 1.0, swelling: vec![] }
+        Trajectories {
+            positions: vec![single(positions)],
+            scales: vec![vec![0.005; n]],
+            splat_factor: 1.0,
+            outward_displacements: vec![],
+        }
     }
 
     #[test]
@@ -332,7 +339,7 @@ mod tests {
             let t = 1e-4 * k as f64;
             let bent = |p: &DVec3| *p + t * DVec3::new(1.0 + 10.0 * p.y, 0.7 + 8.0 * p.x, 0.4 - 9.0 * p.z);
             let moved: Vec<DVec3> = rest.iter().map(bent).collect();
-            context.cluster((0, 0.0), &observed, &motion(&moved), &[], &[]).cost
+            context.block((0, 0.0), &observed, &trajectories(&moved), &[], &[]).cost
         };
         let costs: Vec<f64> = (0..60).map(cost).collect();
         let range = costs.iter().copied().fold(0.0, f64::max);
@@ -344,11 +351,11 @@ mod tests {
     #[test]
     fn what_no_view_sees_does_not_count() {
         let (rest, shown) = (block(), shown(&block()));
-        let moved = motion(&rest.iter().map(|p| *p + DVec3::new(0.003, 0.002, -0.001)).collect::<Vec<_>>());
+        let moved = trajectories(&rest.iter().map(|p| *p + DVec3::new(0.003, 0.002, -0.001)).collect::<Vec<_>>());
         let cost = |doubts: Vec<f32>| {
             let mut observed = ObservedSurface::new(&shown, 0.04);
-            observed.distrust(&doubts);
-            context(rest.len()).cluster((0, 0.0), &observed, &moved, &[], &[]).cost
+            observed.discount_doubtful(&doubts);
+            context(rest.len()).block((0, 0.0), &observed, &moved, &[], &[]).cost
         };
         let below = |p: &DVec3| f32::from(u8::from(p.y < 0.08));
         let (all, half) = (cost(Vec::new()), cost(shown.iter().map(below).collect()));
@@ -362,12 +369,12 @@ mod tests {
         let rest = block();
         let observed = ObservedSurface::new(&shown(&rest), 0.04);
         let context = context(rest.len());
-        let at = |t: f64| motion(&rest.iter().map(|p| *p + DVec3::new(0.002, t, -0.001)).collect::<Vec<_>>());
+        let at = |t: f64| trajectories(&rest.iter().map(|p| *p + DVec3::new(0.002, t, -0.001)).collect::<Vec<_>>());
         let step = 1e-4;
-        let cluster = |t: f64| context.cluster((0, 0.0), &observed, &at(t), &[at(t + step)], &[step]);
+        let block = |t: f64| context.block((0, 0.0), &observed, &at(t), &[at(t + step)], &[step]);
         for t in [-0.004, 0.002, 0.006] {
-            let difference = (cluster(t + step).cost - cluster(t - step).cost) / (2.0 * step);
-            let found = cluster(t).gradient[0];
+            let difference = (block(t + step).cost - block(t - step).cost) / (2.0 * step);
+            let found = block(t).gradient[0];
             assert!((found / difference - 1.0).abs() < 0.1, "{t}: {found} instead of {difference}");
         }
     }

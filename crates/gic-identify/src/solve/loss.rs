@@ -4,11 +4,11 @@ use gic_geometry::Neighbours;
 use glam::DVec3;
 
 use crate::Loss;
-use crate::forward::footprint::Cloud;
+use crate::forward::footprint::IsotropicGaussians;
 use crate::forward::silhouette::{alpha, alpha_backward};
-use crate::observe::data::{Data, Moment};
 use crate::observe::surface::Context;
-use crate::solve::objective::Motion;
+use crate::observe::video::{ObservedFrame, ObservedVideo};
+use crate::solve::objective::Trajectories;
 
 /// Loss of one frame and d loss / d position, shape [n].
 pub(crate) struct FrameLoss {
@@ -19,24 +19,29 @@ pub(crate) struct FrameLoss {
     pub gradient: Vec<DVec3>,
 }
 
-/// Chamfer distance and mask L1 of one observed moment.
-pub(crate) fn frame_loss(moment: &Moment, context: &Context, cloud: Cloud, with_gradient: bool) -> FrameLoss {
-    let positions = cloud.positions;
+/// Chamfer distance and mask L1 of one observed frame.
+pub(crate) fn frame_loss(
+    observed: &ObservedFrame,
+    context: &Context,
+    gaussians: IsotropicGaussians,
+    with_gradient: bool,
+) -> FrameLoss {
+    let positions = gaussians.positions;
     let mut loss = FrameLoss {
         chamfer_m: 0.0,
         mask_l1: 0.0,
         mask_difference: (0.0, 0.0),
         gradient: if with_gradient { vec![DVec3::ZERO; positions.len()] } else { Vec::new() },
     };
-    if let Some(observed) = &moment.surface {
-        let simulated = context.surface_particles(positions, moment.time_s);
+    if let Some(surface) = &observed.surface {
+        let simulated = context.surface_particles(positions, observed.time_s);
         let wanted: Vec<DVec3> =
-            observed.points.iter().copied().filter(|p| !context.in_contact(*p, moment.time_s)).collect();
+            surface.points.iter().copied().filter(|p| !context.in_contact(*p, observed.time_s)).collect();
         loss.chamfer_m = chamfer(positions, &simulated, &wanted, context.margin(), with_gradient, &mut loss.gradient);
     }
-    let views = moment.views.len().max(1) as f64;
-    for view in &moment.views {
-        let rendered = alpha(cloud, &view.camera);
+    let views = observed.views.len().max(1) as f64;
+    for view in &observed.views {
+        let rendered = alpha(gaussians, &view.camera);
         let share = 1.0 / (rendered.len() as f64 * views);
         let difference: f64 = rendered.iter().zip(&view.mask).map(|(a, m)| f64::from((a - m).abs())).sum();
         loss.mask_l1 += difference * share;
@@ -44,7 +49,7 @@ pub(crate) fn frame_loss(moment: &Moment, context: &Context, cloud: Cloud, with_
         loss.mask_difference.1 += view.mask.iter().map(|m| f64::from(*m)).sum::<f64>();
         if with_gradient {
             let bar: Vec<f32> = rendered.iter().zip(&view.mask).map(|(a, m)| (a - m).signum() * share as f32).collect();
-            alpha_backward(cloud, &view.camera, &rendered, &bar, &mut loss.gradient);
+            alpha_backward(gaussians, &view.camera, &rendered, &bar, &mut loss.gradient);
         }
     }
     loss
@@ -86,16 +91,21 @@ fn chamfer(
 }
 
 /// Mean loss over the frames of a motion.
-pub(crate) fn mean_loss(data: &Data, context: &Context, opacities: &[f32], motion: &Motion) -> Loss {
+pub(crate) fn mean_loss(
+    video: &ObservedVideo,
+    context: &Context,
+    opacities: &[f32],
+    trajectories: &Trajectories,
+) -> Loss {
     let mut loss = Loss::default();
     let (mut surfaces, mut masks, mut difference, mut covered) = (0.0f64, 0.0f64, 0.0, 0.0f64);
-    for (o, moment) in data.moments.iter().enumerate().skip(1) {
-        let frame = frame_loss(moment, context, motion.cloud(o, opacities), false);
-        if moment.surface.is_some() {
+    for (o, observed) in video.frames.iter().enumerate().skip(1) {
+        let frame = frame_loss(observed, context, trajectories.gaussians(o, opacities), false);
+        if observed.surface.is_some() {
             loss.chamfer_m += frame.chamfer_m;
             surfaces += 1.0;
         }
-        if !moment.views.is_empty() {
+        if !observed.views.is_empty() {
             loss.mask_l1 += frame.mask_l1;
             masks += 1.0;
         }

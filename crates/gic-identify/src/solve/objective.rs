@@ -3,17 +3,17 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::forward::footprint::Cloud;
+use crate::forward::footprint::IsotropicGaussians;
 use crate::forward::silhouette::alpha;
-use crate::normal::{Cluster, Modality, Normal, Weights};
-use crate::observe::data::{Data, Moment};
+use crate::normal::{Modality, Normal, ResidualBlock, Weights};
 use crate::observe::mask_view::{MaskView, pool};
-use crate::solve::levenberg::Tangents;
+use crate::observe::video::{ObservedFrame, ObservedVideo};
+use crate::solve::levenberg_marquardt::Tangents;
 use crate::unknowns::state::{State, Unknown};
 
 /// Positions of all particles [m] at each observation that takes part, and how large they are drawn.
 #[derive(Clone, Debug)]
-pub(crate) struct Motion {
+pub(crate) struct Trajectories {
     /// Shape [observations][n][3]; empty for an observation that takes no part.
     pub positions: Vec<Vec<[f32; 3]>>,
     /// Standard deviations of the particles' Gaussians [m], shape [observations][n].
@@ -22,24 +22,29 @@ pub(crate) struct Motion {
     pub splat_factor: f32,
     /// How far each particle was moved outward at rest by a change of the shape [m], shape [n]; empty for not at all. The extracted
     /// surfaces are taken to be as wrong in all frames as in the first, so that they tell of the motion but not of the shape.
-    pub swelling: Vec<f32>,
+    pub outward_displacements: Vec<f32>,
 }
 
-impl Motion {
+impl Trajectories {
     /// The same motion with all Gaussians wider by a factor e^`step`.
-    pub(crate) fn drawn_wider(&self, step: f64) -> Motion {
-        Motion { splat_factor: self.splat_factor * step.exp() as f32, ..self.clone() }
+    pub(crate) fn drawn_wider(&self, step: f64) -> Trajectories {
+        Trajectories { splat_factor: self.splat_factor * step.exp() as f32, ..self.clone() }
     }
 
     /// What is drawn at an observation.
-    pub(crate) fn cloud<'a>(&'a self, o: usize, opacities: &'a [f32]) -> Cloud<'a> {
-        Cloud { positions: &self.positions[o], opacities, scales: &self.scales[o], factor: self.splat_factor }
+    pub(crate) fn gaussians<'a>(&'a self, o: usize, opacities: &'a [f32]) -> IsotropicGaussians<'a> {
+        IsotropicGaussians {
+            positions: &self.positions[o],
+            opacities,
+            scales: &self.scales[o],
+            factor: self.splat_factor,
+        }
     }
 }
 
 /// Which observations take part and how coarsely they are compared.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Level {
+pub(crate) struct FrameSelection {
     /// Index of the first observation.
     pub first: usize,
     /// Index after the last.
@@ -51,7 +56,7 @@ pub(crate) struct Level {
 /// The observations as a function of a hypothesis.
 #[derive(Clone, Copy)]
 pub(crate) struct Objective<'a> {
-    pub data: &'a Data,
+    pub video: &'a ObservedVideo,
     pub opacities: &'a [f32],
     pub surface_context: &'a crate::observe::surface::Context,
     pub weights: &'a Weights,
@@ -59,46 +64,52 @@ pub(crate) struct Objective<'a> {
 
 impl Objective<'_> {
     /// Half the weighted sum of squares.
-    pub(crate) fn cost(&self, motion: &Motion, level: &Level) -> f64 {
-        let clusters = self.clusters(motion, &[], &[], level);
-        Normal::sum(&clusters, self.weights, 0).cost
+    pub(crate) fn cost(&self, trajectories: &Trajectories, selection: &FrameSelection) -> f64 {
+        let blocks = self.blocks(trajectories, &[], &[], selection);
+        Normal::sum(&blocks, self.weights, 0).cost
     }
 
     /// Normal equations from a base motion and one perturbed motion per unknown.
-    pub(crate) fn clusters(&self, base: &Motion, perturbed: &[Motion], steps: &[f64], level: &Level) -> Vec<Cluster> {
-        let range = level.first..level.end.min(self.data.moments.len());
+    pub(crate) fn blocks(
+        &self,
+        base: &Trajectories,
+        perturbed: &[Trajectories],
+        steps: &[f64],
+        selection: &FrameSelection,
+    ) -> Vec<ResidualBlock> {
+        let range = selection.first..selection.end.min(self.video.frames.len());
         let views: Vec<(usize, &MaskView)> =
-            range.clone().flat_map(|o| self.data.moments[o].views.iter().map(move |view| (o, view))).collect();
-        let mut clusters: Vec<Cluster> = views
+            range.clone().flat_map(|o| self.video.frames[o].views.iter().map(move |view| (o, view))).collect();
+        let mut blocks: Vec<ResidualBlock> = views
             .into_par_iter()
-            .map(|(o, view)| self.mask_cluster(o, view, base, perturbed, steps, level.pooling))
+            .map(|(o, view)| self.mask_block(o, view, base, perturbed, steps, selection.pooling))
             .collect();
-        let surfaces: Vec<Vec<Cluster>> =
-            range.into_par_iter().map(|o| self.surface_clusters(o, base, perturbed, steps)).collect();
-        clusters.extend(surfaces.into_iter().flatten());
-        clusters
+        let surfaces: Vec<Vec<ResidualBlock>> =
+            range.into_par_iter().map(|o| self.surface_blocks(o, base, perturbed, steps)).collect();
+        blocks.extend(surfaces.into_iter().flatten());
+        blocks
     }
 
-    fn mask_cluster(
+    fn mask_block(
         &self,
         o: usize,
         view: &MaskView,
-        base: &Motion,
-        perturbed: &[Motion],
+        base: &Trajectories,
+        perturbed: &[Trajectories],
         steps: &[f64],
         pooling: usize,
-    ) -> Cluster {
+    ) -> ResidualBlock {
         // Outside of this window neither the particles nor the mask are, so that it only saves time.
-        let window = view.window(base.cloud(o, self.opacities), pooling);
+        let window = view.window(base.gaussians(o, self.opacities), pooling);
         let camera = &window.camera(&view.camera);
-        let draw = |motion: &Motion| {
-            let full = alpha(motion.cloud(o, self.opacities), camera);
+        let draw = |trajectories: &Trajectories| {
+            let full = alpha(trajectories.gaussians(o, self.opacities), camera);
             pool(&full, camera.width, camera.height, pooling)
         };
         let observed = pool(&window.cut(&view.mask, view.camera.width), camera.width, camera.height, pooling);
         let reference = draw(base);
         let moved: Vec<Vec<f32>> = perturbed.iter().map(draw).collect();
-        let mut cluster = Cluster::new(Modality::Mask, o, Some(view.camera_index), steps.len());
+        let mut block = ResidualBlock::new(Modality::Mask, o, Some(view.camera_index), steps.len());
         let mut row = vec![0.0; steps.len()];
         // A pooled pixel stands for that many working pixels.
         let weight = (pooling * pooling) as f64;
@@ -110,23 +121,29 @@ impl Objective<'_> {
                 touched |= *slot != 0.0;
             }
             if touched {
-                cluster.add(residual, &row, weight);
+                block.add(residual, &row, weight);
             }
         }
-        cluster.finish()
+        block.finish()
     }
 
-    fn surface_clusters(&self, o: usize, base: &Motion, perturbed: &[Motion], steps: &[f64]) -> Vec<Cluster> {
-        let moment: &Moment = &self.data.moments[o];
-        let Some(observed) = &moment.surface else { return Vec::new() };
-        vec![self.surface_context.cluster((o, moment.time_s), observed, base, perturbed, steps)]
+    fn surface_blocks(
+        &self,
+        o: usize,
+        base: &Trajectories,
+        perturbed: &[Trajectories],
+        steps: &[f64],
+    ) -> Vec<ResidualBlock> {
+        let frame: &ObservedFrame = &self.video.frames[o];
+        let Some(surface) = &frame.surface else { return Vec::new() };
+        vec![self.surface_context.block((o, frame.time_s), surface, base, perturbed, steps)]
     }
 }
 
 /// A model of motion.
-pub(crate) trait Forward: Sync {
+pub(crate) trait ForwardModel: Sync {
     /// Positions at the observations of `level`; the message says why there are none.
-    fn motion(&self, state: &State, level: &Level) -> Result<Motion, String>;
+    fn trajectories(&self, state: &State, selection: &FrameSelection) -> Result<Trajectories, String>;
 }
 
 /// What is known of some unknowns besides the observations of the level: a Gaussian.
@@ -155,22 +172,22 @@ impl Prior {
 
 /// A forward model, the data, and what is varied.
 pub(crate) struct Problem<'a> {
-    pub forward: &'a dyn Forward,
+    pub forward: &'a dyn ForwardModel,
     pub objective: Objective<'a>,
     pub unknowns: Vec<Unknown>,
     pub parameters: &'a [crate::Parameter],
-    pub level: Level,
+    pub selection: FrameSelection,
     pub prior: Option<&'a Prior>,
 }
 
 impl Problem<'_> {
     /// Half the weighted sum of squares, that of the prior included.
-    pub(crate) fn cost(&self, state: &State, motion: &Motion) -> f64 {
+    pub(crate) fn cost(&self, state: &State, trajectories: &Trajectories) -> f64 {
         let known = self.prior.map_or(0.0, |prior| {
             let d = prior.deviation(state);
             0.5 * (&prior.information * &d).dot(&d)
         });
-        self.objective.cost(motion, &self.level) + known
+        self.objective.cost(trajectories, &self.selection) + known
     }
 
     /// The state displaced by `step` along the unknowns, and how far the limits let it go.
@@ -180,14 +197,14 @@ impl Problem<'_> {
         (moved, delta)
     }
 
-    /// Normal equations of the observations, kept apart by cluster.
-    pub(crate) fn clusters(&self, motion: &Motion, tangents: &Tangents) -> Vec<Cluster> {
-        self.objective.clusters(motion, &tangents.motions, &tangents.steps, &self.level)
+    /// Normal equations of the observations, kept apart by block.
+    pub(crate) fn blocks(&self, trajectories: &Trajectories, tangents: &Tangents) -> Vec<ResidualBlock> {
+        self.objective.blocks(trajectories, &tangents.perturbed, &tangents.steps, &self.selection)
     }
 
     /// Their sum, with the prior.
-    pub(crate) fn normal(&self, clusters: &[Cluster], state: &State) -> Normal {
-        let mut normal = Normal::sum(clusters, self.objective.weights, self.unknowns.len());
+    pub(crate) fn normal(&self, blocks: &[ResidualBlock], state: &State) -> Normal {
+        let mut normal = Normal::sum(blocks, self.objective.weights, self.unknowns.len());
         if let Some(prior) = self.prior {
             normal.hessian += prior.information_of(&self.unknowns);
             let pull = &prior.information * prior.deviation(state);

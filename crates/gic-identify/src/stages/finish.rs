@@ -8,95 +8,102 @@ use nalgebra::DMatrix;
 use crate::checkpoint::Event;
 use crate::forward::flight::{Flight, placed, volume_factors};
 use crate::forward::simulation::Simulation;
-use crate::result::{Estimate, Identification, Loss, Stage};
-use crate::solve::levenberg::{Known, Tangents};
+use crate::result::{Estimate, Estimates, Loss, Stage};
+use crate::solve::levenberg_marquardt::{Linearisation, Tangents};
 use crate::solve::loss::mean_loss;
-use crate::solve::objective::{Forward, Level, Motion, Problem};
-use crate::stages::Job;
-use crate::stages::velocity::Launch;
+use crate::solve::objective::{ForwardModel, FrameSelection, Problem, Trajectories};
+use crate::stages::Identification;
+use crate::stages::free_flight::FreeFlightFit;
 use crate::uncertainty::checks;
 use crate::uncertainty::interval::{self, half_width};
 use crate::unknowns::state::{State, Unknown};
 use crate::{IdentifyError, MaterialKind, Parameter};
 
-impl Job<'_> {
+impl Identification<'_> {
     fn material(&self, state: &State) -> gic_mpm::Material {
         let values: Vec<f64> = self.parameters().iter().zip(&state.material).map(|(p, c)| p.value(*c)).collect();
         self.kind.material(&values)
     }
 
-    pub(crate) fn finish_untouched(&self, launched: &Launch) -> Identification {
-        let motion = Flight { input: self.input, data: &self.data, shape: &self.shape }
-            .motion(&launched.state, &self.all_frames());
-        self.without_intervals(launched, &launched.state, motion.ok().as_ref())
+    pub(crate) fn finish_untouched(&self, flight_fit: &FreeFlightFit) -> Estimates {
+        let trajectories = Flight { input: self.input, video: &self.video, shape: &self.shape }
+            .trajectories(&flight_fit.state, &self.all_frames());
+        self.without_intervals(flight_fit, &flight_fit.state, trajectories.ok().as_ref())
     }
 
     /// The end of the material stage as the result.
-    pub(crate) fn finish_roughly(&self, launched: &Launch, state: &State) -> Result<Identification, IdentifyError> {
-        let motion = self.simulation(launched.free).motion(state, &self.all_frames()).map_err(self.failure(1))?;
-        Ok(self.without_intervals(launched, state, Some(&motion)))
+    pub(crate) fn finish_roughly(&self, flight_fit: &FreeFlightFit, state: &State) -> Result<Estimates, IdentifyError> {
+        let trajectories =
+            self.simulation(flight_fit.free).trajectories(state, &self.all_frames()).map_err(self.failure(1))?;
+        Ok(self.without_intervals(flight_fit, state, Some(&trajectories)))
     }
 
-    fn without_intervals(&self, launched: &Launch, state: &State, motion: Option<&Motion>) -> Identification {
+    fn without_intervals(
+        &self,
+        flight_fit: &FreeFlightFit,
+        state: &State,
+        trajectories: Option<&Trajectories>,
+    ) -> Estimates {
         let estimate = |(p, c): (&Parameter, &f64)| self.estimate(p, *c, None, None);
         let estimates = self.parameters().iter().zip(&state.material).map(estimate).collect();
-        self.result(launched, state, estimates, DVec3::NAN, motion)
+        self.result(flight_fit, state, estimates, DVec3::NAN, trajectories)
     }
 
     /// Intervals, checks, and everything into one result; `known` is what was measured at `state` before.
     pub(crate) fn finish(
         &self,
-        launched: &Launch,
+        flight_fit: &FreeFlightFit,
         state: &State,
-        known: Option<Known>,
-    ) -> Result<Identification, IdentifyError> {
-        let simulation = self.simulation(launched.free);
-        let prior = self.joint_prior(launched);
+        known: Option<Linearisation>,
+    ) -> Result<Estimates, IdentifyError> {
+        let simulation = self.simulation(flight_fit.free);
+        let prior = self.joint_prior(flight_fit);
         let problem = Problem {
             forward: &simulation,
             objective: self.base_objective(),
-            unknowns: self.joint_unknowns(launched),
+            unknowns: self.joint_unknowns(flight_fit),
             parameters: self.parameters(),
-            level: self.all_frames(),
+            selection: self.all_frames(),
             prior: Some(&prior),
         };
         let count = problem.unknowns.len();
-        let (check, finer) = (self.settings.resolution_check, self.simulation(launched.free));
-        let ((motion, tangents), refined) = rayon::join(
+        let (check, finer) = (self.settings.resolution_check, self.simulation(flight_fit.free));
+        let ((trajectories, tangents), refined) = rayon::join(
             || match known {
-                Some(Known { motion, tangents, .. }) => (Ok(motion), Ok(tangents)),
+                Some(Linearisation { trajectories, tangents, .. }) => (Ok(trajectories), Ok(tangents)),
                 None => Tangents::measure_with_motion(&problem, state),
             },
             || check.and_then(|factor| refined(finer, factor, state)),
         );
-        let motion = motion.map_err(self.failure(1))?;
+        let trajectories = trajectories.map_err(self.failure(1))?;
         self.tell(Event::Working).map_err(|_| IdentifyError::Interrupted)?;
         let (mut covariance, mut shifts) = (None, None);
         match tangents {
             Ok(mut tangents) => {
                 // A refined grid is one more direction in which the residuals move: a nuisance, with the whole of its shift.
-                if let Some(motion) = refined {
-                    tangents.motions.push(motion);
+                if let Some(trajectories) = refined {
+                    tangents.perturbed.push(trajectories);
                     tangents.steps.push(1.0);
                 }
-                let (clusters, columns) = (problem.clusters(&motion, &tangents), tangents.steps.len());
-                let weights = self.weights_at(&clusters, count, launched);
+                let (blocks, columns) = (problem.blocks(&trajectories, &tangents), tangents.steps.len());
+                let weights = self.weights_at(&blocks, count, flight_fit);
                 let known = prior.information_of(&problem.unknowns);
                 let nuisances = DMatrix::identity(columns - count, columns - count);
                 if columns > count {
-                    shifts = interval::response(&clusters, &weights, count, &known, count);
+                    shifts = interval::response(&blocks, &weights, count, &known, count);
                 }
                 let places = |of: &dyn Fn(&Unknown) -> bool| -> Vec<usize> {
                     (0..count).filter(|k| of(&problem.unknowns[*k])).collect()
                 };
                 let materials = places(&|u| matches!(u, Unknown::Material(_)));
                 let shapes = places(&|u| matches!(u, Unknown::Shape(_)));
-                covariance = interval::covariance(&clusters, &weights, count, &known, &nuisances)
-                    .map(|c| c + interval::unrevealed(&clusters, &weights, count, &known, &materials, &shapes));
+                covariance = interval::covariance(&blocks, &weights, count, &known, &nuisances).map(|c| {
+                    c + interval::shape_prior_covariance(&blocks, &weights, count, &known, &materials, &shapes)
+                });
             }
             Err(reason) => self.warn(format!("no intervals: {reason}")),
         }
-        let explained = checks::explained(self, launched, &motion);
+        let explained = checks::explained(self, flight_fit, &trajectories);
         checks::at_limits(self, state);
         let place = |unknown: Unknown| problem.unknowns.iter().position(|u| *u == unknown);
         let deviation = |unknown: Unknown| {
@@ -113,18 +120,18 @@ impl Job<'_> {
             .collect();
         let velocity = [0, 1, 2].map(|a| {
             let half = deviation(Unknown::Velocity(a)).unwrap_or(0.0);
-            half.hypot(self.flown_half_width(launched, Unknown::Velocity(a)))
+            half.hypot(self.flown_half_width(flight_fit, Unknown::Velocity(a)))
         });
         let velocity = DVec3::from_array(velocity);
-        Ok(self.result(launched, state, estimates, velocity, Some(&motion)))
+        Ok(self.result(flight_fit, state, estimates, velocity, Some(&trajectories)))
     }
 
     /// Half-width of an unknown's interval from free flight alone, where the position is uncertain, too; 0 where it was not fitted.
-    fn flown_half_width(&self, launched: &Launch, unknown: Unknown) -> f64 {
+    fn flown_half_width(&self, flight_fit: &FreeFlightFit, unknown: Unknown) -> f64 {
         let none = DMatrix::zeros(0, 0);
-        let count = launched.unknowns.len();
-        let place = launched.unknowns.iter().position(|u| *u == unknown);
-        let covariance = interval::covariance(&launched.clusters, &self.weights, count, &none, &none);
+        let count = flight_fit.unknowns.len();
+        let place = flight_fit.unknowns.iter().position(|u| *u == unknown);
+        let covariance = interval::covariance(&flight_fit.blocks, &self.weights, count, &none, &none);
         place.zip(covariance).map_or(0.0, |(k, c)| half_width(c[(k, k)]))
     }
 
@@ -159,26 +166,27 @@ impl Job<'_> {
 
     fn result(
         &self,
-        launched: &Launch,
+        flight_fit: &FreeFlightFit,
         state: &State,
         estimates: Vec<Estimate>,
         velocity_interval_95: DVec3,
-        motion: Option<&Motion>,
-    ) -> Identification {
+        trajectories: Option<&Trajectories>,
+    ) -> Estimates {
         if self.kind != MaterialKind::Sand {
             self.warn(format!(
                 "density is taken as {} kg/m^3: the video determines only the ratios of the moduli, stresses and viscosities to it",
                 self.input.density_kg_m3
             ));
         }
-        Identification {
+        Estimates {
             material: self.material(state),
             estimates,
             velocity_m_s: state.velocity,
             velocity_interval_95,
             angular_velocity_rad_s: state.angular,
-            free_frames: launched.free,
-            loss: motion.map_or_else(Loss::default, |m| mean_loss(&self.data, &self.context, &self.input.opacities, m)),
+            free_frames: flight_fit.free,
+            loss: trajectories
+                .map_or_else(Loss::default, |m| mean_loss(&self.video, &self.context, &self.input.opacities, m)),
             trace: self.checkpoint.borrow().trace.clone(),
             rollouts: self.fine.load(Ordering::Relaxed),
             coarse_rollouts: self.coarse.load(Ordering::Relaxed),
@@ -193,10 +201,10 @@ impl Job<'_> {
 }
 
 /// The motion at `state` on a grid refined by `factor`, for the resolution check.
-fn refined(mut simulation: Simulation, factor: f64, state: &State) -> Option<Motion> {
+fn refined(mut simulation: Simulation, factor: f64, state: &State) -> Option<Trajectories> {
     let resolution = &mut simulation.resolution;
     resolution.spacing_factor = 1.0 / factor;
     resolution.substeps_per_frame = (resolution.substeps_per_frame as f64 * factor).ceil() as usize;
-    let level = Level { first: 0, end: simulation.data.moments.len(), pooling: 1 };
-    simulation.motion(state, &level).ok()
+    let selection = FrameSelection { first: 0, end: simulation.video.frames.len(), pooling: 1 };
+    simulation.trajectories(state, &selection).ok()
 }

@@ -1,9 +1,9 @@
 //! The stages in order: velocity, search, material, joint, intervals.
 
 mod finish;
+pub(crate) mod free_flight;
 mod material;
 mod search;
-pub(crate) mod velocity;
 
 use std::cell::{Cell, RefCell};
 use std::ops::ControlFlow;
@@ -14,17 +14,17 @@ use gic_mpm::Options;
 use nalgebra::{DMatrix, DVector};
 
 use crate::checkpoint::{Checkpoint, Event};
-use crate::forward::dilution::Dilution;
 use crate::forward::flight::Flight;
 use crate::forward::shape::ShapeModes;
 use crate::forward::simulation::{Resolution, Simulation};
-use crate::normal::{Cluster, Weights};
-use crate::observe::data::Data;
+use crate::forward::splat_widths::SplatWidths;
+use crate::normal::{ResidualBlock, Weights};
 use crate::observe::surface::Context;
-use crate::result::{Identification, Stage, Step};
-use crate::solve::levenberg::{Fit, Iterate, Known, Limits, Tangents, minimise};
-use crate::solve::objective::{Forward, Level, Objective, Prior, Problem};
-use crate::stages::velocity::{Launch, clearance, launch};
+use crate::observe::video::ObservedVideo;
+use crate::result::{Estimates, Stage, Step};
+use crate::solve::levenberg_marquardt::{Fit, Iterate, Limits, Linearisation, Tangents, minimise};
+use crate::solve::objective::{ForwardModel, FrameSelection, Objective, Prior, Problem};
+use crate::stages::free_flight::{FreeFlightFit, clearance, launch};
 use crate::uncertainty::checks;
 use crate::uncertainty::noise::effective_weights;
 use crate::unknowns::state::{State, Unknown};
@@ -49,13 +49,13 @@ const SPLAT_SIGMA: f64 = 0.05;
 pub(crate) type Listener<'a> = dyn FnMut(Event) -> ControlFlow<()> + 'a;
 
 /// Everything that the stages share.
-pub(crate) struct Job<'a> {
+pub(crate) struct Identification<'a> {
     pub input: &'a Input,
     pub kind: MaterialKind,
     pub settings: &'a Settings,
-    pub data: Data,
+    pub video: ObservedVideo,
     pub context: Context,
-    pub dilution: Dilution,
+    pub splat_widths: SplatWidths,
     pub shape: ShapeModes,
     pub weights: Weights,
     pub fine: AtomicUsize,
@@ -69,27 +69,27 @@ pub(crate) struct Job<'a> {
     pub warnings: RefCell<Vec<String>>,
 }
 
-impl Job<'_> {
+impl Identification<'_> {
     pub(crate) fn parameters(&self) -> &'static [Parameter] {
         self.kind.parameters()
     }
 
     pub(crate) fn objective<'b>(&'b self, opacities: &'b [f32]) -> Objective<'b> {
-        Objective { data: &self.data, opacities, surface_context: &self.context, weights: &self.weights }
+        Objective { video: &self.video, opacities, surface_context: &self.context, weights: &self.weights }
     }
 
     pub(crate) fn base_objective(&self) -> Objective<'_> {
         self.objective(&self.input.opacities)
     }
 
-    pub(crate) fn all_frames(&self) -> Level {
-        Level { first: 0, end: self.data.moments.len(), pooling: 1 }
+    pub(crate) fn all_frames(&self) -> FrameSelection {
+        FrameSelection { first: 0, end: self.video.frames.len(), pooling: 1 }
     }
 
     /// The frames that tell about the material: those after the last of free flight.
-    pub(crate) fn touched_frames(&self, launched: &Launch, pooling: usize) -> Level {
-        let last = self.data.moments.len() - 1;
-        Level { first: launched.free.min(last), pooling, ..self.all_frames() }
+    pub(crate) fn touched_frames(&self, flight_fit: &FreeFlightFit, pooling: usize) -> FrameSelection {
+        let last = self.video.frames.len() - 1;
+        FrameSelection { first: flight_fit.free.min(last), pooling, ..self.all_frames() }
     }
 
     pub(crate) fn free_materials(&self) -> Vec<Unknown> {
@@ -105,7 +105,7 @@ impl Job<'_> {
     pub(crate) fn simulation(&self, free: usize) -> Simulation<'_> {
         Simulation {
             input: self.input,
-            data: &self.data,
+            video: &self.video,
             shape: &self.shape,
             kind: self.kind,
             options: Options { parallel: false, ..Options::default() },
@@ -116,7 +116,7 @@ impl Job<'_> {
             },
             free,
             rollouts: &self.fine,
-            dilution: &self.dilution,
+            splat_widths: &self.splat_widths,
         }
     }
 
@@ -183,15 +183,15 @@ impl Job<'_> {
     pub(crate) fn minimise(
         &self,
         stage: Stage,
-        forward: &dyn Forward,
+        forward: &dyn ForwardModel,
         objective: Objective,
         unknowns: Vec<Unknown>,
-        level: Level,
+        selection: FrameSelection,
         start: State,
         limits: Limits,
         is_idle: &dyn Fn(&Iterate) -> bool,
     ) -> Result<Fit, String> {
-        let problem = Problem { forward, objective, unknowns, parameters: self.parameters(), level, prior: None };
+        let problem = Problem { forward, objective, unknowns, parameters: self.parameters(), selection, prior: None };
         minimise(&problem, start, None, limits, &mut |iterate| {
             self.report(stage, iterate)?;
             Ok(if is_idle(iterate) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
@@ -210,7 +210,7 @@ pub fn identify(
     settings: &Settings,
     resume: Checkpoint,
     listener: &mut Listener,
-) -> Result<Identification, IdentifyError> {
+) -> Result<Estimates, IdentifyError> {
     input.validate()?;
     for (name, value) in &settings.fixed {
         let parameter = kind.parameters()[kind.index_of(name)?];
@@ -243,18 +243,18 @@ pub fn identify(
     }
     let excluded = checks::wrong_cameras(&input, settings.target, &mut warnings);
     checks::cut_views(&input, settings.target, &mut warnings);
-    let data = Data::new(&input, settings.target, &excluded);
-    let context = Context::new(&input, data.moments[0].surface.as_ref());
-    let dilution = Dilution::new(&input.positions, &input.scales, input.particle_volume_m3.cbrt());
+    let video = ObservedVideo::new(&input, settings.target, &excluded);
+    let context = Context::new(&input, video.frames[0].surface.as_ref());
+    let splat_widths = SplatWidths::new(&input.positions, &input.scales, input.particle_volume_m3.cbrt());
     // A tenth of a pixel's alpha and a tenth of a cell, until the data's own noise is known.
-    let weights = Weights::uniform(100.0, (0.1 * input.grid_spacing_m).powi(-2), data.moments.len());
-    let job = Job {
+    let weights = Weights::uniform(100.0, (0.1 * input.grid_spacing_m).powi(-2), video.frames.len());
+    let job = Identification {
         input: &input,
         kind,
         settings,
-        data,
+        video,
         context,
-        dilution,
+        splat_widths,
         shape: ShapeModes::new(&input),
         weights,
         fine: AtomicUsize::new(resume.rollouts.0),
@@ -270,27 +270,27 @@ pub fn identify(
 }
 
 /// Weights never exceed those of a thousandth of a pixel's alpha and of a cell.
-fn weight_ceilings(job: &Job) -> Weights {
-    Weights::uniform(1e6, (1e-3 * job.input.grid_spacing_m).powi(-2), job.data.moments.len())
+fn weight_ceilings(job: &Identification) -> Weights {
+    Weights::uniform(1e6, (1e-3 * job.input.grid_spacing_m).powi(-2), job.video.frames.len())
 }
 
-fn run(mut job: Job) -> Result<Identification, IdentifyError> {
+fn run(mut job: Identification) -> Result<Estimates, IdentifyError> {
     let resumed = job.checkpoint.borrow().clone();
-    let launched = job.launch()?;
+    let flight_fit = job.launch()?;
     if resumed.seconds.is_empty() {
         job.reach(Some(Stage::Velocity), |_| ())?;
     }
     // From here on each modality counts by the noise that it showed before anything was touched.
-    job.weights = job.flight_weights(&launched);
-    job.data.distrust_unseen(job.input, launched.free);
-    if launched.free == job.data.moments.len() && !job.touches(&launched) {
+    job.weights = job.flight_weights(&flight_fit);
+    job.video.discount_unseen(job.input, flight_fit.free);
+    if flight_fit.free == job.video.frames.len() && !job.touches(&flight_fit) {
         job.warn("the object never touches anything: only its velocity is determined, not its material".to_owned());
-        return Ok(job.finish_untouched(&launched));
+        return Ok(job.finish_untouched(&flight_fit));
     }
     let starts = match resumed.starts {
         Some(starts) => starts,
         None => {
-            let starts = job.search(&launched)?;
+            let starts = job.search(&flight_fit)?;
             job.reach(Some(Stage::Search), |checkpoint| checkpoint.starts = Some(starts.clone()))?;
             starts
         }
@@ -298,27 +298,27 @@ fn run(mut job: Job) -> Result<Identification, IdentifyError> {
     let material = match resumed.material {
         Some(state) => state,
         None => {
-            let state = job.fit_material(&launched, starts)?;
+            let state = job.fit_material(&flight_fit, starts)?;
             job.reach(Some(Stage::Material), |checkpoint| checkpoint.material = Some(state.clone()))?;
             state
         }
     };
     if !job.settings.joint {
-        return job.finish_roughly(&launched, &material);
+        return job.finish_roughly(&flight_fit, &material);
     }
     let (joint, known) = match resumed.joint {
         Some(state) => (state, None),
         None => {
-            let (state, known) = job.fit_jointly(&launched, material)?;
+            let (state, known) = job.fit_jointly(&flight_fit, material)?;
             job.reach(Some(Stage::Joint), |checkpoint| checkpoint.joint = Some(state.clone()))?;
             (state, known)
         }
     };
-    job.finish(&launched, &joint, known)
+    job.finish(&flight_fit, &joint, known)
 }
 
-impl Job<'_> {
-    fn launch(&self) -> Result<Launch, IdentifyError> {
+impl Identification<'_> {
+    fn launch(&self) -> Result<FreeFlightFit, IdentifyError> {
         let middle = |p: &Parameter| {
             let fixed = self.settings.fixed.iter().find(|(name, _)| name == p.name).map(|(_, value)| *value);
             p.coordinate(fixed.unwrap_or_else(|| f64::midpoint(p.starts.0, p.starts.1)))
@@ -326,58 +326,58 @@ impl Job<'_> {
         let mut start = State::new(self.parameters().iter().map(middle).collect());
         start.velocity = self.settings.velocity_m_s.unwrap_or_default();
         let known = self.settings.velocity_m_s.is_some();
-        launch(self.input, &self.data, &self.shape, self.base_objective(), start, self.settings.rotation, known)
+        launch(self.input, &self.video, &self.shape, self.base_objective(), start, self.settings.rotation, known)
             .map_err(self.failure(1))
     }
 
     /// The noise of free flight as that of all frames.
-    fn flight_weights(&self, launched: &Launch) -> Weights {
+    fn flight_weights(&self, flight_fit: &FreeFlightFit) -> Weights {
         let ceilings = weight_ceilings(self);
-        let (unknowns, count) = (launched.unknowns.len(), self.data.moments.len());
-        let own = effective_weights(&launched.clusters, unknowns, launched.free, &ceilings);
+        let (unknowns, count) = (flight_fit.unknowns.len(), self.video.frames.len());
+        let own = effective_weights(&flight_fit.blocks, unknowns, flight_fit.free, &ceilings);
         let mean = |values: &[f64]| {
-            let used = &values[..launched.free.clamp(1, count)];
+            let used = &values[..flight_fit.free.clamp(1, count)];
             used.iter().sum::<f64>() / used.len() as f64
         };
         let mut weights = Weights::uniform(mean(&own.mask), mean(&own.surface), count);
-        weights.understate(launched.free);
+        weights.inflate_surface_errors(flight_fit.free);
         weights
     }
 
     /// The weights that the data's own noise gives at a fit.
-    pub(crate) fn weights_at(&self, clusters: &[Cluster], unknowns: usize, launched: &Launch) -> Weights {
-        effective_weights(clusters, unknowns, launched.free, &weight_ceilings(self))
+    pub(crate) fn weights_at(&self, blocks: &[ResidualBlock], unknowns: usize, flight_fit: &FreeFlightFit) -> Weights {
+        effective_weights(blocks, unknowns, flight_fit.free, &weight_ceilings(self))
     }
 
     /// Whether the free flight goes on to touch something between or after the observed frames.
-    fn touches(&self, launched: &Launch) -> bool {
-        let flight = Flight { input: self.input, data: &self.data, shape: &self.shape };
-        let last = self.data.moments.last().map_or(0, |moment| moment.frame);
-        clearance(self.input, &flight.positions(&launched.state, last), last) < 1.5 * self.input.grid_spacing_m
+    fn touches(&self, flight_fit: &FreeFlightFit) -> bool {
+        let flight = Flight { input: self.input, video: &self.video, shape: &self.shape };
+        let last = self.video.frames.last().map_or(0, |observed| observed.simulated_frame);
+        clearance(self.input, &flight.positions(&flight_fit.state, last), last) < 1.5 * self.input.grid_spacing_m
     }
 
     /// Material, velocity, rotation where there is one, the Gaussians' size, and the shape. The position stays that of free flight: free, it
     /// is traded for the velocity.
-    pub(crate) fn joint_unknowns(&self, launched: &Launch) -> Vec<Unknown> {
+    pub(crate) fn joint_unknowns(&self, flight_fit: &FreeFlightFit) -> Vec<Unknown> {
         let mut unknowns = self.free_materials();
-        let flown = launched.unknowns.iter().filter(|u| !matches!(u, Unknown::Offset(_)));
+        let flown = flight_fit.unknowns.iter().filter(|u| !matches!(u, Unknown::Offset(_)));
         unknowns.extend(flown);
-        if !self.data.moments[0].views.is_empty() {
+        if !self.video.frames[0].views.is_empty() {
             unknowns.extend((0..self.shape.count()).map(Unknown::Shape));
         }
         unknowns
     }
 
     /// What is known of the joint stage's unknowns besides the pictures.
-    pub(crate) fn joint_prior(&self, launched: &Launch) -> Prior {
-        let unknowns: Vec<Unknown> = (self.joint_unknowns(launched).into_iter())
+    pub(crate) fn joint_prior(&self, flight_fit: &FreeFlightFit) -> Prior {
+        let unknowns: Vec<Unknown> = (self.joint_unknowns(flight_fit).into_iter())
             .filter(|u| matches!(u, Unknown::Splat | Unknown::Shape(_)))
             .collect();
         let deviation = |u: &Unknown| if *u == Unknown::Splat { SPLAT_SIGMA } else { 1.0 };
         let information = DVector::from_iterator(unknowns.len(), unknowns.iter().map(|u| deviation(u).powi(-2)));
         Prior {
             information: DMatrix::from_diagonal(&information),
-            mean: DVector::from_iterator(unknowns.len(), unknowns.iter().map(|u| launched.state.get(*u))),
+            mean: DVector::from_iterator(unknowns.len(), unknowns.iter().map(|u| flight_fit.state.get(*u))),
             unknowns,
         }
     }
@@ -386,13 +386,17 @@ impl Job<'_> {
     ///
     /// The noise of the frames after contact is known only once they are explained, so fit and weights take turns. With the state comes what was
     /// measured there last, which would be the same if it were measured again.
-    fn fit_jointly(&self, launched: &Launch, start: State) -> Result<(State, Option<Known>), IdentifyError> {
+    fn fit_jointly(
+        &self,
+        flight_fit: &FreeFlightFit,
+        start: State,
+    ) -> Result<(State, Option<Linearisation>), IdentifyError> {
         // The paper stops after its material stage.
         if self.settings.optimizer != Optimizer::LevenbergMarquardt {
             return Ok((start, None));
         }
-        let (simulation, prior) = (self.simulation(launched.free), self.joint_prior(launched));
-        let (unknowns, level) = (self.joint_unknowns(launched), self.all_frames());
+        let (simulation, prior) = (self.simulation(flight_fit.free), self.joint_prior(flight_fit));
+        let (unknowns, selection) = (self.joint_unknowns(flight_fit), self.all_frames());
         let (mut state, mut known) = (start, None);
         let first = (FIRST_FIT.min(self.settings.iterations), ROUGHLY);
         for (iterations, gain_tolerance) in [first, (self.settings.iterations, 0.0)] {
@@ -401,24 +405,25 @@ impl Job<'_> {
                 objective: self.base_objective(),
                 unknowns: unknowns.clone(),
                 parameters: self.parameters(),
-                level: level.clone(),
+                selection: selection.clone(),
                 prior: Some(&prior),
             };
             // Where the first fit ended, its tangents are good enough for weights, and for a first step.
             let mut here = match known {
                 Some(known) => known,
                 None => {
-                    let (motion, tangents) = Tangents::measure_with_motion(&problem, &state);
-                    let (motion, tangents) = (motion.map_err(self.failure(1))?, tangents.map_err(self.failure(1))?);
-                    Known { motion, tangents, clusters: None }
+                    let (trajectories, tangents) = Tangents::measure_with_motion(&problem, &state);
+                    let (trajectories, tangents) =
+                        (trajectories.map_err(self.failure(1))?, tangents.map_err(self.failure(1))?);
+                    Linearisation { trajectories, tangents, blocks: None }
                 }
             };
             self.tell(Event::Working).map_err(|_| IdentifyError::Interrupted)?;
-            let clusters = here.clusters.get_or_insert_with(|| problem.clusters(&here.motion, &here.tangents));
-            let weights = self.weights_at(clusters, unknowns.len(), launched);
+            let blocks = here.blocks.get_or_insert_with(|| problem.blocks(&here.trajectories, &here.tangents));
+            let weights = self.weights_at(blocks, unknowns.len(), flight_fit);
             let problem = Problem { objective: Objective { weights: &weights, ..self.base_objective() }, ..problem };
             // The cost is in units of chi-squared: what matters is the absolute gain.
-            let limits = Limits { iterations, gain_tolerance, least_gain: LEAST_GAIN, ..Limits::HANDOVER };
+            let limits = Limits { iterations, gain_tolerance, least_gain: LEAST_GAIN, ..Limits::ROUGH };
             let report = &mut |step: &Iterate| self.report(Stage::Joint, step).map(ControlFlow::Continue);
             let fit = minimise(&problem, state, Some(here), limits, report).map_err(self.failure(1))?;
             state = fit.state.clone();

@@ -5,14 +5,14 @@ use rayon::prelude::*;
 
 use crate::IdentifyError;
 use crate::checkpoint::Event;
-use crate::forward::coarse::Coarse;
-use crate::forward::dilution::Dilution;
 use crate::forward::simulation::{Resolution, Simulation};
+use crate::forward::splat_widths::SplatWidths;
+use crate::forward::thinned::ThinnedContinuum;
 use crate::result::Stage;
-use crate::solve::levenberg::Limits;
-use crate::solve::objective::{Forward, Level, Objective};
-use crate::stages::velocity::Launch;
-use crate::stages::{BLUR, Job};
+use crate::solve::levenberg_marquardt::Limits;
+use crate::solve::objective::{ForwardModel, FrameSelection, Objective};
+use crate::stages::free_flight::FreeFlightFit;
+use crate::stages::{BLUR, Identification};
 use crate::unknowns::state::{State, Unknown};
 
 /// Factor between the grid of the search and that of the estimate.
@@ -36,11 +36,11 @@ const FULL_GRID_FITS: usize = 2;
 /// Rollouts between two looks at whether to stop.
 const BATCH: usize = 8;
 
-impl Job<'_> {
+impl Identification<'_> {
     /// Starting points for the full grid, best first: the cheapest points of a grid of starts, improved on the coarse grid.
-    pub(crate) fn search(&self, launched: &Launch) -> Result<Vec<State>, IdentifyError> {
-        let coarse = Coarse::new(self.input, COARSE);
-        let mut simulation = self.simulation(launched.free);
+    pub(crate) fn search(&self, flight_fit: &FreeFlightFit) -> Result<Vec<State>, IdentifyError> {
+        let coarse = ThinnedContinuum::new(self.input, COARSE);
+        let mut simulation = self.simulation(flight_fit.free);
         simulation.resolution = Resolution {
             thinning: Some(coarse.ids.clone()),
             spacing_factor: COARSE,
@@ -49,13 +49,13 @@ impl Job<'_> {
         simulation.rollouts = &self.coarse;
         let thinned: Vec<DVec3> = coarse.ids.iter().map(|i| self.input.positions[*i]).collect();
         let spacing = COARSE * self.input.particle_volume_m3.cbrt();
-        let dilution = Dilution::new(&thinned, &coarse.scales, spacing);
-        simulation.dilution = &dilution;
+        let splat_widths = SplatWidths::new(&thinned, &coarse.scales, spacing);
+        simulation.splat_widths = &splat_widths;
         let context = self.context.thinned(&coarse.ids, COARSE);
         let objective = Objective { surface_context: &context, ..self.objective(&coarse.opacities) };
-        let candidates = self.candidates(&launched.state);
-        let level = self.touched_frames(launched, BLUR);
-        let costs = self.costs(&simulation, objective, &candidates, &level)?;
+        let candidates = self.candidates(&flight_fit.state);
+        let selection = self.touched_frames(flight_fit, BLUR);
+        let costs = self.costs(&simulation, objective, &candidates, &selection)?;
         let mut ranked: Vec<(f64, &State)> =
             costs.iter().zip(&candidates).filter_map(|(cost, state)| Some((*cost.as_ref().ok()?, state))).collect();
         ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -63,11 +63,11 @@ impl Job<'_> {
         // The coarse grid would only distort what the grid of starts does not vary.
         let unknowns: Vec<Unknown> = self.free_materials().into_iter().filter(|u| self.is_varied(u)).collect();
         let coarse_fits = if unknowns.is_empty() { 0 } else { COARSE_FITS };
-        let limits = Limits { iterations: COARSE_STEPS, gain_tolerance: 0.02, ..Limits::HANDOVER };
+        let limits = Limits { iterations: COARSE_STEPS, gain_tolerance: 0.02, ..Limits::ROUGH };
         for (_, start) in ranked.iter().take(coarse_fits) {
-            let (start, level, unknowns) = ((*start).clone(), level.clone(), unknowns.clone());
+            let (start, selection, unknowns) = ((*start).clone(), selection.clone(), unknowns.clone());
             if let Ok(fit) =
-                self.minimise(Stage::Search, &simulation, objective, unknowns, level, start, limits, &|_| false)
+                self.minimise(Stage::Search, &simulation, objective, unknowns, selection, start, limits, &|_| false)
             {
                 found.push((fit.cost, fit.state));
             }
@@ -82,7 +82,7 @@ impl Job<'_> {
             let reason = costs.into_iter().find_map(Result::err).unwrap_or_default();
             return Err(IdentifyError::NoStart { starts: candidates.len(), reason });
         }
-        self.rank_on_full_grid(launched, found)
+        self.rank_on_full_grid(flight_fit, found)
     }
 
     /// What each of `states` costs, or why it cannot be simulated.
@@ -91,11 +91,13 @@ impl Job<'_> {
         simulation: &Simulation,
         objective: Objective,
         states: &[State],
-        level: &Level,
+        selection: &FrameSelection,
     ) -> Result<Vec<Result<f64, String>>, IdentifyError> {
         let mut costs = Vec::new();
         for batch in states.chunks(BATCH) {
-            let run = |state| simulation.motion(state, level).map(|motion| objective.cost(&motion, level));
+            let run = |state| {
+                simulation.trajectories(state, selection).map(|trajectories| objective.cost(&trajectories, selection))
+            };
             costs.extend(batch.par_iter().with_max_len(1).map(run).collect::<Vec<_>>());
             self.tell(Event::Working).map_err(|_| IdentifyError::Interrupted)?;
         }
@@ -103,15 +105,19 @@ impl Job<'_> {
     }
 
     /// The coarse grid is biased: the last word between basins belongs to the full one.
-    fn rank_on_full_grid(&self, launched: &Launch, mut found: Vec<(f64, State)>) -> Result<Vec<State>, IdentifyError> {
+    fn rank_on_full_grid(
+        &self,
+        flight_fit: &FreeFlightFit,
+        mut found: Vec<(f64, State)>,
+    ) -> Result<Vec<State>, IdentifyError> {
         found.sort_by(|a, b| a.0.total_cmp(&b.0));
         let distinct = self.distinct(found.into_iter().map(|(_, state)| state));
         if distinct.len() == 1 {
             return Ok(distinct);
         }
-        let level = self.touched_frames(launched, BLUR);
-        let simulation = self.simulation(launched.free);
-        let costs = self.costs(&simulation, self.base_objective(), &distinct, &level)?;
+        let selection = self.touched_frames(flight_fit, BLUR);
+        let simulation = self.simulation(flight_fit.free);
+        let costs = self.costs(&simulation, self.base_objective(), &distinct, &selection)?;
         let mut ranked: Vec<(f64, State)> =
             costs.into_iter().zip(distinct).filter_map(|(cost, state)| Some((cost.ok()?, state))).collect();
         ranked.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -2,13 +2,13 @@
 
 use gic_scene::touches_border;
 
-use crate::forward::footprint::Cloud;
+use crate::forward::footprint::IsotropicGaussians;
 use crate::forward::silhouette::alpha;
 use crate::observe::mask_view::MaskView;
 use crate::solve::loss::frame_loss;
-use crate::solve::objective::Motion;
-use crate::stages::Job;
-use crate::stages::velocity::Launch;
+use crate::solve::objective::Trajectories;
+use crate::stages::Identification;
+use crate::stages::free_flight::FreeFlightFit;
 use crate::unknowns::state::{State, Unknown};
 use crate::{Input, Target};
 
@@ -23,13 +23,13 @@ pub(crate) fn wrong_cameras(input: &Input, target: Target, warnings: &mut Vec<St
     }
     let positions: Vec<[f32; 3]> = input.positions.iter().map(|p| p.as_vec3().to_array()).collect();
     let (opacities, scales) = (&input.opacities, &input.scales);
-    let cloud = Cloud { positions: &positions, opacities, scales, factor: 1.0 };
+    let gaussians = IsotropicGaussians { positions: &positions, opacities, scales, factor: 1.0 };
     let overlaps: Vec<(usize, f64)> = input.observations[0]
         .views
         .iter()
         .map(|view| {
             let view = MaskView::new(view.camera, &input.cameras[view.camera], &view.mask, 2);
-            let rendered = alpha(cloud, &view.camera);
+            let rendered = alpha(gaussians, &view.camera);
             let (mut both, mut either) = (0.0, 0.0);
             for (a, m) in rendered.iter().zip(&view.mask) {
                 both += f64::from(a.min(*m));
@@ -83,20 +83,20 @@ pub(crate) fn cut_views(input: &Input, target: Target, warnings: &mut Vec<String
 
 /// Whether the frames after contact are explained nearly as well as those before. Warns where they are not: the material, an obstacle or the
 /// body's shape is another.
-pub(crate) fn explained(job: &Job, launched: &Launch, motion: &Motion) -> bool {
+pub(crate) fn explained(job: &Identification, flight_fit: &FreeFlightFit, trajectories: &Trajectories) -> bool {
     let misfit: Vec<(f64, f64)> = job
-        .data
-        .moments
+        .video
+        .frames
         .iter()
         .enumerate()
-        .map(|(o, moment)| {
-            let loss = frame_loss(moment, &job.context, motion.cloud(o, &job.input.opacities), false);
+        .map(|(o, observed)| {
+            let loss = frame_loss(observed, &job.context, trajectories.gaussians(o, &job.input.opacities), false);
             (loss.chamfer_m, loss.mask_difference.0 / loss.mask_difference.1.max(1e-9))
         })
         .collect();
     let worst =
         |range: &[(f64, f64)]| range.iter().fold((0.0f64, 0.0f64), |worst, m| (worst.0.max(m.0), worst.1.max(m.1)));
-    let (free, touched) = misfit.split_at(launched.free.min(misfit.len()));
+    let (free, touched) = misfit.split_at(flight_fit.free.min(misfit.len()));
     let (before, after) = (worst(free), worst(touched));
     let masks_explained = after.1 <= 2.5 * before.1 + 0.06;
     if !masks_explained {
@@ -120,7 +120,7 @@ pub(crate) fn explained(job: &Job, launched: &Launch, motion: &Motion) -> bool {
 }
 
 /// Warns of parameters that were found at the edge of what is admitted: a soft solid taken for a fluid, say, ends as one that cannot be squeezed.
-pub(crate) fn at_limits(job: &Job, state: &State) {
+pub(crate) fn at_limits(job: &Identification, state: &State) {
     for unknown in job.free_materials() {
         let Unknown::Material(i) = unknown else { continue };
         let parameter = &job.parameters()[i];
@@ -184,8 +184,8 @@ mod tests {
     fn masks(input: &Input) -> Vec<View> {
         let positions: Vec<[f32; 3]> = input.positions.iter().map(|p| p.as_vec3().to_array()).collect();
         let (opacities, scales) = (&input.opacities, &input.scales);
-        let cloud = Cloud { positions: &positions, opacities, scales, factor: 1.0 };
-        let draw = |camera: &Camera| alpha(cloud, camera).iter().map(|a| a.clamp(0.0, 1.0)).collect();
+        let gaussians = IsotropicGaussians { positions: &positions, opacities, scales, factor: 1.0 };
+        let draw = |camera: &Camera| alpha(gaussians, camera).iter().map(|a| a.clamp(0.0, 1.0)).collect();
         input.cameras.iter().enumerate().map(|(camera, c)| View { camera, mask: draw(c) }).collect()
     }
 

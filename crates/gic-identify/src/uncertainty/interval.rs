@@ -2,15 +2,15 @@
 //!
 //! Residuals inside a picture, along a camera's frames (the same wrong shape), and across the cameras of a frame (the same wrong
 //! simulation) are correlated, so the textbook covariance s^2 H^-1 is far too narrow. The sandwich H^-1 M H^-1 takes M from the
-//! scatter of whole clusters' gradients at the optimum, clustered both ways: by camera and by frame. An error that is common to all
-//! clusters leaves no scatter: what can be wrong with the shape is therefore among the unknowns, with its prior, and the simulation grid
+//! scatter of whole blocks' gradients at the optimum, clustered both ways: by camera and by frame. An error that is common to all
+//! blocks leaves no scatter: what can be wrong with the shape is therefore among the unknowns, with its prior, and the simulation grid
 //! enters as a nuisance.
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::normal::{Cluster, Normal, Weights};
+use crate::normal::{Normal, ResidualBlock, Weights};
 
-/// Student's t at 97.5 % for the ten-odd clusters of a typical scene.
+/// Student's t at 97.5 % for the ten-odd blocks of a typical scene.
 const T_975: f64 = 2.2;
 
 /// Frames are correlated over this share of their number.
@@ -18,21 +18,21 @@ pub(crate) const FRAMES_PER_LAG: usize = 4;
 
 /// Covariance of the first `unknowns` columns, given what is `known` of them besides (an information matrix, or an empty one).
 ///
-/// `nuisances` is the covariance of the next columns of the clusters, which were held fixed.
+/// `nuisances` is the covariance of the next columns of the blocks, which were held fixed.
 pub(crate) fn covariance(
-    clusters: &[Cluster],
+    blocks: &[ResidualBlock],
     weights: &Weights,
     unknowns: usize,
     known: &DMatrix<f64>,
     nuisances: &DMatrix<f64>,
 ) -> Option<DMatrix<f64>> {
-    let columns = clusters.first()?.gradient.len();
-    let total = Normal::sum(clusters, weights, columns);
-    let inverse = regularised_inverse(&with_known(&total.hessian, unknowns, known))?;
+    let columns = blocks.first()?.gradient.len();
+    let total = Normal::sum(blocks, weights, columns);
+    let inverse = regularised_inverse(&with_prior(&total.hessian, unknowns, known))?;
     let mut middle = if known.is_empty() { DMatrix::zeros(unknowns, unknowns) } else { known.clone() };
-    let weight = |c: &Cluster| weights.of_errors(c);
-    middle += scatter(&groups(clusters, &weight, unknowns, &|c| c.camera.unwrap_or(usize::MAX)), 0);
-    let frames = groups(clusters, &weight, unknowns, &|c| c.observation);
+    let weight = |c: &ResidualBlock| weights.of_errors(c);
+    middle += scatter(&groups(blocks, &weight, unknowns, &|c| c.camera.unwrap_or(usize::MAX)), 0);
+    let frames = groups(blocks, &weight, unknowns, &|c| c.observation);
     middle += scatter(&frames, frames.len() / FRAMES_PER_LAG);
     let shifts = &inverse * total.hessian.view((0, unknowns), (unknowns, nuisances.nrows()));
     Some(&inverse * middle * &inverse + &shifts * nuisances * shifts.transpose())
@@ -43,8 +43,8 @@ pub(crate) fn covariance(
 ///
 /// The fit uses what the pictures say about the shape, but a few components stand for all ways in which a shape can be wrong: what they
 /// explain of the others' effect makes the estimate better without making it certain.
-pub(crate) fn unrevealed(
-    clusters: &[Cluster],
+pub(crate) fn shape_prior_covariance(
+    blocks: &[ResidualBlock],
     weights: &Weights,
     unknowns: usize,
     known: &DMatrix<f64>,
@@ -52,8 +52,8 @@ pub(crate) fn unrevealed(
     shapes: &[usize],
 ) -> DMatrix<f64> {
     let mut covariance = DMatrix::zeros(unknowns, unknowns);
-    let Some(first) = clusters.first() else { return covariance };
-    let total = with_known(&Normal::sum(clusters, weights, first.gradient.len()).hessian, unknowns, known);
+    let Some(first) = blocks.first() else { return covariance };
+    let total = with_prior(&Normal::sum(blocks, weights, first.gradient.len()).hessian, unknowns, known);
     let Some(inverse) = regularised_inverse(&total.select_rows(materials).select_columns(materials)) else {
         return covariance;
     };
@@ -69,19 +69,19 @@ pub(crate) fn unrevealed(
 
 /// How far the first `unknowns` columns move per unit of column `other`, which was held fixed: -H^-1 J^T W J_other.
 pub(crate) fn response(
-    clusters: &[Cluster],
+    blocks: &[ResidualBlock],
     weights: &Weights,
     unknowns: usize,
     known: &DMatrix<f64>,
     other: usize,
 ) -> Option<Vec<f64>> {
-    let total = Normal::sum(clusters, weights, clusters.first()?.gradient.len());
-    let inverse = regularised_inverse(&with_known(&total.hessian, unknowns, known))?;
+    let total = Normal::sum(blocks, weights, blocks.first()?.gradient.len());
+    let inverse = regularised_inverse(&with_prior(&total.hessian, unknowns, known))?;
     let cross: DVector<f64> = total.hessian.view((0, other), (unknowns, 1)).column(0).into_owned();
     Some((inverse * -cross).iter().copied().collect())
 }
 
-fn with_known(hessian: &DMatrix<f64>, unknowns: usize, known: &DMatrix<f64>) -> DMatrix<f64> {
+fn with_prior(hessian: &DMatrix<f64>, unknowns: usize, known: &DMatrix<f64>) -> DMatrix<f64> {
     let own = hessian.view((0, 0), (unknowns, unknowns)).into_owned();
     if known.is_empty() { own } else { own + known }
 }
@@ -91,17 +91,17 @@ pub(crate) fn half_width(variance: f64) -> f64 {
     T_975 * variance.max(0.0).sqrt()
 }
 
-/// The weighted gradients of whole groups of clusters, in the order of the groups' keys.
+/// The weighted gradients of whole groups of blocks, in the order of the groups' keys.
 pub(crate) fn groups(
-    clusters: &[Cluster],
-    weight: &dyn Fn(&Cluster) -> f64,
+    blocks: &[ResidualBlock],
+    weight: &dyn Fn(&ResidualBlock) -> f64,
     unknowns: usize,
-    key: &dyn Fn(&Cluster) -> usize,
+    key: &dyn Fn(&ResidualBlock) -> usize,
 ) -> Vec<DVector<f64>> {
     let mut groups = std::collections::BTreeMap::<usize, DVector<f64>>::new();
-    for cluster in clusters {
-        let g = cluster.gradient.rows(0, unknowns) * weight(cluster);
-        *groups.entry(key(cluster)).or_insert_with(|| DVector::zeros(unknowns)) += g;
+    for block in blocks {
+        let g = block.gradient.rows(0, unknowns) * weight(block);
+        *groups.entry(key(block)).or_insert_with(|| DVector::zeros(unknowns)) += g;
     }
     groups.into_values().collect()
 }
@@ -149,16 +149,16 @@ mod tests {
 
     #[test]
     fn understated_errors_widen_the_interval() {
-        let clusters: Vec<Cluster> = (0..8)
+        let blocks: Vec<ResidualBlock> = (0..8)
             .map(|frame| {
-                let mut cluster = Cluster::new(Modality::Surface, frame, None, 1);
-                cluster.add(if frame % 2 == 0 { 0.1 } else { -0.1 }, &[1.0], 1.0);
-                cluster.finish()
+                let mut block = ResidualBlock::new(Modality::Surface, frame, None, 1);
+                block.add(if frame % 2 == 0 { 0.1 } else { -0.1 }, &[1.0], 1.0);
+                block.finish()
             })
             .collect();
         let (none, weights) = (DMatrix::zeros(0, 0), Weights::uniform(1.0, 1.0, 8));
-        let variance = |weights: &Weights| covariance(&clusters, weights, 1, &none, &none).unwrap()[(0, 0)];
-        let wider = Weights { understated: vec![3.0; 8], ..weights.clone() };
+        let variance = |weights: &Weights| covariance(&blocks, weights, 1, &none, &none).unwrap()[(0, 0)];
+        let wider = Weights { error_inflation: vec![3.0; 8], ..weights.clone() };
         assert!((variance(&wider) / variance(&weights) - 9.0).abs() < 1e-9);
     }
 
@@ -180,16 +180,16 @@ mod tests {
             }
             let (h, g) = data.iter().fold((0.0, 0.0), |(h, g), (_, _, s, e)| (h + s * s, g + s * e));
             let estimate = g / h;
-            let clusters: Vec<Cluster> = data
+            let blocks: Vec<ResidualBlock> = data
                 .iter()
                 .map(|(frame, camera, s, e)| {
-                    let mut cluster = Cluster::new(Modality::Mask, *frame, Some(*camera), 2);
-                    cluster.add(s * estimate - e, &[*s, 0.0], 1.0);
-                    cluster.finish()
+                    let mut block = ResidualBlock::new(Modality::Mask, *frame, Some(*camera), 2);
+                    block.add(s * estimate - e, &[*s, 0.0], 1.0);
+                    block.finish()
                 })
                 .collect();
             let c =
-                covariance(&clusters, &Weights::uniform(1.0, 1.0, 14), 1, &DMatrix::zeros(0, 0), &DMatrix::zeros(0, 0))
+                covariance(&blocks, &Weights::uniform(1.0, 1.0, 14), 1, &DMatrix::zeros(0, 0), &DMatrix::zeros(0, 0))
                     .unwrap();
             inside += usize::from(estimate.abs() < half_width(c[(0, 0)]));
             let noise: f64 = data.iter().map(|(_, _, s, e)| (e - s * estimate).powi(2)).sum::<f64>() / 154.0;

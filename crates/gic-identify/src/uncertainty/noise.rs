@@ -1,43 +1,50 @@
 //! Weights from the data's own noise, so that nothing is tuned per scene.
 //!
 //! What limits an estimate is not the noise of pixels but a shape and a simulation that are slightly wrong: errors that are common to
-//! an outline and last over frames, and that grow once something is touched. Two figures measure that from the gradients of whole clusters
-//! (pictures, surfaces) at a fit. The effective noise of a frame is the scatter of its clusters' gradients over their curvature: a coherent
+//! an outline and last over frames, and that grow once something is touched. Two figures measure that from the gradients of whole blocks
+//! (pictures, surfaces) at a fit. The effective noise of a frame is the scatter of its blocks' gradients over their curvature: a coherent
 //! error along an outline counts as one error. The inflation is the same ratio for whole frames, with lags, before and after contact: it is
 //! one where frames err independently. The weight is the inverse of both, so that the sum of squares is about one for each independent
 //! piece of information, and priors act with the strength that they claim.
 
-use crate::normal::{Cluster, Modality, Weights};
+use crate::normal::{Modality, ResidualBlock, Weights};
 use crate::uncertainty::interval::{FRAMES_PER_LAG, groups, scatter};
 
 /// How many times larger the errors of surfaces are after contact than their scatter shows: an extracted surface is wrong in one and the same
 /// way in all frames that resemble each other. Fitted to surfaces alone, six scenes had errors of 3.1 times their standard errors. And bodies
 /// that are completed by their mirror planes are so in flight only: what surfaces show there says little of those after contact.
-const UNDERSTATED: f64 = 3.0;
+const SURFACE_ERROR_INFLATION: f64 = 3.0;
 
-/// Weights for clusters that were linearised at a fit; `free` leading observations are free flight. No weight exceeds its ceiling.
-pub(crate) fn effective_weights(clusters: &[Cluster], unknowns: usize, free: usize, ceilings: &Weights) -> Weights {
+/// Weights for blocks that were linearised at a fit; `free` leading observations are free flight. No weight exceeds its ceiling.
+pub(crate) fn effective_weights(blocks: &[ResidualBlock], unknowns: usize, free: usize, ceilings: &Weights) -> Weights {
     let mut weights = ceilings.clone();
     for modality in [Modality::Mask, Modality::Surface] {
-        let own: Vec<Cluster> = clusters.iter().filter(|c| c.modality == modality).cloned().collect();
-        let (flying, touching): (Vec<Cluster>, Vec<Cluster>) = own.into_iter().partition(|c| c.observation < free);
+        let own: Vec<ResidualBlock> = blocks.iter().filter(|c| c.modality == modality).cloned().collect();
+        let (flying, touching): (Vec<ResidualBlock>, Vec<ResidualBlock>) =
+            own.into_iter().partition(|c| c.observation < free);
         for phase in [flying, touching] {
             weigh_phase(&phase, modality, unknowns, ceilings, &mut weights);
         }
     }
-    weights.understate(free);
+    weights.inflate_surface_errors(free);
     weights
 }
 
 impl Weights {
     /// From the observation `free` on, surfaces count as little as their errors want, which are larger than they show.
-    pub(crate) fn understate(&mut self, free: usize) {
-        self.understated[free..].fill(UNDERSTATED);
-        self.surface[free..].iter_mut().for_each(|weight| *weight /= UNDERSTATED * UNDERSTATED);
+    pub(crate) fn inflate_surface_errors(&mut self, free: usize) {
+        self.error_inflation[free..].fill(SURFACE_ERROR_INFLATION);
+        self.surface[free..].iter_mut().for_each(|weight| *weight /= SURFACE_ERROR_INFLATION * SURFACE_ERROR_INFLATION);
     }
 }
 
-fn weigh_phase(phase: &[Cluster], modality: Modality, unknowns: usize, ceilings: &Weights, weights: &mut Weights) {
+fn weigh_phase(
+    phase: &[ResidualBlock],
+    modality: Modality,
+    unknowns: usize,
+    ceilings: &Weights,
+    weights: &mut Weights,
+) {
     let (Some(first), Some(last)) =
         (phase.iter().map(|c| c.observation).min(), phase.iter().map(|c| c.observation).max())
     else {
@@ -52,10 +59,11 @@ fn weigh_phase(phase: &[Cluster], modality: Modality, unknowns: usize, ceilings:
         Modality::Surface => ceilings.surface[o],
     };
     // The first surface is what distances are measured relative to: it tells nothing of their noise.
-    let telling = |c: &&Cluster| modality == Modality::Mask || c.observation > 0 || last == 0;
+    let telling = |c: &&ResidualBlock| modality == Modality::Mask || c.observation > 0 || last == 0;
     for o in first..=last {
         // A frame alone is a small sample: its neighbours count, too.
-        let near: Vec<&Cluster> = phase.iter().filter(|c| c.observation.abs_diff(o) <= 1).filter(telling).collect();
+        let near: Vec<&ResidualBlock> =
+            phase.iter().filter(|c| c.observation.abs_diff(o) <= 1).filter(telling).collect();
         let noise = noise(&near, unknowns);
         slots(weights, o, 1.0 / noise.max(1.0 / ceiling(o)));
     }
@@ -69,15 +77,15 @@ fn weigh_phase(phase: &[Cluster], modality: Modality, unknowns: usize, ceilings:
     }
 }
 
-/// Scatter of the clusters' gradients over their curvature, mean over the unknowns that they feel.
-fn noise(clusters: &[&Cluster], unknowns: usize) -> f64 {
+/// Scatter of the blocks' gradients over their curvature, mean over the unknowns that they feel.
+fn noise(blocks: &[&ResidualBlock], unknowns: usize) -> f64 {
     mean_ratio(unknowns, |k| {
-        clusters.iter().fold((0.0, 0.0), |(s, h), c| (s + c.gradient[k].powi(2), h + c.hessian[(k, k)]))
+        blocks.iter().fold((0.0, 0.0), |(s, h), c| (s + c.gradient[k].powi(2), h + c.hessian[(k, k)]))
     })
 }
 
 /// How many times more whole frames' gradients scatter than their curvature says.
-fn inflation(phase: &[Cluster], unknowns: usize, weights: &Weights) -> f64 {
+fn inflation(phase: &[ResidualBlock], unknowns: usize, weights: &Weights) -> f64 {
     let frames = groups(phase, &|c| weights.of(c), unknowns, &|c| c.observation);
     let middle = scatter(&frames, frames.len() / FRAMES_PER_LAG);
     let ratio = mean_ratio(unknowns, |k| {
@@ -105,16 +113,16 @@ mod tests {
 
     /// Clusters of 40 residuals of one unknown with noise of deviation `own`, and an error of deviation `common` that is the same for
     /// all cameras of a frame after contact.
-    fn clusters(own: f64, common: f64) -> Vec<Cluster> {
+    fn blocks(own: f64, common: f64) -> Vec<ResidualBlock> {
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(9);
         let mut gauss = move || (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
         let mut list = Vec::new();
         for frame in 0..FRAMES {
             let shared = if frame < FREE { 0.0 } else { common * gauss() };
             for camera in 0..CAMERAS {
-                let mut cluster = Cluster::new(Modality::Mask, frame, Some(camera), 2);
-                (0..40).for_each(|_| cluster.add(own * gauss() + shared, &[1.0, 0.0], 1.0));
-                list.push(cluster.finish());
+                let mut block = ResidualBlock::new(Modality::Mask, frame, Some(camera), 2);
+                (0..40).for_each(|_| block.add(own * gauss() + shared, &[1.0, 0.0], 1.0));
+                list.push(block.finish());
             }
         }
         list
@@ -123,19 +131,19 @@ mod tests {
     #[test]
     fn independent_noise_is_found() {
         let ceilings = Weights::uniform(1e6, 1e6, FRAMES);
-        let weights = effective_weights(&clusters(0.1, 0.0), 2, FREE, &ceilings);
-        // Variance 0.01, from a small sample: 33 clusters a frame with its neighbours.
+        let weights = effective_weights(&blocks(0.1, 0.0), 2, FREE, &ceilings);
+        // Variance 0.01, from a small sample: 33 blocks a frame with its neighbours.
         let mean = weights.mask.iter().sum::<f64>() / FRAMES as f64;
         assert!(mean < 150.0 && mean > 50.0, "{:?}", weights.mask);
         // After contact surfaces count as little as their true errors want.
         assert_eq!(weights.surface[..FREE], ceilings.surface[..FREE]);
-        assert_eq!(weights.surface[FREE], ceilings.surface[FREE] / (UNDERSTATED * UNDERSTATED));
+        assert_eq!(weights.surface[FREE], ceilings.surface[FREE] / (SURFACE_ERROR_INFLATION * SURFACE_ERROR_INFLATION));
     }
 
     #[test]
     fn errors_that_a_frame_shares_count_as_one() {
         let ceilings = Weights::uniform(1e6, 1e6, FRAMES);
-        let weights = effective_weights(&clusters(0.1, 0.1), 2, FREE, &ceilings);
+        let weights = effective_weights(&blocks(0.1, 0.1), 2, FREE, &ceilings);
         let mean = |w: &[f64]| w.iter().sum::<f64>() / w.len() as f64;
         let (flying, touching) = (mean(&weights.mask[..FREE]), mean(&weights.mask[FREE..]));
         // A frame's mean is known to 0.1, not to 0.1 / sqrt(440).

@@ -5,8 +5,8 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use gic_identify::{
-    Checkpoint, Event, Identification, IdentifyError, Input, Observation, Optimizer, Settings, Stage as IdentifyStage,
-    Step, Target, View, identify,
+    Checkpoint, Estimates, Event, IdentifyError, Input, Observation, Optimizer, Settings, Stage as IdentifyStage, Step,
+    Target, View, identify,
 };
 use gic_twin::atomic;
 use gic_twin::matter::write_particles;
@@ -131,7 +131,7 @@ impl Run<'_> {
         model: Model,
         settings: &Settings,
         (stage, checkpoint): (Stage, &Path),
-    ) -> Result<Identification> {
+    ) -> Result<Estimates> {
         let names: Vec<&str> = model.kind().parameters().iter().map(|p| p.name).collect();
         let resume: Checkpoint =
             if checkpoint.exists() { atomic::read_json(checkpoint)? } else { Checkpoint::default() };
@@ -293,7 +293,7 @@ impl Run<'_> {
     }
 
     /// The particles of the continuum where and how large the fit found them, with their attributes.
-    fn write_matter(&self, continuum: &Continuum, found: &Identification) -> Result<()> {
+    fn write_matter(&self, continuum: &Continuum, found: &Estimates) -> Result<()> {
         let particles = &continuum.particles;
         let rows = (0..found.positions.len()).map(|i| {
             let [x, y, z] = found.positions[i].as_vec3().to_array();
@@ -303,7 +303,7 @@ impl Run<'_> {
         Ok(write_particles(&self.path(TWIN_MATTER), ["x", "y", "z", "density", "surface", "volume_factor"], rows)?)
     }
 
-    fn twin(&self, input: &Input, obstacles: Vec<Obstacle>, found: &Identification, record: &IdentifyRecord) -> Twin {
+    fn twin(&self, input: &Input, obstacles: Vec<Obstacle>, found: &Estimates, record: &IdentifyRecord) -> Twin {
         let mut intervals_95: BTreeMap<String, [f64; 2]> =
             record.estimates.iter().map(|e| (e.name.clone(), e.interval_95)).collect();
         for (axis, letter) in ["x", "y", "z"].iter().enumerate() {
@@ -352,7 +352,7 @@ impl Run<'_> {
     }
 }
 
-fn record(model: &str, found: &Identification) -> IdentifyRecord {
+fn record(model: &str, found: &Estimates) -> IdentifyRecord {
     let step = |step: &Step| StepRecord {
         stage: stage_name(step.stage).into(),
         iteration: step.iteration,

@@ -5,7 +5,7 @@
 //! those that are far off already stay at that.
 
 use gic_continuum::{Appearance, Drawing, informed_gaussians};
-use gic_identify::{Identification, Input};
+use gic_identify::{Estimates, Input};
 use gic_mpm::{Body, Options, Simulator, Stepping, World};
 use gic_splat::{RenderSettings, render};
 use gic_twin::atomic;
@@ -218,7 +218,7 @@ impl Run<'_> {
     fn prediction_errors(
         &self,
         input: &Input,
-        found: &Identification,
+        found: &Estimates,
         (drawing, drawn): &(Drawing, Appearance),
         fitted: usize,
     ) -> Result<Vec<f64>> {
@@ -253,7 +253,7 @@ impl Run<'_> {
 /// Particles in every frame up to `last` [m].
 fn simulate(
     input: &Input,
-    found: &Identification,
+    found: &Estimates,
     last: usize,
 ) -> std::result::Result<Vec<Vec<DVec3>>, gic_mpm::SimulationError> {
     let world = World {

@@ -8,9 +8,9 @@ use crate::{Input, Target};
 
 /// One observed time.
 #[derive(Clone, Debug)]
-pub(crate) struct Moment {
+pub(crate) struct ObservedFrame {
     /// Simulated frame at this time.
-    pub frame: usize,
+    pub simulated_frame: usize,
     /// Time of that frame [s].
     pub time_s: f64,
     /// Masks; empty when they are not used.
@@ -21,16 +21,16 @@ pub(crate) struct Moment {
 
 /// All observations.
 #[derive(Clone, Debug)]
-pub(crate) struct Data {
+pub(crate) struct ObservedVideo {
     /// In ascending time; the first is frame 0.
-    pub moments: Vec<Moment>,
+    pub frames: Vec<ObservedFrame>,
 }
 
-impl Data {
+impl ObservedVideo {
     /// Prepares what `target` uses, without the cameras in `excluded`.
-    pub(crate) fn new(input: &Input, target: Target, excluded: &[usize]) -> Data {
+    pub(crate) fn new(input: &Input, target: Target, excluded: &[usize]) -> ObservedVideo {
         let pooling = working_pooling(input);
-        let moments = input
+        let frames = input
             .observations
             .iter()
             .map(|observation| {
@@ -42,19 +42,19 @@ impl Data {
                     .collect();
                 let surface = (target.surfaces() && !observation.surface.is_empty())
                     .then(|| ObservedSurface::new(&observation.surface, 2.0 * input.grid_spacing_m));
-                let frame = input.frame_of(observation);
-                Moment { frame, time_s: frame as f64 / input.frame_rate_hz, views, surface }
+                let simulated_frame = input.frame_of(observation);
+                ObservedFrame { simulated_frame, time_s: simulated_frame as f64 / input.frame_rate_hz, views, surface }
             })
             .collect();
-        Data { moments }
+        ObservedVideo { frames }
     }
 
     /// From the observation `free` on, what no view sees of the extracted surfaces does not count: it lies where it was expected, with the
     /// volume of the first frame. In free flight before, that is where it is.
-    pub(crate) fn distrust_unseen(&mut self, input: &Input, free: usize) {
-        for (moment, observation) in self.moments.iter_mut().zip(&input.observations).skip(free) {
-            if let Some(surface) = &mut moment.surface {
-                surface.distrust(&observation.surface_doubts);
+    pub(crate) fn discount_unseen(&mut self, input: &Input, free: usize) {
+        for (frame, observation) in self.frames.iter_mut().zip(&input.observations).skip(free) {
+            if let Some(surface) = &mut frame.surface {
+                surface.discount_doubtful(&observation.surface_doubts);
             }
         }
     }

@@ -7,21 +7,21 @@ use glam::DVec3;
 use crate::Input;
 use crate::forward::flight::Flight;
 use crate::forward::shape::ShapeModes;
-use crate::normal::{Cluster, Normal};
-use crate::observe::data::Data;
-use crate::solve::levenberg::{Fit, Limits, Tangents, minimise};
-use crate::solve::objective::{Level, Objective, Problem};
+use crate::normal::{Normal, ResidualBlock};
+use crate::observe::video::ObservedVideo;
+use crate::solve::levenberg_marquardt::{Fit, Limits, Tangents, minimise};
+use crate::solve::objective::{FrameSelection, Objective, Problem};
 use crate::unknowns::state::{State, Unknown};
 
 /// What stage 1 found.
 #[derive(Clone, Debug)]
-pub(crate) struct Launch {
+pub(crate) struct FreeFlightFit {
     /// Velocity, angular velocity, offset and splat size; material untouched.
     pub state: State,
     /// Number of leading observations in which nothing is touched.
     pub free: usize,
     /// Normal equations at the state.
-    pub clusters: Vec<Cluster>,
+    pub blocks: Vec<ResidualBlock>,
     /// The unknowns that were fitted.
     pub unknowns: Vec<Unknown>,
 }
@@ -32,29 +32,29 @@ pub(crate) struct Launch {
 #[allow(clippy::too_many_arguments)]
 pub(crate) fn launch(
     input: &Input,
-    data: &Data,
+    video: &ObservedVideo,
     shape: &ShapeModes,
     objective: Objective,
     start: State,
     allow_rotation: bool,
     known: bool,
-) -> Result<Launch, String> {
-    let flight = Flight { input, data, shape };
+) -> Result<FreeFlightFit, String> {
+    let flight = Flight { input, video, shape };
     let mut state = start;
     let run = |state: &mut State, unknowns: &[Unknown], end: usize, pooling: usize| -> Result<Fit, String> {
-        let level = Level { first: 0, end, pooling };
-        let problem = problem(&flight, objective, unknowns, level);
+        let selection = FrameSelection { first: 0, end, pooling };
+        let problem = problem(&flight, objective, unknowns, selection);
         let limits =
-            Limits { iterations: 10, step_tolerance: 0.1, gain_tolerance: 1e-4, secants: false, ..Limits::HANDOVER };
+            Limits { iterations: 10, step_tolerance: 0.1, gain_tolerance: 1e-4, secants: false, ..Limits::ROUGH };
         let fit = minimise(&problem, state.clone(), None, limits, &mut |_| Ok(ControlFlow::Continue(())))?;
         *state = fit.state.clone();
         Ok(fit)
     };
-    let linearised = |fit: &Fit, unknowns: &[Unknown], end: usize| -> Result<Vec<Cluster>, String> {
-        let problem = problem(&flight, objective, unknowns, Level { first: 0, end, pooling: 1 });
-        Ok(problem.clusters(&fit.motion, &Tangents::measure(&problem, &fit.state, &fit.motion)?))
+    let linearised = |fit: &Fit, unknowns: &[Unknown], end: usize| -> Result<Vec<ResidualBlock>, String> {
+        let problem = problem(&flight, objective, unknowns, FrameSelection { first: 0, end, pooling: 1 });
+        Ok(problem.blocks(&fit.trajectories, &Tangents::measure(&problem, &fit.state, &fit.trajectories)?))
     };
-    let masks = data.moments[0].views.iter().len() > 0;
+    let masks = video.frames[0].views.iter().len() > 0;
     let mut all: Vec<Unknown> = (0..3).map(Unknown::Offset).collect();
     if masks {
         all.push(Unknown::Splat);
@@ -64,7 +64,7 @@ pub(crate) fn launch(
     let speed: Vec<Unknown> = if known { Vec::new() } else { (0..3).map(Unknown::Velocity).collect() };
     // One frame more at a time: each starts where the last ended, so that the outline never jumps by more than it overlaps.
     let mut free = 1;
-    while free < data.moments.len() {
+    while free < video.frames.len() {
         let mut candidate = state.clone();
         if !known {
             if free == 1 {
@@ -72,7 +72,7 @@ pub(crate) fn launch(
             }
             run(&mut candidate, &speed, free + 1, if free == 1 { 1 } else { 2 })?;
         }
-        let frame = data.moments[free].frame;
+        let frame = video.frames[free].simulated_frame;
         if clearance(input, &flight.positions(&candidate, frame), frame) < 1.5 * input.grid_spacing_m {
             break;
         }
@@ -85,7 +85,7 @@ pub(crate) fn launch(
     }
     all.extend(&speed);
     let mut fit = run(&mut state, &all, free.max(2), 1)?;
-    let mut clusters = linearised(&fit, &all, free.max(2))?;
+    let mut blocks = linearised(&fit, &all, free.max(2))?;
     if allow_rotation && !known && free >= 2 {
         let mut with_spin = all.clone();
         with_spin.extend((0..3).map(Unknown::Angular));
@@ -93,23 +93,28 @@ pub(crate) fn launch(
         // Rotation counts as shown when it explains a tenth of the residual and stands above its own uncertainty.
         let spinning = linearised(&turning, &with_spin, free)?;
         if turning.cost < 0.9 * fit.cost && spin_significance(&spinning, &turning, &with_spin, objective) > 5.0 {
-            (fit, all, clusters) = (turning, with_spin, spinning);
+            (fit, all, blocks) = (turning, with_spin, spinning);
         }
     }
-    Ok(Launch { state: fit.state, free, clusters, unknowns: all })
+    Ok(FreeFlightFit { state: fit.state, free, blocks, unknowns: all })
 }
 
-fn problem<'a>(flight: &'a Flight, objective: Objective<'a>, unknowns: &[Unknown], level: Level) -> Problem<'a> {
-    Problem { forward: flight, objective, unknowns: unknowns.to_vec(), parameters: &[], level, prior: None }
+fn problem<'a>(
+    flight: &'a Flight,
+    objective: Objective<'a>,
+    unknowns: &[Unknown],
+    selection: FrameSelection,
+) -> Problem<'a> {
+    Problem { forward: flight, objective, unknowns: unknowns.to_vec(), parameters: &[], selection, prior: None }
 }
 
-/// Size of the angular velocity in standard errors (clusters as independent).
-fn spin_significance(clusters: &[Cluster], fit: &Fit, unknowns: &[Unknown], objective: Objective) -> f64 {
-    let normal = Normal::sum(clusters, objective.weights, unknowns.len());
+/// Size of the angular velocity in standard errors (blocks as independent).
+fn spin_significance(blocks: &[ResidualBlock], fit: &Fit, unknowns: &[Unknown], objective: Objective) -> f64 {
+    let normal = Normal::sum(blocks, objective.weights, unknowns.len());
     let Some(inverse) = normal.hessian.try_inverse() else { return 0.0 };
     let mut middle = nalgebra::DMatrix::zeros(unknowns.len(), unknowns.len());
-    for cluster in clusters {
-        let g = &cluster.gradient * objective.weights.of(cluster);
+    for block in blocks {
+        let g = &block.gradient * objective.weights.of(block);
         middle += &g * g.transpose();
     }
     let covariance = &inverse * middle * &inverse;

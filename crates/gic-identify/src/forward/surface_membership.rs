@@ -4,39 +4,42 @@ use gic_geometry::{Surroundings, offsets};
 use glam::DVec3;
 
 /// How far from a particle its neighbours' centre lies where it begins to count as one of the surface, and from where it counts fully, in
-/// units of the radius that makes neighbours. In the middle of a lattice's flat face it is .16, in the next layer below .01.
-const RISE: (f64, f64) = (0.06, 0.14);
+/// units of the radius that makes neighbours. In the middle of a lattice's flat membership it is .16, in the next layer below .01.
+const SMOOTHSTEP: (f64, f64) = (0.06, 0.14);
 
 /// From 0 at the first of two values to 1 at the second, with a continuous derivative.
-pub(crate) fn rise(x: f64, (low, high): (f64, f64)) -> f64 {
+pub(crate) fn smoothstep(x: f64, (low, high): (f64, f64)) -> f64 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
 /// How a particle belongs to the surface.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Face {
+pub(crate) struct SurfaceMembership {
     /// Away from the centre of its neighbours; of unit length.
     pub outward: DVec3,
     /// 0 for inner particles, 1 where the neighbours lie to one side, and smooth in between.
     pub share: f64,
 }
 
-impl Face {
+impl SurfaceMembership {
     /// Whether it is more on the surface than inside.
     pub(crate) fn is_surface(&self) -> bool {
         self.share >= 0.5
     }
 }
 
-/// The face of each particle, from its neighbours within `radius` [m]. It changes smoothly as particles move.
-pub(crate) fn faces(positions: &[[f32; 3]], radius: f64) -> Vec<Face> {
+/// The membership of each particle, from its neighbours within `radius` [m]. It changes smoothly as particles move.
+pub(crate) fn memberships(positions: &[[f32; 3]], radius: f64) -> Vec<SurfaceMembership> {
     let points: Vec<DVec3> = positions.iter().map(|p| glam::Vec3::from_array(*p).as_dvec3()).collect();
-    let face = |around: Surroundings| {
+    let membership = |around: Surroundings| {
         let asymmetry = around.offset / around.weight;
-        Face { outward: asymmetry.normalize_or(DVec3::Y), share: rise(asymmetry.length(), RISE) }
+        SurfaceMembership {
+            outward: asymmetry.normalize_or(DVec3::Y),
+            share: smoothstep(asymmetry.length(), SMOOTHSTEP),
+        }
     };
-    offsets(&points, radius).into_iter().map(face).collect()
+    offsets(&points, radius).into_iter().map(membership).collect()
 }
 
 #[cfg(test)]
@@ -48,12 +51,12 @@ mod tests {
         // A block of particles 10 mm apart.
         let place = |i: usize| 0.01 * DVec3::new((i % 20) as f64, (i / 20 % 16) as f64, (i / 320) as f64);
         let positions: Vec<DVec3> = (0..20 * 16 * 12).map(place).collect();
-        let faces = faces(&positions.iter().map(|p| p.as_vec3().to_array()).collect::<Vec<_>>(), 0.022);
-        for (p, face) in positions.iter().zip(faces) {
+        let memberships = memberships(&positions.iter().map(|p| p.as_vec3().to_array()).collect::<Vec<_>>(), 0.022);
+        for (p, membership) in positions.iter().zip(memberships) {
             let from_face = p.min(DVec3::new(0.19, 0.15, 0.11) - *p).min_element();
             let depth = (from_face / 0.01).round();
-            assert!(depth > 0.5 || face.share > 0.99, "{p} {face:?}");
-            assert!(depth < 1.5 || face.share < 0.01, "{p} {face:?}");
+            assert!(depth > 0.5 || membership.share > 0.99, "{p} {membership:?}");
+            assert!(depth < 1.5 || membership.share < 0.01, "{p} {membership:?}");
         }
     }
 }

@@ -4,12 +4,12 @@ use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 
-use crate::normal::{Cluster, Normal};
-use crate::solve::objective::{Motion, Problem};
+use crate::normal::{Normal, ResidualBlock};
+use crate::solve::objective::{Problem, Trajectories};
 use crate::unknowns::state::{State, Unknown};
 
 /// A Jacobian that was carried along from earlier states is computed anew when a step gains less than this share of what it
-/// promised.
+/// predicted_decrease.
 const TRUSTED_GAIN: f64 = 0.5;
 
 /// Not worth a step: less than this share of what a step must gain for others to follow.
@@ -35,7 +35,7 @@ pub(crate) struct Limits {
 
 impl Limits {
     /// Of stages that only have to hand over a good start, without any steps.
-    pub(crate) const HANDOVER: Limits =
+    pub(crate) const ROUGH: Limits =
         Limits { iterations: 0, step_tolerance: 0.05, gain_tolerance: 0.01, least_gain: 0.0, secants: true };
 }
 
@@ -53,33 +53,33 @@ pub(crate) struct Iterate {
 pub(crate) struct Fit {
     pub state: State,
     pub cost: f64,
-    pub motion: Motion,
+    pub trajectories: Trajectories,
     /// At `state`, measured or carried there; `None` where no step was asked for.
     pub tangents: Option<Tangents>,
     /// Those of `motion` and `tangents`, where they were needed.
-    pub clusters: Option<Vec<Cluster>>,
+    pub blocks: Option<Vec<ResidualBlock>>,
 }
 
 impl Fit {
     /// What a further search from here need not work out again; `None` where no step was asked for.
-    pub(crate) fn known(self) -> Option<Known> {
-        let (motion, clusters) = (self.motion, self.clusters);
-        self.tangents.map(|tangents| Known { motion, tangents, clusters })
+    pub(crate) fn known(self) -> Option<Linearisation> {
+        let (trajectories, blocks) = (self.trajectories, self.blocks);
+        self.tangents.map(|tangents| Linearisation { trajectories, tangents, blocks })
     }
 }
 
 /// What is known at the start of a search, so that it need not be worked out again.
-pub(crate) struct Known {
-    pub motion: Motion,
+pub(crate) struct Linearisation {
+    pub trajectories: Trajectories,
     pub tangents: Tangents,
     /// Those of `motion` and `tangents`, where they were needed.
-    pub clusters: Option<Vec<Cluster>>,
+    pub blocks: Option<Vec<ResidualBlock>>,
 }
 
 /// How the motion changes with each unknown: one perturbed motion and its step per unknown.
 #[derive(Clone, Debug)]
 pub(crate) struct Tangents {
-    pub motions: Vec<Motion>,
+    pub perturbed: Vec<Trajectories>,
     pub steps: Vec<f64>,
     /// Whether they belong to the present state rather than being carried along.
     fresh: bool,
@@ -92,23 +92,23 @@ impl Tangents {
     }
 
     /// One forward run per unknown from `state`, whose own `motion` is known. A perturbation that fails is tried in the other direction.
-    pub(crate) fn measure(problem: &Problem, state: &State, motion: &Motion) -> Result<Tangents, String> {
-        Tangents::runs(problem, state).map(|runs| Tangents::of_runs(runs, motion))
+    pub(crate) fn measure(problem: &Problem, state: &State, trajectories: &Trajectories) -> Result<Tangents, String> {
+        Tangents::runs(problem, state).map(|runs| Tangents::of_runs(runs, trajectories))
     }
 
     /// The motion at `state` and its tangents: one forward run more than there are unknowns, all side by side.
     pub(crate) fn measure_with_motion(
         problem: &Problem,
         state: &State,
-    ) -> (Result<Motion, String>, Result<Tangents, String>) {
-        let (motion, runs) =
-            rayon::join(|| problem.forward.motion(state, &problem.level), || Tangents::runs(problem, state));
-        let tangents = motion.as_ref().map_err(Clone::clone).and_then(|m| Ok(Tangents::of_runs(runs?, m)));
-        (motion, tangents)
+    ) -> (Result<Trajectories, String>, Result<Tangents, String>) {
+        let (trajectories, runs) =
+            rayon::join(|| problem.forward.trajectories(state, &problem.selection), || Tangents::runs(problem, state));
+        let tangents = trajectories.as_ref().map_err(Clone::clone).and_then(|m| Ok(Tangents::of_runs(runs?, m)));
+        (trajectories, tangents)
     }
 
     /// A perturbed motion and its step per unknown; no motion where only the drawing changes.
-    fn runs(problem: &Problem, state: &State) -> Result<Vec<(Option<Motion>, f64)>, String> {
+    fn runs(problem: &Problem, state: &State) -> Result<Vec<(Option<Trajectories>, f64)>, String> {
         let run = |unknown: &Unknown| {
             let step = unknown.difference_step(problem.parameters);
             if *unknown == Unknown::Splat {
@@ -118,22 +118,23 @@ impl Tangents {
             let forward = if state.get(*unknown) + step <= high { step } else { -step };
             let run = |step: f64| {
                 let moved = state.moved(&[*unknown], &[step], problem.parameters);
-                problem.forward.motion(&moved, &problem.level).map(|m| (Some(m), step))
+                problem.forward.trajectories(&moved, &problem.selection).map(|m| (Some(m), step))
             };
             run(forward).or_else(|_| run(-forward))
         };
         problem.unknowns.par_iter().with_max_len(1).map(run).collect()
     }
 
-    fn of_runs(runs: Vec<(Option<Motion>, f64)>, motion: &Motion) -> Tangents {
-        let drawn = |(run, step): (Option<Motion>, f64)| (run.unwrap_or_else(|| motion.drawn_wider(step)), step);
-        let (motions, steps) = runs.into_iter().map(drawn).unzip();
-        Tangents { motions, steps, fresh: true }
+    fn of_runs(runs: Vec<(Option<Trajectories>, f64)>, trajectories: &Trajectories) -> Tangents {
+        let drawn =
+            |(run, step): (Option<Trajectories>, f64)| (run.unwrap_or_else(|| trajectories.drawn_wider(step)), step);
+        let (perturbed, steps) = runs.into_iter().map(drawn).unzip();
+        Tangents { perturbed, steps, fresh: true }
     }
 
     /// Carries the tangents from `old` to `new`, `delta` away, and corrects them by what the step showed (Broyden's rank-one
     /// update, on the particles' positions): an iteration then costs one forward run instead of one per unknown.
-    pub(crate) fn carry(&mut self, problem: &Problem, old: &Motion, new: &Motion, delta: &[f64]) {
+    pub(crate) fn carry(&mut self, problem: &Problem, old: &Trajectories, new: &Trajectories, delta: &[f64]) {
         // In units of the difference steps; the drawing's own unknown moves no particle.
         let moved: Vec<f64> = (problem.unknowns.iter().zip(delta).zip(&self.steps))
             .map(|((unknown, d), step)| if *unknown == Unknown::Splat { 0.0 } else { d / step })
@@ -146,27 +147,28 @@ impl Tangents {
                 for axis in 0..3 {
                     let (was, is) = (old.positions[o][i][axis], new.positions[o][i][axis]);
                     let mut rest = is - was;
-                    for (motion, u) in self.motions.iter().zip(&moved) {
-                        rest -= u * (motion.positions[o][i][axis] - was);
+                    for (trajectories, u) in self.perturbed.iter().zip(&moved) {
+                        rest -= u * (trajectories.positions[o][i][axis] - was);
                     }
-                    for (motion, gain) in self.motions.iter_mut().zip(&gains) {
-                        let slot = &mut motion.positions[o][i][axis];
+                    for (trajectories, gain) in self.perturbed.iter_mut().zip(&gains) {
+                        let slot = &mut trajectories.positions[o][i][axis];
                         *slot = is + (*slot - was) + gain * rest;
                     }
                 }
             }
             for i in 0..new.scales[o].len() {
                 let (was, is) = (old.scales[o][i], new.scales[o][i]);
-                for motion in &mut self.motions {
-                    motion.scales[o][i] = (motion.scales[o][i] - was + is).max(0.1 * is);
+                for trajectories in &mut self.perturbed {
+                    trajectories.scales[o][i] = (trajectories.scales[o][i] - was + is).max(0.1 * is);
                 }
             }
         }
-        for ((motion, unknown), step) in self.motions.iter_mut().zip(&problem.unknowns).zip(&self.steps) {
-            motion.splat_factor = new.splat_factor;
-            motion.swelling = sum_of(&new.swelling, &motion.swelling, &old.swelling);
+        for ((trajectories, unknown), step) in self.perturbed.iter_mut().zip(&problem.unknowns).zip(&self.steps) {
+            trajectories.splat_factor = new.splat_factor;
+            trajectories.outward_displacements =
+                sum_of(&new.outward_displacements, &trajectories.outward_displacements, &old.outward_displacements);
             if *unknown == Unknown::Splat {
-                *motion = new.drawn_wider(*step);
+                *trajectories = new.drawn_wider(*step);
             }
         }
         self.fresh = false;
@@ -186,30 +188,30 @@ fn sum_of(a: &[f32], b: &[f32], c: &[f32]) -> Vec<f32> {
 pub(crate) fn minimise(
     problem: &Problem,
     start: State,
-    known: Option<Known>,
+    known: Option<Linearisation>,
     limits: Limits,
     accepted: &mut dyn FnMut(&Iterate) -> Result<ControlFlow<()>, String>,
 ) -> Result<Fit, String> {
-    let (motion, tangents, mut clusters) = match known {
-        Some(Known { motion, tangents, clusters }) => (motion, Some(tangents), clusters),
-        None if limits.iterations == 0 => (problem.forward.motion(&start, &problem.level)?, None, None),
+    let (trajectories, tangents, mut blocks) = match known {
+        Some(Linearisation { trajectories, tangents, blocks }) => (trajectories, Some(tangents), blocks),
+        None if limits.iterations == 0 => (problem.forward.trajectories(&start, &problem.selection)?, None, None),
         None => {
-            let (motion, tangents) = Tangents::measure_with_motion(problem, &start);
-            (motion?, Some(tangents?), None)
+            let (trajectories, tangents) = Tangents::measure_with_motion(problem, &start);
+            (trajectories?, Some(tangents?), None)
         }
     };
-    let cost = problem.cost(&start, &motion);
-    let mut fit = Fit { cost, state: start, motion, tangents: None, clusters: None };
+    let cost = problem.cost(&start, &trajectories);
+    let mut fit = Fit { cost, state: start, trajectories, tangents: None, blocks: None };
     let mut tangents = match tangents {
         Some(tangents) if limits.iterations > 0 => tangents,
-        tangents => return Ok(Fit { tangents, clusters, ..fit }),
+        tangents => return Ok(Fit { tangents, blocks, ..fit }),
     };
     let mut lambda = 1e-3;
     let mut iteration = 0;
     'steps: while iteration < limits.iterations {
-        let linearised = clusters.get_or_insert_with(|| problem.clusters(&fit.motion, &tangents));
+        let linearised = blocks.get_or_insert_with(|| problem.blocks(&fit.trajectories, &tangents));
         let normal = problem.normal(linearised, &fit.state);
-        let most = normal.largest_gain();
+        let most = normal.largest_predicted_decrease();
         if most < limits.least_gain.max(LEAST_PROMISE * limits.gain_tolerance * fit.cost) {
             break;
         }
@@ -232,11 +234,11 @@ pub(crate) fn minimise(
                 break 'steps;
             }
         };
-        let Some(Trial { state, cost, motion, damping, delta, promised }) = step else {
-            (tangents, clusters) = (Tangents::measure(problem, &fit.state, &fit.motion)?, None);
+        let Some(Trial { state, cost, trajectories, damping, delta, predicted_decrease }) = step else {
+            (tangents, blocks) = (Tangents::measure(problem, &fit.state, &fit.trajectories)?, None);
             continue;
         };
-        (iteration, clusters) = (iteration + 1, None);
+        (iteration, blocks) = (iteration + 1, None);
         let gain = fit.cost - cost;
         let share = gain / fit.cost.max(f64::MIN_POSITIVE);
         let size = problem
@@ -247,33 +249,33 @@ pub(crate) fn minimise(
             .fold(0.0, f64::max);
         lambda = if damping > lambda { damping } else { (lambda * 0.1).max(1e-6) };
         let heard = accepted(&Iterate { steps: iteration, state: state.clone(), cost })?;
-        let trusted = tangents.fresh || gain >= TRUSTED_GAIN * promised;
+        let trusted = tangents.fresh || gain >= TRUSTED_GAIN * predicted_decrease;
         if limits.secants {
-            tangents.carry(problem, &fit.motion, &motion, &delta);
+            tangents.carry(problem, &fit.trajectories, &trajectories, &delta);
         }
-        (fit.state, fit.cost, fit.motion) = (state, cost, motion);
+        (fit.state, fit.cost, fit.trajectories) = (state, cost, trajectories);
         // A small gain along a stale direction says little about what is left.
         let arrived = share < limits.gain_tolerance || gain < limits.least_gain && (trusted || !worth_measuring);
         if size < limits.step_tolerance || arrived || heard.is_break() {
             break;
         }
         if iteration < limits.iterations && !(limits.secants && trusted) {
-            tangents = Tangents::measure(problem, &fit.state, &fit.motion)?;
+            tangents = Tangents::measure(problem, &fit.state, &fit.trajectories)?;
         }
     }
-    Ok(Fit { tangents: Some(tangents), clusters, ..fit })
+    Ok(Fit { tangents: Some(tangents), blocks, ..fit })
 }
 
 /// A damped step that could be simulated.
 struct Trial {
     state: State,
     cost: f64,
-    motion: Motion,
+    trajectories: Trajectories,
     damping: f64,
     /// Where the limits let it end.
     delta: Vec<f64>,
     /// How much cheaper the linear model said that it would be.
-    promised: f64,
+    predicted_decrease: f64,
 }
 
 fn try_step(problem: &Problem, state: &State, normal: &Normal, damping: f64) -> Option<Trial> {
@@ -284,8 +286,8 @@ fn try_step(problem: &Problem, state: &State, normal: &Normal, damping: f64) -> 
     });
     step *= shrink;
     let (moved, delta) = problem.moved(state, step.as_slice());
-    let motion = problem.forward.motion(&moved, &problem.level).ok()?;
-    let cost = problem.cost(&moved, &motion);
-    let promised = normal.promised(&delta);
-    cost.is_finite().then_some(Trial { state: moved, cost, motion, damping, delta, promised })
+    let trajectories = problem.forward.trajectories(&moved, &problem.selection).ok()?;
+    let cost = problem.cost(&moved, &trajectories);
+    let predicted_decrease = normal.predicted_decrease(&delta);
+    cost.is_finite().then_some(Trial { state: moved, cost, trajectories, damping, delta, predicted_decrease })
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::Input;
 
 /// A thinned continuum.
-pub(crate) struct Coarse {
+pub(crate) struct ThinnedContinuum {
     /// Indices of the particles that stay.
     pub ids: Vec<usize>,
     /// Their opacities.
@@ -14,9 +14,9 @@ pub(crate) struct Coarse {
     pub scales: Vec<f32>,
 }
 
-impl Coarse {
+impl ThinnedContinuum {
     /// One particle for each cell of side `factor` particle spacings: the one nearest to the centre of its cell's particles.
-    pub(crate) fn new(input: &Input, factor: f64) -> Coarse {
+    pub(crate) fn new(input: &Input, factor: f64) -> ThinnedContinuum {
         let side = factor * input.particle_volume_m3.cbrt();
         let mut cells: BTreeMap<[i64; 3], Vec<usize>> = BTreeMap::new();
         for (i, p) in input.positions.iter().enumerate() {
@@ -38,7 +38,7 @@ impl Coarse {
             ids = (0..input.positions.len()).collect();
         }
         let growth = (input.positions.len() as f64 / ids.len() as f64).cbrt() as f32;
-        Coarse {
+        ThinnedContinuum {
             opacities: ids.iter().map(|i| input.opacities[*i]).collect(),
             scales: ids.iter().map(|i| input.scales[*i] * growth).collect(),
             ids,
