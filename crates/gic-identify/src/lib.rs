@@ -1,11 +1,9 @@
 //! Material parameters from surfaces and masks, with error bars (paper section 4.3).
 
-mod adam;
 mod checkpoint;
 mod error;
 mod forward;
 mod input;
-mod normal;
 mod observe;
 mod result;
 mod settings;

@@ -5,8 +5,8 @@ use rayon::prelude::*;
 
 use crate::Input;
 use crate::forward::shape::ShapeModes;
+use crate::forward::trajectories::{ForwardModel, FrameSelection, Trajectories};
 use crate::observe::video::ObservedVideo;
-use crate::solve::objective::{ForwardModel, FrameSelection, Trajectories};
 use crate::unknowns::state::State;
 
 /// Distance travelled after `time` by gravity alone, as symplectic Euler sums it with steps of `dt`: g t (t + dt) / 2.

@@ -2,9 +2,11 @@
 
 pub(crate) mod flight;
 pub(crate) mod footprint;
+pub(crate) mod outline_window;
 pub(crate) mod shape;
 pub(crate) mod silhouette;
 pub(crate) mod simulation;
 pub(crate) mod splat_widths;
 pub(crate) mod surface_membership;
 pub(crate) mod thinned;
+pub(crate) mod trajectories;

@@ -8,8 +8,8 @@ use glam::DVec3;
 use crate::forward::flight::{fall, placed, substep, volume_factors};
 use crate::forward::shape::ShapeModes;
 use crate::forward::splat_widths::SplatWidths;
+use crate::forward::trajectories::{ForwardModel, FrameSelection, Trajectories};
 use crate::observe::video::ObservedVideo;
-use crate::solve::objective::{ForwardModel, FrameSelection, Trajectories};
 use crate::unknowns::state::State;
 use crate::{Input, MaterialKind};
 

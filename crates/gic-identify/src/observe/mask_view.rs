@@ -1,13 +1,7 @@
 //! One view at the resolution at which it is compared, and which part of it matters.
 
 use gic_scene::Camera;
-use gic_simd::{Kernel, Lanes, Level, dispatch};
 use glam::DVec2;
-
-use crate::forward::footprint::{IsotropicGaussians, Projection};
-
-/// Pixels around what is drawn, for hypotheses that differ by a small step.
-const MARGIN: usize = 4;
 
 /// One view at the resolution at which it is compared.
 #[derive(Clone, Debug)]
@@ -19,7 +13,7 @@ pub(crate) struct MaskView {
     /// Observed coverage, row-major.
     pub mask: Vec<f32>,
     /// Where the mask is not empty.
-    covered: Window,
+    pub covered: Window,
 }
 
 /// A rectangle of pixels: columns and rows from the first up to, not including, the second.
@@ -32,13 +26,13 @@ pub(crate) struct Window {
 impl Window {
     const EMPTY: Window = Window { columns: (usize::MAX, 0), rows: (usize::MAX, 0) };
 
-    fn join(&mut self, columns: (usize, usize), rows: (usize, usize)) {
+    pub(crate) fn join(&mut self, columns: (usize, usize), rows: (usize, usize)) {
         self.columns = (self.columns.0.min(columns.0), self.columns.1.max(columns.1));
         self.rows = (self.rows.0.min(rows.0), self.rows.1.max(rows.1));
     }
 
     /// The window grown by `margin` and to whole blocks of `block` pixels, inside a picture of `size`.
-    fn aligned(self, margin: usize, block: usize, size: (usize, usize)) -> Window {
+    pub(crate) fn aligned(self, margin: usize, block: usize, size: (usize, usize)) -> Window {
         let grow = |(low, high): (usize, usize), length: usize| {
             if low >= high {
                 return (0, 0);
@@ -76,34 +70,6 @@ impl MaskView {
             covered.join((x, x + 1), (y, y + 1));
         }
         MaskView { camera_index, camera, mask, covered }
-    }
-
-    /// The pixels that the particles or the mask cover, with a margin for small moves, in whole blocks of `block` pixels.
-    pub(crate) fn window(&self, gaussians: IsotropicGaussians, block: usize) -> Window {
-        let drawn = dispatch(Level::active(), Extent { gaussians, camera: &self.camera, known: self.covered });
-        drawn.aligned(MARGIN, block, (self.camera.width, self.camera.height))
-    }
-}
-
-/// The pixels that particles cover, besides those known.
-struct Extent<'a> {
-    gaussians: IsotropicGaussians<'a>,
-    camera: &'a Camera,
-    known: Window,
-}
-
-impl Kernel for Extent<'_> {
-    type Output = Window;
-
-    #[inline(always)]
-    fn run<L: Lanes<Scalar = f32>>(self) -> Window {
-        let (projection, mut window) = (Projection::new(self.camera), self.known);
-        for first in (0..self.gaussians.positions.len()).step_by(L::LANES) {
-            for footprint in projection.footprints::<L>(&self.gaussians, first).iter().filter(|f| !f.is_empty()) {
-                window.join(footprint.columns, footprint.rows);
-            }
-        }
-        window
     }
 }
 

@@ -1,5 +1,5 @@
 //! What the video shows: masks and extracted surfaces, prepared once.
 
+pub(crate) mod extracted_surface;
 pub(crate) mod mask_view;
-pub(crate) mod surface;
 pub(crate) mod video;

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
+use crate::observe::extracted_surface::ObservedSurface;
 use crate::observe::mask_view::{MaskView, pixel_size};
-use crate::observe::surface::ObservedSurface;
 use crate::{Input, Target};
 
 /// One observed time.

@@ -6,9 +6,9 @@ use glam::DVec3;
 use crate::Loss;
 use crate::forward::footprint::IsotropicGaussians;
 use crate::forward::silhouette::{alpha, alpha_backward};
-use crate::observe::surface::Context;
+use crate::forward::trajectories::Trajectories;
 use crate::observe::video::{ObservedFrame, ObservedVideo};
-use crate::solve::objective::Trajectories;
+use crate::solve::surface_residuals::SurfaceComparison;
 
 /// Loss of one frame and d loss / d position, shape [n].
 pub(crate) struct FrameLoss {
@@ -22,7 +22,7 @@ pub(crate) struct FrameLoss {
 /// Chamfer distance and mask L1 of one observed frame.
 pub(crate) fn frame_loss(
     observed: &ObservedFrame,
-    context: &Context,
+    context: &SurfaceComparison,
     gaussians: IsotropicGaussians,
     with_gradient: bool,
 ) -> FrameLoss {
@@ -93,7 +93,7 @@ fn chamfer(
 /// Mean loss over the frames of a motion.
 pub(crate) fn mean_loss(
     video: &ObservedVideo,
-    context: &Context,
+    context: &SurfaceComparison,
     opacities: &[f32],
     trajectories: &Trajectories,
 ) -> Loss {

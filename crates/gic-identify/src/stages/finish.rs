@@ -8,14 +8,15 @@ use nalgebra::DMatrix;
 use crate::checkpoint::Event;
 use crate::forward::flight::{Flight, placed, volume_factors};
 use crate::forward::simulation::Simulation;
+use crate::forward::trajectories::{ForwardModel, FrameSelection, Trajectories};
 use crate::result::{Estimate, Estimates, Loss, Stage};
-use crate::solve::levenberg_marquardt::{Linearisation, Tangents};
+use crate::solve::linearisation::{Linearisation, Tangents};
 use crate::solve::loss::mean_loss;
-use crate::solve::objective::{ForwardModel, FrameSelection, Problem, Trajectories};
+use crate::solve::problem::Problem;
 use crate::stages::Identification;
 use crate::stages::free_flight::FreeFlightFit;
-use crate::uncertainty::checks;
 use crate::uncertainty::interval::{self, half_width};
+use crate::uncertainty::verdicts;
 use crate::unknowns::state::{State, Unknown};
 use crate::{IdentifyError, MaterialKind, Parameter};
 
@@ -85,7 +86,7 @@ impl Identification<'_> {
                     tangents.perturbed.push(trajectories);
                     tangents.steps.push(1.0);
                 }
-                let (blocks, columns) = (problem.blocks(&trajectories, &tangents), tangents.steps.len());
+                let (blocks, columns) = (tangents.blocks(&problem, &trajectories), tangents.steps.len());
                 let weights = self.weights_at(&blocks, count, flight_fit);
                 let known = prior.information_of(&problem.unknowns);
                 let nuisances = DMatrix::identity(columns - count, columns - count);
@@ -103,8 +104,12 @@ impl Identification<'_> {
             }
             Err(reason) => self.warn(format!("no intervals: {reason}")),
         }
-        let explained = checks::explained(self, flight_fit, &trajectories);
-        checks::at_limits(self, state);
+        let compared = (&self.video, &self.context);
+        let drawn = (&trajectories, self.input.opacities.as_slice());
+        let unexplained = verdicts::unexplained(compared, drawn, flight_fit.free, self.input.grid_spacing_m);
+        let explained = unexplained.is_empty();
+        let at_limits = verdicts::at_limits(self.parameters(), &self.free_materials(), state);
+        unexplained.into_iter().chain(at_limits).for_each(|warning| self.warn(warning));
         let place = |unknown: Unknown| problem.unknowns.iter().position(|u| *u == unknown);
         let deviation = |unknown: Unknown| {
             let k = place(unknown)?;

@@ -7,10 +7,14 @@ use glam::DVec3;
 use crate::Input;
 use crate::forward::flight::Flight;
 use crate::forward::shape::ShapeModes;
-use crate::normal::{Normal, ResidualBlock};
+use crate::forward::trajectories::FrameSelection;
 use crate::observe::video::ObservedVideo;
-use crate::solve::levenberg_marquardt::{Fit, Limits, Tangents, minimise};
-use crate::solve::objective::{FrameSelection, Objective, Problem};
+use crate::solve::levenberg_marquardt::{Fit, Limits, minimise};
+use crate::solve::linearisation::Tangents;
+use crate::solve::normal_equations::Normal;
+use crate::solve::objective::Objective;
+use crate::solve::problem::Problem;
+use crate::solve::residual_block::ResidualBlock;
 use crate::unknowns::state::{State, Unknown};
 
 /// What stage 1 found.
@@ -52,7 +56,7 @@ pub(crate) fn launch(
     };
     let linearised = |fit: &Fit, unknowns: &[Unknown], end: usize| -> Result<Vec<ResidualBlock>, String> {
         let problem = problem(&flight, objective, unknowns, FrameSelection { first: 0, end, pooling: 1 });
-        Ok(problem.blocks(&fit.trajectories, &Tangents::measure(&problem, &fit.state, &fit.trajectories)?))
+        Ok(Tangents::measure(&problem, &fit.state, &fit.trajectories)?.blocks(&problem, &fit.trajectories))
     };
     let masks = video.frames[0].views.iter().len() > 0;
     let mut all: Vec<Unknown> = (0..3).map(Unknown::Offset).collect();

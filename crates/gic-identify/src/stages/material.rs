@@ -1,13 +1,13 @@
 //! The material stage: the valleys of the starts, walked to their ends, and those next door.
 
 use crate::IdentifyError;
-use crate::adam::adam;
 use crate::forward::simulation::Simulation;
-use crate::normal::Normal;
 use crate::result::Stage;
 use crate::settings::Optimizer;
+use crate::solve::adam::adam;
 use crate::solve::levenberg_marquardt::{Fit, Iterate, Limits};
-use crate::solve::objective::Problem;
+use crate::solve::normal_equations::Normal;
+use crate::solve::problem::Problem;
 use crate::stages::free_flight::FreeFlightFit;
 use crate::stages::{BLUR, Identification};
 use crate::unknowns::state::{State, Unknown};
@@ -161,7 +161,7 @@ impl Identification<'_> {
             selection: self.touched_frames(flight_fit, BLUR),
             prior: None,
         };
-        let normal = problem.normal(&problem.blocks(&fit.trajectories, tangents), &fit.state);
+        let normal = problem.normal(&tangents.blocks(&problem, &fit.trajectories), &fit.state);
         let (predicted, states): (Vec<f64>, Vec<State>) = (0..problem.unknowns.len())
             .filter(|k| self.is_varied(&problem.unknowns[*k]))
             .flat_map(|k| [(k, distance), (k, -distance)])

@@ -18,14 +18,18 @@ use crate::forward::flight::Flight;
 use crate::forward::shape::ShapeModes;
 use crate::forward::simulation::{Resolution, Simulation};
 use crate::forward::splat_widths::SplatWidths;
-use crate::normal::{ResidualBlock, Weights};
-use crate::observe::surface::Context;
+use crate::forward::trajectories::{ForwardModel, FrameSelection};
 use crate::observe::video::ObservedVideo;
 use crate::result::{Estimates, Stage, Step};
-use crate::solve::levenberg_marquardt::{Fit, Iterate, Limits, Linearisation, Tangents, minimise};
-use crate::solve::objective::{ForwardModel, FrameSelection, Objective, Prior, Problem};
+use crate::solve::levenberg_marquardt::{Fit, Iterate, Limits, minimise};
+use crate::solve::linearisation::{Linearisation, Tangents};
+use crate::solve::objective::Objective;
+use crate::solve::prior::Prior;
+use crate::solve::problem::Problem;
+use crate::solve::residual_block::{ResidualBlock, Weights};
+use crate::solve::surface_residuals::SurfaceComparison;
 use crate::stages::free_flight::{FreeFlightFit, clearance, launch};
-use crate::uncertainty::checks;
+use crate::uncertainty::input_checks;
 use crate::uncertainty::noise::effective_weights;
 use crate::unknowns::state::{State, Unknown};
 use crate::{IdentifyError, Input, MaterialKind, Optimizer, Parameter, Settings};
@@ -54,7 +58,7 @@ pub(crate) struct Identification<'a> {
     pub kind: MaterialKind,
     pub settings: &'a Settings,
     pub video: ObservedVideo,
-    pub context: Context,
+    pub context: SurfaceComparison,
     pub splat_widths: SplatWidths,
     pub shape: ShapeModes,
     pub weights: Weights,
@@ -75,7 +79,7 @@ impl Identification<'_> {
     }
 
     pub(crate) fn objective<'b>(&'b self, opacities: &'b [f32]) -> Objective<'b> {
-        Objective { video: &self.video, opacities, surface_context: &self.context, weights: &self.weights }
+        Objective { video: &self.video, opacities, surface_comparison: &self.context, weights: &self.weights }
     }
 
     pub(crate) fn base_objective(&self) -> Objective<'_> {
@@ -241,10 +245,10 @@ pub fn identify(
     if input.observations.len() < 3 {
         warnings.push("two frames only: the material can hardly show; expect wide intervals".to_owned());
     }
-    let excluded = checks::wrong_cameras(&input, settings.target, &mut warnings);
-    checks::cut_views(&input, settings.target, &mut warnings);
+    let excluded = input_checks::wrong_cameras(&input, settings.target, &mut warnings);
+    input_checks::cut_views(&input, settings.target, &mut warnings);
     let video = ObservedVideo::new(&input, settings.target, &excluded);
-    let context = Context::new(&input, video.frames[0].surface.as_ref());
+    let context = SurfaceComparison::new(&input, video.frames[0].surface.as_ref());
     let splat_widths = SplatWidths::new(&input.positions, &input.scales, input.particle_volume_m3.cbrt());
     // A tenth of a pixel's alpha and a tenth of a cell, until the data's own noise is known.
     let weights = Weights::uniform(100.0, (0.1 * input.grid_spacing_m).powi(-2), video.frames.len());
@@ -419,7 +423,7 @@ impl Identification<'_> {
                 }
             };
             self.tell(Event::Working).map_err(|_| IdentifyError::Interrupted)?;
-            let blocks = here.blocks.get_or_insert_with(|| problem.blocks(&here.trajectories, &here.tangents));
+            let blocks = here.blocks.get_or_insert_with(|| here.tangents.blocks(&problem, &here.trajectories));
             let weights = self.weights_at(blocks, unknowns.len(), flight_fit);
             let problem = Problem { objective: Objective { weights: &weights, ..self.base_objective() }, ..problem };
             // The cost is in units of chi-squared: what matters is the absolute gain.

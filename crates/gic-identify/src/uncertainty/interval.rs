@@ -8,7 +8,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::normal::{Normal, ResidualBlock, Weights};
+use crate::solve::normal_equations::Normal;
+use crate::solve::residual_block::{ResidualBlock, Weights};
 
 /// Student's t at 97.5 % for the ten-odd blocks of a typical scene.
 const T_975: f64 = 2.2;
@@ -144,7 +145,7 @@ fn regularised_inverse(h: &DMatrix<f64>) -> Option<DMatrix<f64>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::normal::Modality;
+    use crate::solve::residual_block::Modality;
     use rand::{RngExt, SeedableRng};
 
     #[test]

@@ -1,5 +1,6 @@
 //! How sure the answer is: noise of the residuals, intervals, and whether the model explains the video.
 
-pub(crate) mod checks;
+pub(crate) mod input_checks;
 pub(crate) mod interval;
 pub(crate) mod noise;
+pub(crate) mod verdicts;

@@ -7,7 +7,7 @@
 //! one where frames err independently. The weight is the inverse of both, so that the sum of squares is about one for each independent
 //! piece of information, and priors act with the strength that they claim.
 
-use crate::normal::{Modality, ResidualBlock, Weights};
+use crate::solve::residual_block::{Modality, ResidualBlock, Weights};
 use crate::uncertainty::interval::{FRAMES_PER_LAG, groups, scatter};
 
 /// How many times larger the errors of surfaces are after contact than their scatter shows: an extracted surface is wrong in one and the same

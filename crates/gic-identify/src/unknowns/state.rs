@@ -18,7 +18,7 @@ pub(crate) enum Unknown {
     Offset(usize),
     /// Logarithm of the factor on the Gaussians' standard deviations (a nuisance).
     Splat,
-    /// How far the body differs from its reconstruction along a component of [`crate::forward::shape::ShapeModes`] (a nuisance).
+    /// How far the body differs from its reconstruction along a component of the shape (a nuisance).
     Shape(usize),
 }
 

@@ -4,71 +4,20 @@
 //! residuals used by Gauss-Newton are therefore signed, and measured relative to the distance at time 0.
 
 use gic_geometry::Neighbours;
-use glam::{DMat3, DVec3};
+use glam::DVec3;
 
 use crate::Input;
 use crate::forward::surface_membership::{memberships, smoothstep};
-use crate::normal::{Modality, ResidualBlock};
-use crate::solve::objective::Trajectories;
-
-/// How many of the nearest points make up what a distance is measured from.
-const NEAREST: usize = 6;
+use crate::forward::trajectories::Trajectories;
+use crate::observe::extracted_surface::{ObservedSurface, directed, shares, signed_distance};
+use crate::solve::residual_block::{Modality, ResidualBlock};
 
 /// About this many points take part per frame and direction at most.
 const MOST_POINTS: usize = 1500;
 
-/// An extracted surface with normals.
-#[derive(Clone, Debug)]
-pub(crate) struct ObservedSurface {
-    /// Points [m].
-    pub points: Vec<DVec3>,
-    /// Unit normals of unknown sign.
-    pub normals: Vec<DVec3>,
-    /// How much each point counts.
-    seen: Vec<f64>,
-    tree: Neighbours,
-    /// Beyond this the nearest point, not the plane through it, is what pulls [m].
-    far: f64,
-}
-
-impl ObservedSurface {
-    /// Normals from the neighbours within `radius` [m] by principal components.
-    pub(crate) fn new(points: &[DVec3], radius: f64) -> ObservedSurface {
-        let tree = Neighbours::new(points, 0.5 * radius);
-        let normals = points.iter().map(|p| normal(&tree, *p, 0.5 * radius)).collect();
-        let seen = vec![1.0; points.len()];
-        ObservedSurface { points: points.to_vec(), normals, seen, tree, far: 0.75 * radius }
-    }
-
-    /// From here on each point counts the less the more it is in doubt; without `doubts` nothing changes.
-    pub(crate) fn discount_doubtful(&mut self, doubts: &[f32]) {
-        for (seen, doubt) in self.seen.iter_mut().zip(doubts) {
-            *seen = 1.0 - f64::from(*doubt);
-        }
-    }
-}
-
-/// Direction of least spread of the points around `p`.
-fn normal(tree: &Neighbours, p: DVec3, radius: f64) -> DVec3 {
-    let (mut count, mut mean, mut square) = (0.0, DVec3::ZERO, DMat3::ZERO);
-    tree.within(p, radius, |_, _, q| {
-        let d = q - p;
-        count += 1.0;
-        mean += d;
-        square += DMat3::from_cols(d * d.x, d * d.y, d * d.z);
-    });
-    let mean = mean / count;
-    let spread = square * (1.0 / count) - DMat3::from_cols(mean * mean.x, mean * mean.y, mean * mean.z);
-    let matrix = nalgebra::Matrix3::from_column_slice(&spread.to_cols_array());
-    let eigen = matrix.symmetric_eigen();
-    let least = eigen.eigenvalues.imin();
-    let n = eigen.eigenvectors.column(least);
-    DVec3::new(n[0], n[1], n[2]).normalize_or(DVec3::Y)
-}
-
 /// What comparing surfaces needs besides the surfaces.
 #[derive(Clone, Debug)]
-pub(crate) struct Context {
+pub(crate) struct SurfaceComparison {
     /// Points within `margin` of an obstacle are in contact and do not count (as the release does for the ground).
     colliders: Vec<gic_mpm::Collider>,
     margin: f64,
@@ -85,10 +34,10 @@ pub(crate) struct Context {
     knee: f64,
 }
 
-impl Context {
+impl SurfaceComparison {
     /// Calibrates the offset between particles and extracted surface on the first frame.
-    pub(crate) fn new(input: &Input, first: Option<&ObservedSurface>) -> Context {
-        let mut context = Context {
+    pub(crate) fn new(input: &Input, first: Option<&ObservedSurface>) -> SurfaceComparison {
+        let mut context = SurfaceComparison {
             colliders: input.colliders.clone(),
             margin: input.grid_spacing_m,
             radius: 1.1 * input.grid_spacing_m,
@@ -132,10 +81,10 @@ impl Context {
     }
 
     /// The same for motions of only the particles `ids`, `factor` times as far apart.
-    pub(crate) fn thinned(&self, ids: &[usize], factor: f64) -> Context {
+    pub(crate) fn thinned(&self, ids: &[usize], factor: f64) -> SurfaceComparison {
         let rest: Vec<f64> = ids.iter().map(|i| self.rest[*i]).collect();
         let sampled = sampled(rest.iter().filter(|distance| distance.is_finite()).count());
-        Context { rest, sampled, radius: factor * self.radius, ..self.clone() }
+        SurfaceComparison { rest, sampled, radius: factor * self.radius, ..self.clone() }
     }
 
     /// Whether a point is so near to an obstacle that it does not count.
@@ -197,7 +146,7 @@ impl Context {
 
 /// What the residuals of one frame are made of.
 struct Comparison<'a> {
-    context: &'a Context,
+    context: &'a SurfaceComparison,
     /// Index of the observation.
     o: usize,
     trajectories: &'a Trajectories,
@@ -239,47 +188,6 @@ fn point(p: [f32; 3]) -> DVec3 {
     glam::Vec3::from_array(p).as_dvec3()
 }
 
-/// Distance of `p` from the surface, positive outward (along `outward`), the direction in which it is measured, and how much the surface
-/// there counts.
-///
-/// The surface is the mean of the nearest points' planes.
-fn signed_distance(surface: &ObservedSurface, p: DVec3, outward: DVec3) -> (f64, DVec3, f64) {
-    let (mut place, mut normal, mut seen) = (DVec3::ZERO, DVec3::ZERO, 0.0);
-    for (id, share) in shares(surface.tree.nearest::<NEAREST>(p), |_| 1.0) {
-        let n = surface.normals[id];
-        place += share * surface.points[id];
-        seen += share * surface.seen[id];
-        normal += if n.dot(outward) < 0.0 { -share * n } else { share * n };
-    }
-    let (distance, normal) = directed(p - place, normal.normalize_or(outward), outward, surface.far);
-    (distance, normal, seen)
-}
-
-/// The shares of the nearest points (squared distance, index), which sum to one: by inverse squared distance, less that of the last of them.
-/// The last has no share then, so that what they are used for is continuous where the nearest points change, and a point that is hit has
-/// them all, so that a right hypothesis has no residual. `most` is what a point may count at most, before that. Without any point
-/// there are no shares.
-fn shares(nearest: [(f64, usize); NEAREST], most: impl Fn(usize) -> f64) -> Vec<(usize, f64)> {
-    let found = nearest.into_iter().filter(|(squared, _)| squared.is_finite());
-    let last = found.clone().next_back().map_or(0.0, |(squared, _)| squared).max(f64::MIN_POSITIVE);
-    // The last counts after all where no other does.
-    let weight = |squared: f64| last / squared.max(1e-9 * last) - 1.0 + 1e-9;
-    let weights: Vec<(usize, f64)> = found.map(|(squared, k)| (k, weight(squared) * most(k))).collect();
-    let total: f64 = weights.iter().map(|(_, weight)| weight).sum();
-    weights.into_iter().map(|(k, weight)| (k, weight / total)).collect()
-}
-
-/// Distance along the normal where the offset is mostly along it or short, along the offset itself elsewhere.
-fn directed(offset: DVec3, normal: DVec3, outward: DVec3, far: f64) -> (f64, DVec3) {
-    let normal = if normal.dot(outward) < 0.0 { -normal } else { normal };
-    let distance = offset.length();
-    if distance > far {
-        let sign = if offset.dot(outward) < 0.0 { -1.0 } else { 1.0 };
-        return (sign * distance, sign * offset / distance);
-    }
-    (offset.dot(normal), normal)
-}
-
 /// Share of `count` points that makes about as many as take part at most.
 fn sampled(count: usize) -> f64 {
     (MOST_POINTS as f64 / count.max(1) as f64).min(1.0)
@@ -307,8 +215,8 @@ mod tests {
         positions.iter().zip(memberships).filter(|(_, f)| f.is_surface()).map(|(p, f)| *p + 0.005 * f.outward).collect()
     }
 
-    fn context(particles: usize) -> Context {
-        Context {
+    fn context(particles: usize) -> SurfaceComparison {
+        SurfaceComparison {
             colliders: vec![Collider::plane(DVec3::ZERO, DVec3::Y, Contact::Sticky)],
             margin: 0.02,
             radius: 0.022,

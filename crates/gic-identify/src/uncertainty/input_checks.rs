@@ -1,15 +1,10 @@
-//! Does the input belong together, and does the model explain it?
+//! Whether pictures, cameras and particles belong together.
 
 use gic_scene::touches_border;
 
 use crate::forward::footprint::IsotropicGaussians;
 use crate::forward::silhouette::alpha;
 use crate::observe::mask_view::MaskView;
-use crate::solve::loss::frame_loss;
-use crate::solve::objective::Trajectories;
-use crate::stages::Identification;
-use crate::stages::free_flight::FreeFlightFit;
-use crate::unknowns::state::{State, Unknown};
 use crate::{Input, Target};
 
 /// Overlap below which a camera's first mask is of something else, provided that most cameras overlap well.
@@ -79,59 +74,6 @@ pub(crate) fn cut_views(input: &Input, target: Target, warnings: &mut Vec<String
         cut.len(),
         cameras.into_iter().collect::<Vec<_>>().join(", ")
     ));
-}
-
-/// Whether the frames after contact are explained nearly as well as those before. Warns where they are not: the material, an obstacle or the
-/// body's shape is another.
-pub(crate) fn explained(job: &Identification, flight_fit: &FreeFlightFit, trajectories: &Trajectories) -> bool {
-    let misfit: Vec<(f64, f64)> = job
-        .video
-        .frames
-        .iter()
-        .enumerate()
-        .map(|(o, observed)| {
-            let loss = frame_loss(observed, &job.context, trajectories.gaussians(o, &job.input.opacities), false);
-            (loss.chamfer_m, loss.mask_difference.0 / loss.mask_difference.1.max(1e-9))
-        })
-        .collect();
-    let worst =
-        |range: &[(f64, f64)]| range.iter().fold((0.0f64, 0.0f64), |worst, m| (worst.0.max(m.0), worst.1.max(m.1)));
-    let (free, touched) = misfit.split_at(flight_fit.free.min(misfit.len()));
-    let (before, after) = (worst(free), worst(touched));
-    let masks_explained = after.1 <= 2.5 * before.1 + 0.06;
-    if !masks_explained {
-        job.warn(format!(
-            "the model does not explain the data: after contact {:.0} % of the object's pixels differ, before it {:.0} %; the \
-             material or an obstacle may be another",
-            100.0 * after.1,
-            100.0 * before.1
-        ));
-    }
-    let surfaces_explained = after.0 <= 2.5 * before.0 + 0.5 * job.input.grid_spacing_m;
-    if !surfaces_explained {
-        job.warn(format!(
-            "the model does not explain the data: after contact the surfaces are {:.1} mm apart, before it {:.1} mm; the material or \
-             an obstacle may be another",
-            1e3 * after.0,
-            1e3 * before.0
-        ));
-    }
-    masks_explained && surfaces_explained
-}
-
-/// Warns of parameters that were found at the edge of what is admitted: a soft solid taken for a fluid, say, ends as one that cannot be squeezed.
-pub(crate) fn at_limits(job: &Identification, state: &State) {
-    for unknown in job.free_materials() {
-        let Unknown::Material(i) = unknown else { continue };
-        let parameter = &job.parameters()[i];
-        if parameter.is_at_limit(state.material[i]) {
-            job.warn(format!(
-                "{} ends at {:.4e}, the edge of its range: either the video does not determine it, or the material or an obstacle is another",
-                parameter.name,
-                parameter.value(state.material[i])
-            ));
-        }
-    }
 }
 
 #[cfg(test)]

@@ -1,0 +1,38 @@
+//! Which pixels of a view a comparison has to look at.
+
+use gic_scene::Camera;
+use gic_simd::{Kernel, Lanes, Level, dispatch};
+
+use crate::forward::footprint::{IsotropicGaussians, Projection};
+use crate::observe::mask_view::{MaskView, Window};
+
+/// Pixels around what is drawn, for hypotheses that differ by a small step.
+const MARGIN: usize = 4;
+
+/// The pixels that the particles or the mask of `view` cover, with a margin for small moves, in whole blocks of `block` pixels.
+pub(crate) fn outline_window(view: &MaskView, gaussians: IsotropicGaussians, block: usize) -> Window {
+    let drawn = dispatch(Level::active(), Extent { gaussians, camera: &view.camera, known: view.covered });
+    drawn.aligned(MARGIN, block, (view.camera.width, view.camera.height))
+}
+
+/// The pixels that particles cover, besides those known.
+struct Extent<'a> {
+    gaussians: IsotropicGaussians<'a>,
+    camera: &'a Camera,
+    known: Window,
+}
+
+impl Kernel for Extent<'_> {
+    type Output = Window;
+
+    #[inline(always)]
+    fn run<L: Lanes<Scalar = f32>>(self) -> Window {
+        let (projection, mut window) = (Projection::new(self.camera), self.known);
+        for first in (0..self.gaussians.positions.len()).step_by(L::LANES) {
+            for footprint in projection.footprints::<L>(&self.gaussians, first).iter().filter(|f| !f.is_empty()) {
+                window.join(footprint.columns, footprint.rows);
+            }
+        }
+        window
+    }
+}

@@ -1,0 +1,51 @@
+//! A least-squares problem: a forward model, the observations, a prior, and what is varied.
+
+use crate::forward::trajectories::{ForwardModel, FrameSelection, Trajectories};
+use crate::solve::normal_equations::Normal;
+use crate::solve::objective::Objective;
+use crate::solve::prior::Prior;
+use crate::solve::residual_block::ResidualBlock;
+use crate::unknowns::state::{State, Unknown};
+
+/// A forward model, the data, and what is varied.
+pub(crate) struct Problem<'a> {
+    pub forward: &'a dyn ForwardModel,
+    pub objective: Objective<'a>,
+    pub unknowns: Vec<Unknown>,
+    pub parameters: &'a [crate::Parameter],
+    pub selection: FrameSelection,
+    pub prior: Option<&'a Prior>,
+}
+
+impl Problem<'_> {
+    /// Half the weighted sum of squares, that of the prior included.
+    pub(crate) fn cost(&self, state: &State, trajectories: &Trajectories) -> f64 {
+        let known = self.prior.map_or(0.0, |prior| {
+            let d = prior.deviation(state);
+            0.5 * (&prior.information * &d).dot(&d)
+        });
+        self.objective.cost(trajectories, &self.selection) + known
+    }
+
+    /// The state displaced by `step` along the unknowns, and how far the limits let it go.
+    pub(crate) fn moved(&self, state: &State, step: &[f64]) -> (State, Vec<f64>) {
+        let moved = state.moved(&self.unknowns, step, self.parameters);
+        let delta = self.unknowns.iter().map(|u| moved.get(*u) - state.get(*u)).collect();
+        (moved, delta)
+    }
+
+    /// Normal equations of the observations and the prior.
+    pub(crate) fn normal(&self, blocks: &[ResidualBlock], state: &State) -> Normal {
+        let mut normal = Normal::sum(blocks, self.objective.weights, self.unknowns.len());
+        if let Some(prior) = self.prior {
+            normal.hessian += prior.information_of(&self.unknowns);
+            let pull = &prior.information * prior.deviation(state);
+            for (unknown, p) in prior.unknowns.iter().zip(pull.iter()) {
+                if let Some(k) = self.unknowns.iter().position(|u| u == unknown) {
+                    normal.gradient[k] += p;
+                }
+            }
+        }
+        normal
+    }
+}
