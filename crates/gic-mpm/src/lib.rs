@@ -18,7 +18,10 @@ mod substep;
 mod validate;
 mod world;
 
-pub use colliders::collider::{Collider, ColliderPath, Contact, Primitive};
+pub use colliders::collider::Collider;
+pub use colliders::contact::Contact;
+pub use colliders::path::ColliderPath;
+pub use colliders::shape::Primitive;
 pub use error::SimulationError;
 pub use gic_simd::Level;
 pub use laws::law::Rules;

@@ -2,7 +2,10 @@
 
 use glam::DVec3;
 
-use crate::colliders::collider::{Collider, ColliderPath, Contact, Primitive};
+use crate::colliders::collider::Collider;
+use crate::colliders::contact::Contact;
+use crate::colliders::path::ColliderPath;
+use crate::colliders::shape::Primitive;
 use crate::error::SimulationError;
 use crate::world::{Body, Stepping, World};
 

@@ -6,7 +6,22 @@
 
 use glam::DVec3;
 
-use crate::Contact;
+/// What happens to the grid velocity inside an obstacle, relative to the obstacle's own velocity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Contact {
+    /// No relative motion.
+    Sticky,
+    /// No relative motion along the normal in either direction; Coulomb friction along the surface.
+    Slip {
+        /// Coulomb coefficient.
+        friction: f64,
+    },
+    /// No approach along the normal, free to leave; Coulomb friction along the surface while it presses.
+    Separating {
+        /// Coulomb coefficient.
+        friction: f64,
+    },
+}
 
 /// How friction acts on a tangential velocity.
 enum Tangential {

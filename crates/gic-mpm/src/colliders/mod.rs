@@ -2,3 +2,5 @@
 
 pub(crate) mod collider;
 pub(crate) mod contact;
+pub(crate) mod path;
+pub(crate) mod shape;

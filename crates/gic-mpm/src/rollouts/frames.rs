@@ -5,12 +5,13 @@ use glam::DVec3;
 
 use crate::error::SimulationError;
 use crate::laws::law::Law;
+use crate::laws::with_law;
 use crate::math::mat3::Mat3;
+use crate::substep::engine::{Engine, Segment};
 use crate::substep::grid_update::Impulse;
-use crate::substep::prepared_world::{
-    Engine, PreparedBody, PreparedWorld, Segment, Violation, ViolationKind, with_law,
-};
+use crate::substep::prepared_world::{PreparedBody, PreparedWorld};
 use crate::substep::state::{State, map_particles};
+use crate::substep::violation::{Violation, ViolationKind};
 use crate::{Material, Stepping, World};
 
 /// Most substeps per frame that are tried.

@@ -14,7 +14,8 @@ use crate::laws::law::Coefficients;
 use crate::options::Options;
 use crate::rollouts::frames::{Frame, Rollout, Timing};
 use crate::rollouts::simulator::with_engine;
-use crate::substep::prepared_world::{BodyBars, Engine, PreparedBody, PreparedWorld, Segment};
+use crate::substep::engine::{BodyBars, Engine, Segment};
+use crate::substep::prepared_world::{PreparedBody, PreparedWorld};
 use crate::substep::state::{State, double, vector};
 
 /// Derivatives of a loss with respect to what a body starts with.
@@ -122,7 +123,7 @@ impl<'a, E: Engine> Reverse<'a, E> {
         budget: usize,
         mut loss: impl FnMut(&Frame) -> Option<Vec<DVec3>>,
     ) -> Result<Self, SimulationError> {
-        let mut state = State::<E::Number>::initial(rollout.world);
+        let mut state = rollout.world.initial_state::<E::Number>();
         let particles = state.len();
         let per_state = State::<E::Number>::bytes(particles);
         let most = budget.saturating_sub(rollout.bytes_beside_checkpoints(&state)) / per_state;

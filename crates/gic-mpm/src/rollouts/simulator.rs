@@ -8,7 +8,8 @@ use crate::World;
 use crate::error::SimulationError;
 use crate::options::{Options, Precision};
 use crate::rollouts::frames::{Advanced, Frame, Rollout, Timing};
-use crate::substep::prepared_world::{Engine, PreparedWorld};
+use crate::substep::engine::Engine;
+use crate::substep::prepared_world::PreparedWorld;
 use crate::substep::state::{NUMBERS, State};
 
 /// Runs an expression with `$engine` bound to the engine that the options ask for.
@@ -188,7 +189,7 @@ struct Running<E: Engine> {
 
 impl<E: Engine> Running<E> {
     fn new(engine: E, prepared: PreparedWorld, world: &World, precision: Precision) -> Self {
-        let state = State::initial(&prepared);
+        let state = prepared.initial_state();
         Self { engine, prepared, timing: Timing::of(world), precision, state, index: 0, last: None }
     }
 

@@ -1,47 +1,13 @@
-//! The background grid: a dense box of nodes that follows the particles, and the update of its velocities; forward and backward.
+//! The grid update: from the nodes' momenta to their velocities, forward and backward.
 //!
-//! A node holds four numbers: momentum (later velocity) and mass. The z index runs fastest. In a substep, where the mass m of a
-//! node exceeds the gate, v = p / m + dt g, then each obstacle that contains the node acts in turn; elsewhere v = 0.
+//! Where the mass m of a node exceeds the gate, v = p / m + dt g, then each obstacle that contains the node acts in turn;
+//! elsewhere v = 0.
 
 use gic_simd::Scalar;
 use glam::{DVec3, IVec3};
 
+use super::grid::{GridBox, Node};
 use crate::colliders::collider::{PosedCollider, Touch};
-
-/// Momentum [kg m/s] or velocity [m/s], and mass [kg].
-pub(crate) type Node<R> = [R; 4];
-
-/// A box of nodes; node `(0, 0, 0)` of the box is node `first` of the infinite grid, at `first * spacing`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct GridBox {
-    pub(crate) first: IVec3,
-    pub(crate) size: [usize; 3],
-}
-
-impl GridBox {
-    /// The box that holds the stencils of all particles whose stencil bases are within `[lowest, highest]`.
-    pub(crate) fn around(lowest: IVec3, highest: IVec3) -> Self {
-        // Three nodes per stencil, and a fourth along z because rows are read in fours.
-        let size = highest - lowest + IVec3::new(3, 3, 4);
-        Self { first: lowest, size: size.to_array().map(|n| n as usize) }
-    }
-
-    /// Number of nodes.
-    pub(crate) fn nodes(&self) -> usize {
-        self.size.iter().product()
-    }
-
-    /// Number of nodes in a plane of constant x.
-    pub(crate) fn plane(&self) -> usize {
-        self.size[1] * self.size[2]
-    }
-
-    /// Index of a node in the box.
-    #[inline(always)]
-    pub(crate) fn index(&self, x: usize, y: usize, z: usize) -> usize {
-        (x * self.size[1] + y) * self.size[2] + z
-    }
-}
 
 /// Momentum [N s] and angular momentum [N m s] given to an obstacle, the latter about the obstacle's origin.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

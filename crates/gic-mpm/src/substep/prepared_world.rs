@@ -1,14 +1,17 @@
-//! A world made ready for the engines: numbered particles, coefficients, masses; and what engines have in common.
+//! A world made ready for the engines: numbered particles, coefficients, masses.
 
 use core::ops::Range;
 
 use gic_simd::Scalar;
 use glam::DVec3;
 
+use super::grid::GridBox;
+use super::grid_update::GridUpdate;
+use super::state::{State, vector};
+use super::violation::Violation;
 use crate::error::SimulationError;
-use crate::laws::law::{Coefficients, MAX_COEFFICIENTS, Rules};
-use crate::substep::grid_update::{GridBox, GridUpdate, Impulse};
-use crate::substep::state::State;
+use crate::laws::law::{Coefficients, Rules};
+use crate::math::mat3::Mat3;
 use crate::{Body, Collider, Material, World};
 
 /// Most nodes of the grid, so that f32 holds their indices exactly; beyond, the particles are too far apart for a dense grid.
@@ -68,6 +71,20 @@ impl PreparedWorld {
     /// Number of particles.
     pub(crate) fn particles(&self) -> usize {
         self.bodies.last().map_or(0, |body| body.range.end)
+    }
+
+    /// The start of a rollout: undeformed, each body moving rigidly.
+    pub(crate) fn initial_state<R: Scalar>(&self) -> State<R> {
+        let mut state = State::zeros(self.particles());
+        for body in &self.bodies {
+            for (p, &x) in body.range.clone().zip(&body.positions) {
+                state.position[p] = vector(x);
+                state.velocity[p] = vector(body.velocity + body.angular_velocity.cross(x - body.centre));
+                state.affine[p] = Mat3(skew(body.angular_velocity).map(R::splat));
+                state.deformation[p] = Mat3::identity();
+            }
+        }
+        state
     }
 
     /// The grid update of a substep.
@@ -132,147 +149,14 @@ impl PreparedBody {
     }
 }
 
+/// The matrix of `w x`.
+fn skew(w: DVec3) -> [f64; 9] {
+    [0.0, -w.z, w.y, w.z, 0.0, -w.x, -w.y, w.x, 0.0]
+}
+
 /// The particle farthest from the mean position.
 fn farthest<R: Scalar>(state: &State<R>) -> usize {
     let mean = (0..state.len()).map(|p| state.position_of(p)).sum::<DVec3>() / state.len() as f64;
     let distance = |p: &usize| state.position_of(*p).distance_squared(mean);
     (0..state.len()).max_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(0)
 }
-
-/// A run of substeps of equal length.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Segment {
-    /// Time at its start [s].
-    pub(crate) start: f64,
-    /// Length of a substep [s].
-    pub(crate) dt: f64,
-    /// How many.
-    pub(crate) substeps: usize,
-}
-
-impl Segment {
-    /// Time at the start of a substep [s].
-    pub(crate) fn time(&self, substep: usize) -> f64 {
-        self.start + self.dt * substep as f64
-    }
-}
-
-/// Why a segment cannot be completed.
-#[derive(Clone, Debug)]
-pub(crate) struct Violation {
-    pub(crate) kind: ViolationKind,
-    pub(crate) particle: usize,
-    pub(crate) position: DVec3,
-    pub(crate) velocity: DVec3,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum ViolationKind {
-    /// |v| dt > dx or NaN: shorter substeps may help.
-    TooFast,
-    /// Outside of what a grid can hold: nothing helps.
-    LeftDomain(&'static str),
-}
-
-impl Violation {
-    pub(crate) fn too_fast<R: Scalar>(state: &State<R>, particle: usize) -> Self {
-        Self::new(ViolationKind::TooFast, state, particle)
-    }
-
-    fn left_domain<R: Scalar>(state: &State<R>, particle: usize, reason: &'static str) -> Self {
-        Self::new(ViolationKind::LeftDomain(reason), state, particle)
-    }
-
-    fn new<R: Scalar>(kind: ViolationKind, state: &State<R>, particle: usize) -> Self {
-        Self { kind, particle, position: state.position_of(particle), velocity: state.velocity_of(particle) }
-    }
-}
-
-/// Derivatives of the loss with respect to what all particles of a body share.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct BodyBars {
-    pub(crate) coefficients: [f64; MAX_COEFFICIENTS],
-    /// With respect to the mass of a particle of factor 1.
-    pub(crate) mass: f64,
-    /// With respect to the rest volume of a particle of factor 1, at constant mass.
-    pub(crate) volume: f64,
-}
-
-impl core::ops::AddAssign for BodyBars {
-    fn add_assign(&mut self, other: Self) {
-        for i in 0..MAX_COEFFICIENTS {
-            self.coefficients[i] += other.coefficients[i];
-        }
-        self.mass += other.mass;
-        self.volume += other.volume;
-    }
-}
-
-/// Something that computes substeps and their adjoint.
-pub(crate) trait Engine: Sync {
-    /// The number that states are kept in.
-    type Number: Scalar;
-    /// What the reverse pass needs to know about a segment.
-    type Tape;
-
-    /// Advances a state by a segment; what obstacles took is added to `impulses`.
-    fn advance(
-        &self,
-        world: &PreparedWorld,
-        state: &mut State<Self::Number>,
-        segment: Segment,
-        impulses: &mut [Impulse],
-    ) -> Result<(), Violation>;
-
-    /// Runs a segment from a state and keeps what the reverse pass needs.
-    fn record(
-        &self,
-        world: &PreparedWorld,
-        state: &State<Self::Number>,
-        segment: Segment,
-    ) -> Result<Self::Tape, Violation>;
-
-    /// Turns the adjoint of a segment's end into that of its start, and adds to `bars`, one per body.
-    fn reverse(
-        &self,
-        world: &PreparedWorld,
-        tape: Self::Tape,
-        adjoint: &mut State<Self::Number>,
-        bars: &mut [BodyBars],
-    );
-
-    /// Whether it may use several threads.
-    fn is_parallel(&self) -> bool;
-
-    /// Bytes of a tape on a grid of `nodes` nodes.
-    fn tape_bytes(&self, particles: usize, nodes: usize, substeps: usize) -> usize;
-}
-
-/// Runs an expression with `$law` naming the generic law type of a material.
-macro_rules! with_law {
-    ($material:expr, $law:ident => $body:expr) => {
-        match $material {
-            crate::Material::Elastic { .. } => {
-                type $law<R> = crate::laws::elastic::Elastic<R>;
-                $body
-            }
-            crate::Material::Plasticine { .. } => {
-                type $law<R> = crate::laws::plasticine::Plasticine<R>;
-                $body
-            }
-            crate::Material::Sand { .. } => {
-                type $law<R> = crate::laws::sand::Sand<R>;
-                $body
-            }
-            crate::Material::Newtonian { .. } => {
-                type $law<R> = crate::laws::newtonian::Newtonian<R>;
-                $body
-            }
-            crate::Material::NonNewtonian { .. } => {
-                type $law<R> = crate::laws::non_newtonian::NonNewtonian<R>;
-                $body
-            }
-        }
-    };
-}
-pub(crate) use with_law;

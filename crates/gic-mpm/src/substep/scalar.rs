@@ -14,10 +14,14 @@
 
 use gic_simd::{Real, Scalar};
 
+use super::engine::{BodyBars, Engine, Segment};
+use super::grid::{GridBox, Node};
+use super::grid_update::Impulse;
+use super::prepared_world::{PreparedBody, PreparedWorld};
+use super::violation::Violation;
 use crate::laws::law::Law;
+use crate::laws::with_law;
 use crate::math::mat3::Mat3;
-use crate::substep::grid_update::{GridBox, Impulse, Node};
-use crate::substep::prepared_world::{BodyBars, Engine, PreparedBody, PreparedWorld, Segment, Violation, with_law};
 use crate::substep::state::State;
 use crate::substep::stencil;
 

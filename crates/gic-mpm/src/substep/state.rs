@@ -6,7 +6,6 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::math::mat3::Mat3;
-use crate::substep::prepared_world::PreparedWorld;
 use gic_simd::Scalar;
 
 /// Particles in input order. As an adjoint: the derivative of the loss with respect to each number.
@@ -34,20 +33,6 @@ impl<R: Scalar> State<R> {
             affine: vec![Mat3::zero(); particles],
             deformation: vec![Mat3::zero(); particles],
         }
-    }
-
-    /// The start of a rollout: undeformed, each body moving rigidly.
-    pub(crate) fn initial(world: &PreparedWorld) -> Self {
-        let mut state = Self::zeros(world.particles());
-        for body in &world.bodies {
-            for (p, &x) in body.range.clone().zip(&body.positions) {
-                state.position[p] = vector(x);
-                state.velocity[p] = vector(body.velocity + body.angular_velocity.cross(x - body.centre));
-                state.affine[p] = Mat3(skew(body.angular_velocity).map(R::splat));
-                state.deformation[p] = Mat3::identity();
-            }
-        }
-        state
     }
 
     /// The numbers of a particle: x, v, C, F.
@@ -98,11 +83,6 @@ pub(crate) fn map_particles<U: Send>(
     f: impl Fn(usize) -> U + Send + Sync,
 ) -> Vec<U> {
     if parallel { particles.into_par_iter().map(f).collect() } else { particles.map(f).collect() }
-}
-
-/// The matrix of `w x`.
-fn skew(w: DVec3) -> [f64; 9] {
-    [0.0, -w.z, w.y, w.z, 0.0, -w.x, -w.y, w.x, 0.0]
 }
 
 pub(crate) fn vector<R: Scalar>(v: DVec3) -> [R; 3] {

@@ -5,9 +5,10 @@
 
 use crate::laws::law::Coefficients;
 use crate::rollouts::gradcheck::{gradcheck_materials, gradcheck_world};
+use crate::substep::engine::{BodyBars, Engine, Segment};
 use crate::substep::fast::FastEngine;
 use crate::substep::grid_update::Impulse;
-use crate::substep::prepared_world::{BodyBars, Engine, PreparedWorld, Segment};
+use crate::substep::prepared_world::PreparedWorld;
 use crate::substep::scalar::ScalarEngine;
 use crate::substep::state::{NUMBERS, State};
 use crate::{Level, Material, Rules, World};
@@ -48,7 +49,7 @@ fn changed(state: &State<f64>, change: impl Fn(usize, usize) -> f64) -> State<f6
 
 /// Strains of a tenth, slightly compressed (sand that is pulled apart has no stress), shear rates of some 1/s.
 fn deformed(prepared: &PreparedWorld) -> State<f64> {
-    changed(&State::initial(prepared), |p, i| match i {
+    changed(&prepared.initial_state(), |p, i| match i {
         0..3 => 0.0,
         3..6 => 0.5 * noise(1, p * NUMBERS + i),
         6..15 => 20.0 * noise(2, p * NUMBERS + i),

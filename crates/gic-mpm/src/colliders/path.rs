@@ -1,0 +1,82 @@
+//! Where an obstacle is over time.
+
+use glam::{DQuat, DVec3};
+
+/// Where an obstacle is over time.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ColliderPath {
+    /// Starts at a place and keeps a velocity.
+    Uniform {
+        /// Position of its origin at time 0 [m].
+        position_m: DVec3,
+        /// Rotation from its own frame to the world.
+        rotation: DQuat,
+        /// Velocity [m/s].
+        velocity_m_s: DVec3,
+        /// Angular velocity [rad/s] about its origin.
+        angular_velocity_rad_s: DVec3,
+    },
+    /// Moves linearly between keys (time [s], position [m]), ascending in time; rests before the first and after the last.
+    Keyframed {
+        /// The keys.
+        keys: Vec<(f64, DVec3)>,
+        /// Rotation from its own frame to the world, constant.
+        rotation: DQuat,
+    },
+}
+
+/// Where an obstacle is at one moment.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pose {
+    pub(crate) position: DVec3,
+    pub(crate) rotation: DQuat,
+    pub(crate) velocity: DVec3,
+    pub(crate) angular_velocity: DVec3,
+}
+
+impl ColliderPath {
+    /// The pose at a time [s].
+    pub(crate) fn pose(&self, time: f64) -> Pose {
+        match self {
+            Self::Uniform { position_m, rotation, velocity_m_s, angular_velocity_rad_s } => Pose {
+                position: *position_m + *velocity_m_s * time,
+                rotation: DQuat::from_scaled_axis(*angular_velocity_rad_s * time) * *rotation,
+                velocity: *velocity_m_s,
+                angular_velocity: *angular_velocity_rad_s,
+            },
+            Self::Keyframed { keys, rotation } => {
+                let (position, velocity) = keyframed(keys, time);
+                Pose { position, rotation: *rotation, velocity, angular_velocity: DVec3::ZERO }
+            }
+        }
+    }
+}
+
+/// Position and velocity on a piecewise linear path; at rest outside of its keys.
+fn keyframed(keys: &[(f64, DVec3)], time: f64) -> (DVec3, DVec3) {
+    let next = keys.partition_point(|&(t, _)| t <= time);
+    match (next.checked_sub(1).map(|i| keys[i]), keys.get(next)) {
+        (Some((t0, p0)), Some(&(t1, p1))) => {
+            let velocity = (p1 - p0) / (t1 - t0);
+            (p0 + velocity * (time - t0), velocity)
+        }
+        (Some((_, p)), None) | (None, Some(&(_, p))) => (p, DVec3::ZERO),
+        (None, None) => (DVec3::ZERO, DVec3::ZERO),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keyframes_move_linearly_and_rest_outside() {
+        let keys = vec![(1.0, DVec3::ZERO), (3.0, DVec3::X)];
+        let path = ColliderPath::Keyframed { keys, rotation: DQuat::IDENTITY };
+        assert_eq!(path.pose(0.0).velocity, DVec3::ZERO);
+        assert_eq!(path.pose(2.0).position, DVec3::X * 0.5);
+        assert_eq!(path.pose(2.0).velocity, DVec3::X * 0.5);
+        assert_eq!(path.pose(9.0).position, DVec3::X);
+        assert_eq!(path.pose(9.0).velocity, DVec3::ZERO);
+    }
+}
