@@ -8,15 +8,18 @@
 use gic_simd::Scalar;
 use glam::DVec3;
 
+use super::advance::Rollout;
+use super::checkpoints::Checkpoints;
+use super::frame::Frame;
+use super::timestep_bound::Timing;
 use crate::World;
 use crate::error::SimulationError;
 use crate::laws::law::Coefficients;
 use crate::options::Options;
-use crate::rollouts::frames::{Frame, Rollout, Timing};
-use crate::rollouts::simulator::with_engine;
 use crate::substep::engine::{BodyBars, Engine, Segment};
 use crate::substep::prepared_world::{PreparedBody, PreparedWorld};
 use crate::substep::state::{State, double, vector};
+use crate::substep::with_engine;
 
 /// Derivatives of a loss with respect to what a body starts with.
 #[derive(Clone, Debug)]
@@ -75,36 +78,6 @@ fn gradient_of(
     })
 }
 
-/// States at the starts of every `stride`-th segment.
-struct Checkpoints<R> {
-    stride: usize,
-    most: usize,
-    states: Vec<State<R>>,
-}
-
-impl<R: Scalar> Checkpoints<R> {
-    /// Offers the state at the start of a segment; segments come in order, or start over at an earlier one.
-    fn offer(&mut self, segment: usize, state: &State<R>) {
-        if !segment.is_multiple_of(self.stride) {
-            return;
-        }
-        self.states.truncate(segment / self.stride);
-        // Half of the budget is for the starts of segments between two checkpoints, needed in the reverse pass.
-        if (self.states.len() + 1) + self.stride > self.most && self.states.len() > self.stride {
-            let mut index = 0;
-            self.states.retain(|_| {
-                index += 1;
-                index % 2 == 1
-            });
-            self.stride *= 2;
-            if !segment.is_multiple_of(self.stride) {
-                return;
-            }
-        }
-        self.states.push(state.clone());
-    }
-}
-
 /// A rollout with what its reverse pass needs.
 struct Reverse<'a, E: Engine> {
     rollout: Rollout<'a, E>,
@@ -129,7 +102,7 @@ impl<'a, E: Engine> Reverse<'a, E> {
         let most = budget.saturating_sub(rollout.bytes_beside_checkpoints(&state)) / per_state;
         let mut reverse = Self {
             rollout,
-            checkpoints: Checkpoints { stride: 1, most, states: Vec::new() },
+            checkpoints: Checkpoints::new(most),
             segments: Vec::new(),
             frame_ends: Vec::new(),
             position_bars: Vec::new(),
@@ -144,7 +117,7 @@ impl<'a, E: Engine> Reverse<'a, E> {
                     .advance_frame(&mut state, index, &mut |i, state| checkpoints.offer(done + i, state))?;
                 reverse.segments.extend(&advanced.segments);
                 // The grid may have grown since the checkpoints were planned.
-                let held = reverse.checkpoints.states.len() + reverse.checkpoints.stride;
+                let held = reverse.checkpoints.held();
                 let needed_bytes = reverse.rollout.bytes_beside_checkpoints(&state) + held * per_state;
                 if needed_bytes > budget {
                     return Err(SimulationError::MemoryBudget { needed_bytes, budget_bytes: budget });

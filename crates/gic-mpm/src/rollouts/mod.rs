@@ -1,7 +1,12 @@
 //! Frames from substeps, and their derivatives.
 
-pub(crate) mod frames;
+pub(crate) mod advance;
+mod checkpoints;
+pub(crate) mod frame;
 pub(crate) mod gradcheck;
 pub(crate) mod gradient;
 pub(crate) mod jacobian;
 pub(crate) mod simulator;
+pub(crate) mod snapshot;
+mod timestep_bound;
+pub(crate) mod unknown;

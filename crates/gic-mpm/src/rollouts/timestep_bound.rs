@@ -1,0 +1,102 @@
+//! How many substeps a frame takes, and what is done when they turn out too few.
+//!
+//! With wave speed c, largest particle speed v, viscous diffusivity D and Courant number C, a substep dt obeys
+//!
+//! ```text
+//! (c + v) dt <= C dx        6 D dt <= C dx^2
+//! ```
+
+use gic_simd::Scalar;
+
+use crate::error::SimulationError;
+use crate::substep::prepared_world::{PreparedBody, PreparedWorld};
+use crate::substep::state::State;
+use crate::substep::violation::{Violation, ViolationKind};
+use crate::{Stepping, World};
+
+/// Most substeps per frame that are tried: a thousand times what the published simulations take.
+pub(super) const MAX_SUBSTEPS: usize = 200_000;
+/// A frame is redone with at most this many times the planned substeps: if that does not help, the cause is another.
+const MAX_REFINEMENT: usize = 64;
+/// What of the world the frames need beside its bodies.
+#[derive(Clone, Copy)]
+pub(crate) struct Timing {
+    pub(super) frame_seconds: f64,
+    pub(super) stepping: Stepping,
+}
+
+impl Timing {
+    pub(crate) fn of(world: &World) -> Self {
+        Self { frame_seconds: 1.0 / world.frame_rate_hz, stepping: world.stepping }
+    }
+}
+
+/// Substeps of the next frame from `state`, from the stepping and from what stability asks for at least.
+///
+/// # Errors
+/// [`SimulationError::TooStiff`] beyond [`MAX_SUBSTEPS`].
+pub(super) fn substeps_of_frame<R: Scalar>(
+    world: &PreparedWorld,
+    timing: Timing,
+    state: &State<R>,
+) -> Result<usize, SimulationError> {
+    let (fixed, courant) = match timing.stepping {
+        Stepping::Fixed { substeps_per_frame } => (substeps_per_frame, 1.0),
+        Stepping::Bound { courant } => (1, courant),
+    };
+    let mut substeps = fixed;
+    for (index, body) in world.bodies.iter().enumerate() {
+        let speed = highest_speed(world, timing, body, state);
+        let wanted = timing.frame_seconds * highest_rate(world, body, speed) / courant;
+        let possible = wanted <= MAX_SUBSTEPS as f64;
+        if !possible {
+            return Err(SimulationError::TooStiff {
+                body: index,
+                substeps: wanted,
+                wave_speed_m_s: wave_speed(body),
+                speed_m_s: speed,
+                grid_spacing_m: world.spacing,
+                limit: MAX_SUBSTEPS,
+            });
+        }
+        substeps = substeps.max(wanted.ceil() as usize);
+    }
+    Ok(substeps)
+}
+
+/// The highest speed [m/s] of a body's particles in the coming frame, to which gravity adds.
+fn highest_speed<R: Scalar>(world: &PreparedWorld, timing: Timing, body: &PreparedBody, state: &State<R>) -> f64 {
+    let speed = body.range.clone().map(|p| state.velocity_of(p).length_squared()).fold(0.0, f64::max).sqrt();
+    speed + world.gravity.length() * timing.frame_seconds
+}
+
+/// The rate [1/s] that bounds the substep: of waves and motion across a cell, and of viscous diffusion.
+fn highest_rate(world: &PreparedWorld, body: &PreparedBody, speed: f64) -> f64 {
+    let diffusivity = body.material.viscous_diffusivity_m2_s(body.mass / body.volume);
+    let dx = world.spacing;
+    ((wave_speed(body) + speed) / dx).max(6.0 * diffusivity / (dx * dx))
+}
+
+/// Speed of the fastest elastic wave in a body at rest [m/s].
+fn wave_speed(body: &PreparedBody) -> f64 {
+    body.material.wave_speed_m_s(body.mass / body.volume)
+}
+
+/// The substeps of the next attempt at a frame, or the error if there is none.
+pub(super) fn more_substeps(
+    violation: Violation,
+    frame: usize,
+    planned: usize,
+    substeps: usize,
+) -> Result<usize, SimulationError> {
+    let Violation { kind, particle, position, velocity } = violation;
+    match kind {
+        ViolationKind::LeftDomain(reason) => {
+            Err(SimulationError::LeftDomain { frame, particle, position, velocity, reason })
+        }
+        ViolationKind::TooFast if substeps >= planned * MAX_REFINEMENT || substeps * 2 > MAX_SUBSTEPS => {
+            Err(SimulationError::Unstable { frame, substeps, particle, velocity })
+        }
+        ViolationKind::TooFast => Ok(substeps * 2),
+    }
+}
