@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use crate::projection::SHORTEST_QUATERNION;
+use crate::limits::SHORTEST_QUATERNION;
 
 /// The covariance of each Gaussian.
 #[derive(Clone, Debug, PartialEq)]

@@ -2,10 +2,12 @@
 
 mod activation;
 mod gaussians;
+mod limits;
 mod ply;
 mod projection;
 mod raster;
 mod render;
+mod settings;
 pub mod sh;
 mod tangents;
 mod tiles;
@@ -13,9 +15,8 @@ pub mod twin;
 
 pub use activation::{coefficient_of_color, color_of_coefficient, logit, sigmoid};
 pub use gaussians::{GaussianGradients, Gaussians, GaussiansError, Shape};
+pub use limits::{ALPHA_MAX, ALPHA_MIN, FRUSTUM_MARGIN, TRANSMITTANCE_MIN};
 pub use ply::{Imported, PlyError, read_ply, write_ply};
-pub use render::{
-    ALPHA_MAX, ALPHA_MIN, Channels, FRUSTUM_MARGIN, ImageGradients, RenderSettings, Rendered, TRANSMITTANCE_MIN,
-    backward, render,
-};
+pub use render::{ImageGradients, Rendered, backward, render};
+pub use settings::{Channels, RenderSettings};
 pub use tangents::{AlphaTangents, alpha_tangents};

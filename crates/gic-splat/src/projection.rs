@@ -5,7 +5,7 @@
 use gic_scene::Camera;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
-use crate::render::{ALPHA_MIN, FRUSTUM_MARGIN};
+use crate::limits::{ALPHA_MIN, FRUSTUM_MARGIN, SHORTEST_QUATERNION};
 use crate::{Gaussians, RenderSettings, Shape, sh};
 
 /// A Gaussian as one camera sees it. With `d = pixel - mean`,
@@ -133,9 +133,6 @@ impl Root {
         }
     }
 }
-
-/// A quaternion shorter than this is no rotation: gradients grow with the reciprocal of the length.
-pub(crate) const SHORTEST_QUATERNION: f64 = 1e-6;
 
 /// A quaternion (w, x, y, z) made a rotation, and its length. Not finite if it is too short.
 fn unit_quaternion(q: [f32; 4]) -> (DQuat, f64) {

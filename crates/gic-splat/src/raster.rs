@@ -5,18 +5,19 @@
 
 use gic_simd::{Kernel, Lanes, Level, MAX_LANES, dispatch};
 
+use crate::Channels;
+use crate::limits::{ALPHA_MAX, ALPHA_MIN, TRANSMITTANCE_MIN};
 use crate::projection::Splat;
-use crate::render::{ALPHA_MAX, ALPHA_MIN, Channels, TRANSMITTANCE_MIN};
 use crate::tiles::{TILE, Tile};
 
 /// Lanes may start at any pixel of a row, so rows are longer than a tile by the widest lanes; nothing is drawn there.
-pub(crate) const STRIDE: usize = TILE + MAX_LANES;
+const STRIDE: usize = TILE + MAX_LANES;
 /// Pixels of a tile.
 pub(crate) const PIXELS: usize = TILE * TILE;
 /// After so many splats, rows whose pixels are all finished are taken out.
-pub(crate) const CHECK_EVERY: usize = 16;
+const SPLATS_PER_CHECK: usize = 16;
 /// Alpha this low is a logarithm no splat reaches: the way to leave a lane out.
-pub(crate) const NOWHERE: f64 = -1e30;
+const UNREACHED_LOG_ALPHA: f64 = -1e30;
 
 /// A number per pixel of a tile.
 pub(crate) type Plane = [[f32; STRIDE]; TILE];
@@ -84,7 +85,7 @@ pub(crate) fn narrow(plane: &Plane) -> [f32; PIXELS] {
 }
 
 /// Transmittance before anything is drawn: 1 inside the picture, 0 elsewhere.
-pub(crate) fn open_plane(inside: [usize; 2]) -> Plane {
+fn open_plane(inside: [usize; 2]) -> Plane {
     let mut plane = NO_PLANE;
     for row in 0..inside[1] {
         plane[row][..inside[0]].fill(1.0);
@@ -93,21 +94,21 @@ pub(crate) fn open_plane(inside: [usize; 2]) -> Plane {
 }
 
 /// A splat seen from one tile.
-pub(crate) struct Local<L> {
-    pub(crate) rows: [usize; 2],
-    pub(crate) columns: [usize; 2],
+struct Local<L> {
+    rows: [usize; 2],
+    columns: [usize; 2],
     /// Pixel centre minus the splat's centre, of the tile's first row, and of the lanes that start in its first column.
-    pub(crate) dy: f32,
-    pub(crate) dx: L,
-    pub(crate) a: L,
-    pub(crate) b: f32,
-    pub(crate) c: f32,
-    pub(crate) log_opacity: f32,
+    dy: f32,
+    dx: L,
+    a: L,
+    b: f32,
+    c: f32,
+    log_opacity: f32,
 }
 
 impl<L: Lanes<Scalar = f32>> Local<L> {
     #[inline(always)]
-    pub(crate) fn new(s: &Splat, tile: &Tile) -> Local<L> {
+    fn new(s: &Splat, tile: &Tile) -> Local<L> {
         let inside = |range: [u32; 2], origin: u32| {
             [range[0].saturating_sub(origin) as usize, ((range[1] - origin) as usize).min(TILE)]
         };
@@ -141,58 +142,9 @@ impl<const COLOR: bool, const DEPTH: bool> Kernel for Draw<'_, COLOR, DEPTH> {
 
     #[inline(always)]
     fn run<L: Lanes<Scalar = f32>>(self) -> TilePixels {
-        let TileInput { splats, entries, tile, inside } = self.0;
-        let mut transmittance = open_plane(inside);
-        let mut last: Plane = NO_PLANE;
-        let mut color: [Plane; 3] = [NO_PLANE; 3];
-        let mut depth: Plane = NO_PLANE;
-        let mut open = [true; TILE];
-        let (log_min, max) = (L::splat(ALPHA_MIN.ln()), L::splat(ALPHA_MAX));
-        let (transmittance_min, nowhere) = (L::splat(TRANSMITTANCE_MIN), L::splat(NOWHERE));
-
-        for (k, &entry) in entries.iter().enumerate() {
-            if k % CHECK_EVERY == 0 && k > 0 && !close_rows::<L>(&transmittance, &mut open) {
-                break;
-            }
-            let s = &splats[entry as usize];
-            let local = Local::<L>::new(s, &tile);
-            let count = L::splat((k + 1) as f64);
-            let s_color: [L; 3] = s.color.map(L::of);
-            let s_depth: L = L::of(s.depth);
-            for row in local.rows[0]..local.rows[1] {
-                if !open[row] {
-                    continue;
-                }
-                let dy = local.dy + row as f32;
-                let base: L = L::of(local.c * dy * dy + local.log_opacity);
-                let slope: L = L::of(local.b * dy);
-                let mut next = local.columns[0];
-                while next < local.columns[1] {
-                    let at = next;
-                    next += L::LANES;
-                    let dx = local.dx + L::of(at as f32);
-                    let t = L::load(&transmittance[row][at..]);
-                    let log_alpha = dx.mul_add(local.a, slope).mul_add(dx, base);
-                    let log_alpha = L::select(transmittance_min.le(t), log_alpha, nowhere);
-                    let drawn = log_min.le(log_alpha);
-                    if !L::any(drawn) {
-                        continue;
-                    }
-                    let alpha = L::select(drawn, log_alpha.exp().min(max), L::zero());
-                    let weight = t * alpha;
-                    (t - weight).store(&mut transmittance[row][at..]);
-                    L::select(drawn, count, L::load(&last[row][at..])).store(&mut last[row][at..]);
-                    if COLOR {
-                        for c in 0..3 {
-                            weight.mul_add(s_color[c], L::load(&color[c][row][at..])).store(&mut color[c][row][at..]);
-                        }
-                    }
-                    if DEPTH {
-                        weight.mul_add(s_depth, L::load(&depth[row][at..])).store(&mut depth[row][at..]);
-                    }
-                }
-            }
-        }
+        let mut sums = PictureSums::<COLOR, DEPTH> { last: NO_PLANE, color: [NO_PLANE; 3], depth: NO_PLANE };
+        let transmittance = blend::<L, _>(self.0, &mut sums);
+        let PictureSums { last, color, depth } = sums;
         TilePixels {
             transmittance: narrow(&transmittance),
             last: narrow(&last),
@@ -202,9 +154,125 @@ impl<const COLOR: bool, const DEPTH: bool> Kernel for Draw<'_, COLOR, DEPTH> {
     }
 }
 
+/// What the pictures of a tile add up while its splats are blended.
+struct PictureSums<const COLOR: bool, const DEPTH: bool> {
+    last: Plane,
+    color: [Plane; 3],
+    depth: Plane,
+}
+
+/// One splat's part of [`PictureSums`].
+#[derive(Clone, Copy)]
+struct PictureShare<L> {
+    /// One more than its position among the tile's entries.
+    count: L,
+    color: [L; 3],
+    depth: L,
+}
+
+impl<L: Lanes<Scalar = f32>, const COLOR: bool, const DEPTH: bool> Blended<L> for PictureSums<COLOR, DEPTH> {
+    type Share = PictureShare<L>;
+
+    #[inline(always)]
+    fn share(&self, k: usize, _: usize, splat: &Splat) -> PictureShare<L> {
+        PictureShare { count: L::splat((k + 1) as f64), color: splat.color.map(L::of), depth: L::of(splat.depth) }
+    }
+
+    #[inline(always)]
+    fn add(&mut self, share: &PictureShare<L>, pixels: Pixels<L>) {
+        let Pixels { row, column, drawn, weight, .. } = pixels;
+        L::select(drawn, share.count, L::load(&self.last[row][column..])).store(&mut self.last[row][column..]);
+        if COLOR {
+            for c in 0..3 {
+                let sum = L::load(&self.color[c][row][column..]);
+                weight.mul_add(share.color[c], sum).store(&mut self.color[c][row][column..]);
+            }
+        }
+        if DEPTH {
+            let sum = L::load(&self.depth[row][column..]);
+            weight.mul_add(share.depth, sum).store(&mut self.depth[row][column..]);
+        }
+    }
+}
+
+/// What is added up over the splats of a tile while [`blend`] goes through them front to back.
+pub(crate) trait Blended<L: Lanes<Scalar = f32>> {
+    /// What of a splat is the same for all its pixels.
+    type Share;
+
+    /// Looks at a splat: the tile's `k`-th, number `entry` of all.
+    fn share(&self, k: usize, entry: usize, splat: &Splat) -> Self::Share;
+
+    /// Adds what the splat does to some pixels.
+    fn add(&mut self, share: &Self::Share, pixels: Pixels<L>);
+}
+
+/// Pixels side by side in a row that a splat is blended into.
+#[derive(Clone, Copy)]
+pub(crate) struct Pixels<L: Lanes<Scalar = f32>> {
+    pub(crate) row: usize,
+    /// Column of the first.
+    pub(crate) column: usize,
+    /// Offset from the splat's centre [pixels].
+    pub(crate) dx: L,
+    pub(crate) dy: f32,
+    /// Whether the splat counts.
+    pub(crate) drawn: L::Mask,
+    /// Its alpha; 0 where it does not count.
+    pub(crate) alpha: L,
+    /// Transmittance in front of it times alpha.
+    pub(crate) weight: L,
+}
+
+/// Blends the splats of a tile front to back (paper eq. 2): T <- T (1 - alpha), until no light is left. Returns the
+/// transmittance T that remains in each pixel.
+#[inline(always)]
+pub(crate) fn blend<L: Lanes<Scalar = f32>, B: Blended<L>>(input: TileInput<'_>, sums: &mut B) -> Plane {
+    let TileInput { splats, entries, tile, inside } = input;
+    let mut transmittance = open_plane(inside);
+    let mut open = [true; TILE];
+    let (log_min, max) = (L::splat(ALPHA_MIN.ln()), L::splat(ALPHA_MAX));
+    let (transmittance_min, unreached) = (L::splat(TRANSMITTANCE_MIN), L::splat(UNREACHED_LOG_ALPHA));
+
+    for (k, &entry) in entries.iter().enumerate() {
+        if k % SPLATS_PER_CHECK == 0 && k > 0 && !close_rows::<L>(&transmittance, &mut open) {
+            break;
+        }
+        let splat = &splats[entry as usize];
+        let local = Local::<L>::new(splat, &tile);
+        let share = sums.share(k, entry as usize, splat);
+        for row in local.rows[0]..local.rows[1] {
+            if !open[row] {
+                continue;
+            }
+            let dy = local.dy + row as f32;
+            let base: L = L::of(local.c * dy * dy + local.log_opacity);
+            let slope: L = L::of(local.b * dy);
+            let mut next = local.columns[0];
+            while next < local.columns[1] {
+                let column = next;
+                next += L::LANES;
+                let dx = local.dx + L::of(column as f32);
+                let t = L::load(&transmittance[row][column..]);
+                let log_alpha = dx.mul_add(local.a, slope).mul_add(dx, base);
+                let log_alpha = L::select(transmittance_min.le(t), log_alpha, unreached);
+                let drawn = log_min.le(log_alpha);
+                if !L::any(drawn) {
+                    continue;
+                }
+                let alpha = L::select(drawn, log_alpha.exp().min(max), L::zero());
+                let weight = t * alpha;
+                (t - weight).store(&mut transmittance[row][column..]);
+                sums.add(&share, Pixels { row, column, dx, dy, drawn, alpha, weight });
+            }
+        }
+    }
+    transmittance
+}
+
 /// Closes the rows whose pixels are all finished; whether any is still open.
 #[inline(always)]
-pub(crate) fn close_rows<L: Lanes<Scalar = f32>>(transmittance: &Plane, open: &mut [bool; TILE]) -> bool {
+fn close_rows<L: Lanes<Scalar = f32>>(transmittance: &Plane, open: &mut [bool; TILE]) -> bool {
     let min = L::splat(TRANSMITTANCE_MIN);
     let mut any = false;
     for row in 0..TILE {
@@ -283,7 +351,7 @@ impl<const COLOR: bool, const DEPTH: bool> Kernel for DrawBackward<'_, COLOR, DE
         let end = row_last.iter().copied().max().unwrap_or(0);
         self.out[end..].fill([0.0; 12]);
         let (log_min, max, one) = (L::splat(ALPHA_MIN.ln()), L::splat(ALPHA_MAX), L::one());
-        let nowhere = L::splat(NOWHERE);
+        let unreached = L::splat(UNREACHED_LOG_ALPHA);
 
         for k in (0..end).rev() {
             let s = &splats[entries[k] as usize];
@@ -308,7 +376,7 @@ impl<const COLOR: bool, const DEPTH: bool> Kernel for DrawBackward<'_, COLOR, DE
                     next += L::LANES;
                     let dx = local.dx + L::of(at as f32);
                     let log_alpha = dx.mul_add(local.a, slope).mul_add(dx, base);
-                    let log_alpha = L::select(count.le(L::load(&last[row][at..])), log_alpha, nowhere);
+                    let log_alpha = L::select(count.le(L::load(&last[row][at..])), log_alpha, unreached);
                     let drawn = log_min.le(log_alpha);
                     if !L::any(drawn) {
                         continue;

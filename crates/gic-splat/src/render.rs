@@ -1,100 +1,13 @@
 //! The fast renderer's front door: what to draw, the pictures, and their gradients.
 
 use gic_scene::Camera;
-use gic_simd::Level;
 use rayon::prelude::*;
 
+use crate::limits::GAUSSIANS_PER_TASK;
 use crate::projection::{AttributeGradient, Outcome, Splat, SplatGradient, View};
 use crate::raster::{self, EntryGradient, TileInput, TileLoss, TilePixels};
 use crate::tiles::{TILE, Tile, Tiles, front_to_back};
-use crate::{GaussianGradients, Gaussians, Shape};
-
-/// Below this alpha a Gaussian does not count in a pixel: half a step of an 8-bit picture.
-pub const ALPHA_MIN: f64 = 1.0 / 255.0;
-/// No Gaussian covers a pixel more than this, so that something of what lies behind keeps a gradient.
-pub const ALPHA_MAX: f64 = 0.99;
-/// A pixel whose transmittance has fallen below this is finished.
-pub const TRANSMITTANCE_MIN: f64 = 1e-4;
-/// The affine approximation of the projection is taken no further outside the picture than this share of its size:
-/// beyond, its Jacobian would smear Gaussians that are near the camera plane over the whole picture.
-pub const FRUSTUM_MARGIN: f64 = 0.15;
-
-/// Which pictures to draw. Fewer cost less, forward and backward.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Channels {
-    /// Colour, alpha and depth.
-    #[default]
-    ColorAlphaDepth,
-    /// Colour and alpha: what a loss on pictures and masks looks at. `depth` stays empty.
-    ColorAlpha,
-    /// Alpha and depth; colours are not looked at and `color` stays empty.
-    AlphaDepth,
-    /// Alpha only: masks. `color` and `depth` stay empty.
-    Alpha,
-}
-
-impl Channels {
-    pub(crate) fn color(self) -> bool {
-        matches!(self, Channels::ColorAlphaDepth | Channels::ColorAlpha)
-    }
-
-    pub(crate) fn depth(self) -> bool {
-        matches!(self, Channels::ColorAlphaDepth | Channels::AlphaDepth)
-    }
-}
-
-/// What to draw over, and what to draw. Make one with `..Default::default()`, [`RenderSettings::pictures`] or [`RenderSettings::masks`].
-#[derive(Clone, Debug, PartialEq)]
-pub struct RenderSettings {
-    /// Background colour in [0, 1].
-    pub background: [f32; 3],
-    /// Which pictures to draw.
-    pub channels: Channels,
-    /// Low-pass filter: added to the diagonal of every projected covariance [pixels^2]. The default, 0.3, is the
-    /// convention of the field, which the usual viewers apply as well; it widens every Gaussian.
-    pub dilation: f32,
-    /// Scale the opacity by sqrt(det / dilated det), so that the filter spreads each Gaussian instead of adding to it.
-    /// Off by default, as in the usual viewers.
-    pub compensate: bool,
-    /// Gaussians whose centre is nearer to the camera plane than this are not drawn [m].
-    pub near: f32,
-    /// Spherical harmonics above this degree are left out (their gradient is zero); training raises it step by step.
-    pub max_sh_degree: usize,
-    /// Instructions to use; the widest that the machine has by default (or what `GIC_SIMD` says).
-    pub level: Level,
-}
-
-impl Default for RenderSettings {
-    fn default() -> RenderSettings {
-        RenderSettings {
-            background: [0.0; 3],
-            channels: Channels::ColorAlphaDepth,
-            dilation: 0.3,
-            compensate: false,
-            near: 0.01,
-            max_sh_degree: 3,
-            level: Level::active(),
-        }
-    }
-}
-
-impl RenderSettings {
-    /// For comparing with pictures and their masks: the defaults without the depth picture.
-    pub fn pictures() -> RenderSettings {
-        RenderSettings { channels: Channels::ColorAlpha, ..RenderSettings::default() }
-    }
-
-    /// For masks that are true to the geometry below a pixel: alpha only, the low-pass filter has the variance of one
-    /// pixel (1/12 pixels^2: a true mask averages over the pixel) and keeps each Gaussian's total.
-    pub fn masks() -> RenderSettings {
-        RenderSettings {
-            channels: Channels::Alpha,
-            dilation: 1.0 / 12.0,
-            compensate: true,
-            ..RenderSettings::default()
-        }
-    }
-}
+use crate::{GaussianGradients, Gaussians, RenderSettings, Shape};
 
 /// Pictures of one view, row-major from the top left, plus what the backward pass needs.
 #[derive(Clone, Debug)]
@@ -133,16 +46,13 @@ pub struct ImageGradients {
     pub depth: Vec<f32>,
 }
 
-/// Gaussians per task: below this, a thread is not worth waking.
-pub(crate) const PER_TASK: usize = 512;
-
 /// Draws the Gaussians as `camera` sees them (paper eq. 2).
 ///
 /// A Gaussian with centre `x`, covariance `Sigma = R S^2 R^T` and opacity `o` has camera coordinates `p = W (x - c)`, image
 /// centre `m` and projected covariance `Sigma' = J W Sigma W^T J^T + dilation I`. In a pixel at `u` its alpha is
-/// `o exp(-(u - m)^T Sigma'^-1 (u - m) / 2)`: nothing below [`ALPHA_MIN`], at most [`ALPHA_MAX`]. Gaussians are blended in the
+/// `o exp(-(u - m)^T Sigma'^-1 (u - m) / 2)`: nothing below [`crate::ALPHA_MIN`], at most [`crate::ALPHA_MAX`]. Gaussians are blended in the
 /// order of the depth of their centres (rounded to f32; ties: by index), until the transmittance is below
-/// [`TRANSMITTANCE_MIN`]. [`crate::twin`] is the same in plain f64.
+/// [`crate::TRANSMITTANCE_MIN`]. [`crate::twin`] is the same in plain f64.
 ///
 /// # Panics
 /// If the arrays of `gaussians` do not belong together ([`Gaussians::validate`] tells), or colour is asked for without `sh`.
@@ -182,8 +92,11 @@ pub(crate) fn splats(gaussians: &Gaussians, camera: &Camera, settings: &RenderSe
         "Gaussians without spherical harmonics have no colour to draw: ask for Channels::AlphaDepth or Channels::Alpha"
     );
     let view = View::new(gaussians, camera, settings);
-    let outcomes: Vec<Outcome> =
-        (0..gaussians.len()).into_par_iter().with_min_len(PER_TASK).map(|i| view.project(gaussians, i)).collect();
+    let outcomes: Vec<Outcome> = (0..gaussians.len())
+        .into_par_iter()
+        .with_min_len(GAUSSIANS_PER_TASK)
+        .map(|i| view.project(gaussians, i))
+        .collect();
     let rejected = outcomes.iter().filter(|o| matches!(o, Outcome::Rejected)).count();
     (front_to_back(&outcomes), rejected)
 }
@@ -311,7 +224,7 @@ fn attributes_backward(
     let attributes: Vec<(AttributeGradient, [f32; 3])> = splats
         .par_iter()
         .enumerate()
-        .with_min_len(PER_TASK)
+        .with_min_len(GAUSSIANS_PER_TASK)
         .map(|(k, splat)| {
             let [first, last] = [k, k + 1].map(|k| tiles.slot_starts[k] as usize);
             let sums = sum_entries(entries, &tiles.slots[first..last]);
@@ -335,7 +248,7 @@ fn attributes_backward(
         }
     }
     if settings.channels.color() {
-        let sh = out.sh.par_chunks_mut(gaussians.sh_per_gaussian()).with_min_len(PER_TASK);
+        let sh = out.sh.par_chunks_mut(gaussians.sh_per_gaussian()).with_min_len(GAUSSIANS_PER_TASK);
         sh.zip(&mut out.positions).zip(&d_color).enumerate().for_each(|(i, ((sh, position), color))| {
             if let Some(color) = color {
                 view.color_backward(gaussians, i, *color, sh, position);

@@ -7,13 +7,12 @@ use gic_scene::Camera;
 use gic_simd::{Kernel, Lanes, dispatch};
 use rayon::prelude::*;
 
-use crate::projection::{LogAlphaTangent, View};
-use crate::raster::{Local, NO_PLANE, NOWHERE, PIXELS, Plane, TileInput, close_rows, narrow};
-use crate::render::{
-    ALPHA_MAX, ALPHA_MIN, Channels, PER_TASK, RenderSettings, TRANSMITTANCE_MIN, input, rows_of, splats,
-};
-use crate::tiles::{TILE, Tiles};
-use crate::{Gaussians, raster};
+use crate::limits::{ALPHA_MAX, GAUSSIANS_PER_TASK};
+use crate::projection::{LogAlphaTangent, Splat, View};
+use crate::raster::{Blended, NO_PLANE, PIXELS, Pixels, Plane, TileInput, blend, narrow};
+use crate::render::{input, rows_of, splats};
+use crate::tiles::Tiles;
+use crate::{Channels, Gaussians, RenderSettings};
 
 /// An alpha picture and its derivatives.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,7 +51,7 @@ pub fn alpha_tangents(
     let view = View::new(gaussians, camera, settings);
     let mut projected = vec![LogAlphaTangent::default(); splats.len() * count];
     if count > 0 {
-        projected.par_chunks_mut(count).with_min_len(PER_TASK).zip(&splats).for_each(|(out, splat)| {
+        projected.par_chunks_mut(count).with_min_len(GAUSSIANS_PER_TASK).zip(&splats).for_each(|(out, splat)| {
             let moves = tangents.iter().map(|t| t[splat.index as usize]);
             view.project_tangents(gaussians, splat.index as usize, moves, out);
         });
@@ -91,55 +90,41 @@ impl Kernel for DrawTangents<'_> {
 
     #[inline(always)]
     fn run<L: Lanes<Scalar = f32>>(self) -> Self::Output {
-        let TileInput { splats, entries, tile, inside } = self.input;
-        let mut transmittance = raster::open_plane(inside);
-        let mut sums: Vec<Plane> = vec![NO_PLANE; self.count];
-        let mut open = [true; TILE];
-        let (log_min, max, one) = (L::splat(ALPHA_MIN.ln()), L::splat(ALPHA_MAX), L::one());
-        let (transmittance_min, nowhere) = (L::splat(TRANSMITTANCE_MIN), L::splat(NOWHERE));
-
-        for (k, &entry) in entries.iter().enumerate() {
-            if k % raster::CHECK_EVERY == 0 && k > 0 && !close_rows::<L>(&transmittance, &mut open) {
-                break;
-            }
-            let local = Local::<L>::new(&splats[entry as usize], &tile);
-            let tangents = &self.tangents[entry as usize * self.count..(entry as usize + 1) * self.count];
-            for row in local.rows[0]..local.rows[1] {
-                if !open[row] {
-                    continue;
-                }
-                let dy = local.dy + row as f32;
-                let base = L::of(local.c * dy * dy + local.log_opacity);
-                let slope = L::of(local.b * dy);
-                let mut next = local.columns[0];
-                while next < local.columns[1] {
-                    let at = next;
-                    next += L::LANES;
-                    let dx = local.dx + L::of(at as f32);
-                    let t = L::load(&transmittance[row][at..]);
-                    let log_alpha = dx.mul_add(local.a, slope).mul_add(dx, base);
-                    let log_alpha = L::select(transmittance_min.le(t), log_alpha, nowhere);
-                    let drawn = log_min.le(log_alpha);
-                    if !L::any(drawn) {
-                        continue;
-                    }
-                    let alpha = L::select(drawn, log_alpha.exp().min(max), L::zero());
-                    (t - t * alpha).store(&mut transmittance[row][at..]);
-                    // At the cap, alpha no longer follows the Gaussian.
-                    let share = L::select(alpha.lt(max), alpha / (one - alpha), L::zero());
-                    for (sum, s) in sums.iter_mut().zip(tangents) {
-                        let constant = L::of(s[0] + (s[2] + s[5] * dy) * dy);
-                        let d_log = dx.mul_add(L::of(s[3]), L::of(s[1] + s[4] * dy)).mul_add(dx, constant);
-                        share.mul_add(d_log, L::load(&sum[row][at..])).store(&mut sum[row][at..]);
-                    }
-                }
-            }
-        }
-        let left = narrow(&transmittance);
-        let finish = |sum: &Plane| {
-            let sum = narrow(sum);
+        let DrawTangents { input, tangents, count } = self;
+        let mut sums = TangentSums { tangents, count, planes: vec![NO_PLANE; count] };
+        let left = narrow(&blend::<L, _>(input, &mut sums));
+        let finish = |plane: &Plane| {
+            let sum = narrow(plane);
             std::array::from_fn(|i| sum[i] * left[i])
         };
-        (left.map(|t| 1.0 - t), sums.iter().map(finish).collect())
+        (left.map(|t| 1.0 - t), sums.planes.iter().map(finish).collect())
+    }
+}
+
+/// For every tangent, sum of d alpha / (1 - alpha) over the splats.
+struct TangentSums<'a> {
+    tangents: &'a [LogAlphaTangent],
+    count: usize,
+    planes: Vec<Plane>,
+}
+
+impl<'a, L: Lanes<Scalar = f32>> Blended<L> for TangentSums<'a> {
+    type Share = &'a [LogAlphaTangent];
+
+    #[inline(always)]
+    fn share(&self, _: usize, entry: usize, _: &Splat) -> &'a [LogAlphaTangent] {
+        &self.tangents[entry * self.count..(entry + 1) * self.count]
+    }
+
+    #[inline(always)]
+    fn add(&mut self, tangents: &&'a [LogAlphaTangent], pixels: Pixels<L>) {
+        let Pixels { row, column, dx, dy, alpha, .. } = pixels;
+        // At the cap, alpha no longer follows the Gaussian.
+        let share = L::select(alpha.lt(L::splat(ALPHA_MAX)), alpha / (L::one() - alpha), L::zero());
+        for (sum, s) in self.planes.iter_mut().zip(*tangents) {
+            let constant = L::of(s[0] + (s[2] + s[5] * dy) * dy);
+            let d_log = dx.mul_add(L::of(s[3]), L::of(s[1] + s[4] * dy)).mul_add(dx, constant);
+            share.mul_add(d_log, L::load(&sum[row][column..])).store(&mut sum[row][column..]);
+        }
     }
 }

@@ -4,8 +4,8 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use crate::limits::GAUSSIANS_PER_TASK;
 use crate::projection::{Outcome, Splat};
-use crate::render::PER_TASK;
 
 /// Side of a tile [pixels].
 pub(crate) const TILE: usize = 16;
@@ -43,7 +43,7 @@ pub(crate) fn front_to_back(outcomes: &[Outcome]) -> Vec<Splat> {
         Outcome::Drawn(splat) => *splat,
         Outcome::Hidden | Outcome::Rejected => unreachable!("only what is drawn has a key"),
     };
-    keys.par_iter().with_min_len(PER_TASK).map(splat).collect()
+    keys.par_iter().with_min_len(GAUSSIANS_PER_TASK).map(splat).collect()
 }
 
 impl Tiles {

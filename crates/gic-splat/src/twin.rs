@@ -13,7 +13,7 @@
 use gic_scene::Camera;
 use glam::{DMat2, DMat3, DVec2, DVec3};
 
-use crate::render::{ALPHA_MAX, ALPHA_MIN, FRUSTUM_MARGIN, TRANSMITTANCE_MIN};
+use crate::limits::{ALPHA_MAX, ALPHA_MIN, FRUSTUM_MARGIN, TRANSMITTANCE_MIN};
 use crate::{GaussianGradients, Gaussians, ImageGradients, RenderSettings, Shape, sh};
 
 /// [`Gaussians`], or a gradient with respect to them, in f64. Isotropic ones have three equal scales.
