@@ -5,7 +5,7 @@ use std::path::Path;
 use gic_optimize::Moments;
 use serde::{Deserialize, Serialize};
 
-use super::{Best, State};
+use super::state::{Best, State};
 use crate::base::fit::{Base, PoseFit};
 use crate::gaussians::parameters::{ParameterMoments, Parameters, ScreenGradients, details_per_gaussian};
 use crate::gaussians::smoothing::Anchors;

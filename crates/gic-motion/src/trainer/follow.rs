@@ -1,13 +1,14 @@
 //! The first base motion, from frame to frame, before training uses it.
 
 use gic_optimize::decayed;
-use glam::DVec3;
 use rand::Rng;
 use rayon::prelude::*;
 
-use super::{EXTENT_RADII, MIN_SYNCHRONOUS, State, Trainer, ViewGradient};
+use super::state::State;
+use super::training::Training;
+use super::view_gradient::ViewGradient;
 use crate::base::fit::{Base, Freedom, PoseFit};
-use crate::{BaseMotion, Lattice, MotionError, pictures};
+use crate::{BaseMotion, Lattice, MotionError};
 
 /// Learning rate of the first fit of a frame's affine map, first and last step; shifts in units of the object's size.
 const MAP_RATE: (f64, f64) = (1.5e-2, 1.5e-3);
@@ -18,16 +19,7 @@ const FOLLOW_VIEWS: usize = 4;
 /// An affine map explains a frame whose loss is at most this many times the first frame's.
 const EXPLAINED: f64 = 1.5;
 
-impl Trainer<'_> {
-    /// For each frame the point nearest to the rays through its masks' centres; `None` when a frame has too few views for that.
-    pub(super) fn centres(&self) -> Option<Vec<DVec3>> {
-        let centre = |frame: &Vec<usize>| {
-            let seen = frame.iter().map(|&i| &self.targets[i]).filter(|t| t.area > 0.0);
-            (seen.clone().count() >= MIN_SYNCHRONOUS).then(|| pictures::mask_centre(seen))?
-        };
-        self.frames.iter().map(centre).collect()
-    }
-
+impl Training<'_> {
     /// The first base motion: the pose of every frame, each fitted from where the last two lead. Frames bend from the first one
     /// on that no affine map explains.
     pub(super) fn follow(&self, state: &State, rng: &mut impl Rng) -> Result<Base, MotionError> {
@@ -60,7 +52,7 @@ impl Trainer<'_> {
         freedom: Freedom,
         rng: &mut impl Rng,
     ) -> Result<(), MotionError> {
-        let size = 2.0 * state.domain.extent / EXTENT_RADII;
+        let size = state.object_size();
         let (steps, rates) = match freedom {
             Freedom::Map => (self.settings.affine_steps, MAP_RATE),
             Freedom::MapAndBend => (self.settings.bend_steps, BEND_RATE),

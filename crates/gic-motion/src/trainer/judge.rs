@@ -1,6 +1,8 @@
 //! When training is good enough, and what it leaves.
 
-use super::{Best, Stage, State, Trainer};
+use super::schedule::Stage;
+use super::state::{Best, State};
+use super::training::Training;
 use crate::gaussians::parameters::Parameters;
 use crate::{BaseMotion, Domain, DynamicGaussians, Motion, MotionError, MotionNetwork, ViewScore, evaluate};
 
@@ -9,7 +11,7 @@ const PROGRESS_DB: f64 = 0.02;
 /// Nor does a smaller relative gain of the loss, where nothing is held out.
 const PROGRESS_LOSS: f64 = 0.005;
 
-impl Trainer<'_> {
+impl Training<'_> {
     /// Measures the held-out views when it is time, and remembers the best state.
     pub(super) fn judge(&self, state: &mut State) -> Result<Option<ViewScore>, MotionError> {
         let every = self.settings.evaluate_every;

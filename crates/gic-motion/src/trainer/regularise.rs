@@ -3,11 +3,12 @@
 use gic_splat::Gaussians;
 use rand::Rng;
 
-use super::{EXTENT_RADII, State, Trainer};
+use super::state::State;
+use super::training::Training;
 use crate::gaussians::parameters::{self, Gradient, ScreenGradients, control_density};
 use crate::gaussians::smoothing::Anchors;
 
-impl Trainer<'_> {
+impl Training<'_> {
     /// Shares the pull on each point with its neighbours; false when that is over.
     pub(super) fn smooth(&self, state: &mut State, gradient: &mut Gradient, views: usize) -> bool {
         let (first, last) = self.settings.smoothing;
@@ -60,7 +61,7 @@ impl Trainer<'_> {
         {
             return;
         }
-        let extent = 2.0 * state.domain.extent / EXTENT_RADII;
+        let extent = state.object_size();
         let limits = (extent, self.max_gaussians);
         control_density(&mut state.parameters, &mut state.moments, &state.screen, d, limits, rng);
         if d.opacity_reset_every > 0 && state.step.is_multiple_of(d.opacity_reset_every) {

@@ -2,7 +2,8 @@
 
 use rand::{Rng, RngExt};
 
-use super::{State, Trainer};
+use super::state::State;
+use super::training::Training;
 use crate::pictures::Target;
 
 /// What takes part in a step.
@@ -18,7 +19,7 @@ pub(super) enum Stage {
     Network,
 }
 
-impl Trainer<'_> {
+impl Training<'_> {
     /// What takes part in `step` (counted from 0).
     pub(super) fn stage(&self, step: usize) -> Stage {
         if self.is_static || step < self.settings.warm_up_steps {

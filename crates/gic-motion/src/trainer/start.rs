@@ -6,21 +6,19 @@ use gic_splat::{coefficient_of_color, logit};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{EXTENT_RADII, State, Trainer};
+use super::state::{EXTENT_RADII, State};
+use super::training::{MIN_GAUSSIANS, Training};
 use crate::gaussians::first_points::{self, Points};
 use crate::gaussians::parameters::{ParameterMoments, Parameters, ScreenGradients, details_per_gaussian};
 use crate::gaussians::smoothing::Anchors;
 use crate::pictures::{self, Ball, Target};
 use crate::{Domain, GaussianShape, InitialPoints, MotionError, MotionNetwork};
 
-/// Never start with, or stay below, fewer Gaussians than this.
-pub(super) const MIN_GAUSSIANS: usize = 100;
-
 /// A point belongs to the hull of a moving object seen by one camera at a time unless more than this share of the pictures
 /// miss it.
 const MISSES_OVER_TIME: f64 = 0.3;
 
-impl Trainer<'_> {
+impl Training<'_> {
     /// The state before the first step.
     pub(super) fn start(&self, scene: &Scene) -> Result<State, MotionError> {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);

@@ -2,7 +2,7 @@
 
 use gic_splat::{GaussianGradients, Gaussians, RenderSettings, backward, render};
 
-use super::Trainer;
+use super::training::Training;
 use crate::MotionError;
 use crate::pictures::{Target, drawn_bounds, picture_loss, windowed};
 
@@ -13,7 +13,7 @@ pub(super) struct ViewGradient {
     pub(super) screen_unit: f64,
 }
 
-impl Trainer<'_> {
+impl Training<'_> {
     /// Loss and gradient of one view, rendered where its mask or the Gaussians are.
     pub(super) fn view_gradient(
         &self,

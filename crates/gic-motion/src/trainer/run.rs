@@ -1,0 +1,85 @@
+//! The training loop: steps, evaluations, checkpoints.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::Instant;
+
+use gic_scene::Scene;
+
+use super::check::check;
+use super::checkpoint;
+use super::progress::{Phase, Progress};
+use super::schedule::Stage;
+use super::state::State;
+use super::training::Training;
+use crate::{DynamicGaussians, MotionError, TrainSettings};
+
+/// Reconstructs a scene: trains Gaussians, and their motion if it has several times, to reproduce its pictures.
+///
+/// `callback` hears of every step and may end training; what was reached until then is returned. With a `checkpoint`
+/// folder the state is saved there from time to time, and training continues from a state found there.
+/// The same scene, settings and seed give the same result, bit by bit, whatever the number of threads.
+///
+/// # Errors
+/// Unreadable pictures, settings or checkpoints, a scene without object, or a loss that is not finite.
+pub fn train(
+    scene: &Scene,
+    settings: &TrainSettings,
+    seed: u64,
+    callback: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    checkpoint: Option<&Path>,
+) -> Result<DynamicGaussians, MotionError> {
+    check(scene, settings)?;
+    let training = Training::new(scene, settings, seed)?;
+    let resumed = match checkpoint {
+        Some(folder) => checkpoint::load(folder, settings, seed, training.sh_degree)?,
+        None => None,
+    };
+    let mut state = match resumed {
+        Some(state) => state,
+        None => training.start(scene)?,
+    };
+    training.run(&mut state, callback, checkpoint)?;
+    Ok(training.finish(state))
+}
+
+impl Training<'_> {
+    fn run(
+        &self,
+        state: &mut State,
+        callback: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+        checkpoint: Option<&Path>,
+    ) -> Result<(), MotionError> {
+        let steps = self.settings.steps;
+        let (started, first) = (Instant::now(), state.step);
+        let mut saved = Instant::now();
+        while state.step < steps {
+            // As one of the pool's own threads: from outside, each of the dozens of parallel loops of a step would put this thread to sleep.
+            let psnr = rayon::scope(|_| self.step(state))?;
+            let held_out = self.judge(state)?;
+            let seconds = started.elapsed().as_secs_f64();
+            let progress = Progress {
+                phase: if self.stage(state.step - 1) == Stage::Still { Phase::WarmUp } else { Phase::Motion },
+                step: state.step,
+                steps,
+                loss: state.mean_loss,
+                psnr,
+                gaussians: state.parameters.len(),
+                held_out,
+                seconds,
+                seconds_left: seconds / (state.step - first) as f64 * (steps - state.step) as f64,
+            };
+            let stop = callback(&progress).is_break() || self.is_stale(state);
+            if let Some(folder) = checkpoint
+                && (stop || state.step == steps || saved.elapsed().as_secs_f64() > self.settings.checkpoint_seconds)
+            {
+                checkpoint::save(folder, state, self.settings, self.seed)?;
+                saved = Instant::now();
+            }
+            if stop {
+                break;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,84 @@
+//! What changes during training.
+
+use gic_optimize::Moments;
+use gic_splat::Gaussians;
+
+use crate::base::fit::Base;
+use crate::gaussians::parameters::{ParameterMoments, Parameters, ScreenGradients};
+use crate::gaussians::smoothing::Anchors;
+use crate::{BaseMotion, Deformation, Domain, MotionNetwork, Pose};
+
+/// Length of the network's unit, in radii of the object's ball at the first frame.
+pub(super) const EXTENT_RADII: f64 = 2.0;
+
+/// Everything that changes during training; what a checkpoint holds.
+#[derive(Clone, Debug)]
+pub(crate) struct State {
+    pub(crate) step: usize,
+    pub(crate) domain: Domain,
+    /// Spacing of the first points [m].
+    pub(crate) spacing: f64,
+    pub(crate) parameters: Parameters,
+    pub(crate) moments: ParameterMoments,
+    pub(crate) network: MotionNetwork<f32>,
+    pub(crate) network_moments: Moments,
+    pub(crate) network_steps: usize,
+    pub(crate) screen: ScreenGradients,
+    /// What smoothing goes by.
+    pub(crate) anchors: Anchors,
+    pub(crate) base: Option<Base>,
+    pub(crate) mean_loss: f64,
+    pub(crate) lowest_loss: Option<f64>,
+    pub(crate) best: Option<Best>,
+    /// Evaluations since the best.
+    pub(crate) stale: usize,
+}
+
+/// The best state by the held-out views so far.
+#[derive(Clone, Debug)]
+pub(crate) struct Best {
+    pub(crate) psnr: f64,
+    pub(crate) parameters: Parameters,
+    pub(crate) network: Vec<f32>,
+    pub(crate) base: Option<BaseMotion>,
+}
+
+impl State {
+    /// Width of the object at the first frame [m]: its ball's diameter.
+    pub(super) fn object_size(&self) -> f64 {
+        2.0 * self.domain.extent / EXTENT_RADII
+    }
+
+    /// Displacements [m] and changes of the logarithm of the scale; `None` where nothing moves.
+    pub(super) fn residuals(
+        &self,
+        pose: Option<&Pose>,
+        deformation: Option<&Deformation<f32>>,
+    ) -> Option<Vec<[f32; 4]>> {
+        let mut residuals = match deformation {
+            Some(deformation) => self.domain.residuals(&deformation.residuals),
+            None if pose.is_none() => return None,
+            None => vec![[0.0; 4]; self.parameters.len()],
+        };
+        if let (Some(base), Some(pose)) = (&self.base, pose) {
+            add_displacements(&mut residuals, &self.parameters.positions, &base.motion, pose);
+        }
+        Some(residuals)
+    }
+
+    /// The canonical Gaussians moved by a pose alone.
+    pub(super) fn posed(&self, motion: &BaseMotion, pose: &Pose) -> Gaussians {
+        let mut residuals = vec![[0.0; 4]; self.parameters.len()];
+        add_displacements(&mut residuals, &self.parameters.positions, motion, pose);
+        self.parameters.gaussians(Some(&residuals))
+    }
+}
+
+fn add_displacements(residuals: &mut [[f32; 4]], positions: &[[f32; 3]], motion: &BaseMotion, pose: &Pose) {
+    for (residual, &x) in residuals.iter_mut().zip(positions) {
+        let moved = motion.moved(pose, x);
+        for axis in 0..3 {
+            residual[axis] += moved[axis] - x[axis];
+        }
+    }
+}
