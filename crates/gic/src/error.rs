@@ -146,4 +146,16 @@ impl Error {
     {
         move |source| Self::Stage { stage, hint: None, source: source.into() }
     }
+
+    /// An [`Error::Stage`] of filling a frame.
+    pub(crate) fn filling<E>(frame: usize) -> impl FnOnce(E) -> Self
+    where
+        E: Into<Box<dyn std::error::Error + Send + Sync>>,
+    {
+        move |source| Self::Stage {
+            stage: "filling",
+            hint: Some(format!("this is frame {frame}; look at the scene with `gic inspect`")),
+            source: source.into(),
+        }
+    }
 }

@@ -10,5 +10,6 @@ pub mod grasp;
 pub mod pipeline;
 pub mod recording;
 pub mod report;
+mod statistics;
 
 pub use error::{Error, Result};

@@ -14,7 +14,8 @@ use gic_twin::events::{Event, Events};
 use serde::Serialize;
 
 use crate::error::{Error, Result};
-use crate::eval::{Evaluation, Truth, evaluate, mean};
+use crate::eval::{Evaluation, Truth, evaluate};
+use crate::statistics::mean_and_variance;
 use states::Column;
 pub use states::{Figure, StateRow};
 
@@ -246,10 +247,9 @@ fn table<'a>(evaluations: impl Iterator<Item = &'a Evaluation>) -> Vec<TableRow>
         errors.entry((e.model.clone(), "v".into())).or_default().push(e.velocity.error_x100);
     }
     let row = |((model, parameter), errors): ((String, String), Vec<f64>)| {
-        let average = mean(errors.iter().copied());
-        let variance = mean(errors.iter().map(|e| (e - average).powi(2)));
+        let (mean, variance) = mean_and_variance(&errors);
         let paper = PAPER.iter().find(|(m, p, _)| *m == model && *p == parameter).map(|(_, _, numbers)| *numbers);
-        TableRow { model, parameter, scenes: errors.len(), mean: average, deviation: variance.sqrt(), paper }
+        TableRow { model, parameter, scenes: errors.len(), mean, deviation: variance.sqrt(), paper }
     };
     errors.into_iter().map(row).collect()
 }

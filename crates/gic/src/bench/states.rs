@@ -2,7 +2,8 @@
 
 use serde::Serialize;
 
-use crate::eval::{Evaluation, FrameError, mean, mean_of};
+use crate::eval::{Evaluation, FrameError, mean_of};
+use crate::statistics::mean;
 
 /// The Spring-Gaus set's objects, in the order of the paper's columns.
 const OBJECTS: [&str; 7] = ["torus", "cross", "cream", "apple", "paste", "chess", "banana"];

@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 use crate::config::{Config, Layer};
 use crate::error::{Error, Result};
 use crate::pipeline::{FillSummary, FrameFilling, IdentifyRecord, filling_file, prediction_file};
+use crate::statistics::mean;
 pub use pictures::PictureError;
 use pictures::Pictures;
 pub use registration::RegistrationError;
@@ -158,12 +159,6 @@ pub fn evaluate(run: &Path, truth: &Truth, events: &Events, interrupt: &Interrup
         mask_iou: mean(summary.mask_iou.iter().copied()),
         registration: registration_error(run, truth)?,
     })
-}
-
-/// Mean of some numbers; NaN of none.
-pub fn mean(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, n) = values.fold((0.0, 0), |(sum, n), v| (sum + v, n + 1));
-    sum / f64::from(n)
 }
 
 fn parameter_errors(found: &IdentifyRecord, truth: &Truth) -> Vec<ParameterError> {

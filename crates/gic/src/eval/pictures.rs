@@ -10,10 +10,10 @@ use gic_view::look::Look;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::mean;
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::pipeline::{TWIN_MATTER, open_scene, prediction_file, simulated_frame};
+use crate::statistics::mean;
 
 /// Pictures of the twin against those of the video, both over black: means over cameras.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

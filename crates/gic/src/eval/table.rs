@@ -1,6 +1,7 @@
 //! The evaluation as text.
 
-use super::{Evaluation, FrameError, PictureError, mean};
+use super::{Evaluation, FrameError, PictureError};
+use crate::statistics::mean;
 
 impl Evaluation {
     /// The evaluation as a table for people.

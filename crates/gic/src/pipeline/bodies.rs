@@ -2,10 +2,9 @@
 
 use gic_continuum::{Completion, FillSettings, Filling, MaskedView, Symmetry, fill};
 
-use super::fill::failed;
 use super::source::Source;
 use super::still::Still;
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 /// Fills frame by frame.
 pub(super) struct Bodies {
@@ -34,7 +33,7 @@ impl Bodies {
             return still.fill(source, frame, settings);
         }
         let gaussians = source.gaussians.at(source.scene.times[frame]);
-        let mut filling = fill(&gaussians, views, settings).map_err(failed(frame))?;
+        let mut filling = fill(&gaussians, views, settings).map_err(Error::filling(frame))?;
         // One view tells nothing of a body's far side.
         if !self.symmetric || filling.views_used < 2 {
             return Ok(filling);

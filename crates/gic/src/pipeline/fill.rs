@@ -141,12 +141,13 @@ impl Run<'_> {
             let spacing = *spacing.get_or_insert_with(|| self.particle_spacing(size, &filling));
             // Only the first frame's particles are simulated and need volumes of their own.
             let place = if frame == 0 { sample_particles } else { sample_points };
-            let particles = place(&filling, spacing, Placement::Layered).map_err(failed(frame))?;
-            let points = place(&filling, DRAWING_SPACING * spacing, Placement::Layered).map_err(failed(frame))?;
+            let particles = place(&filling, spacing, Placement::Layered).map_err(Error::filling(frame))?;
+            let points =
+                place(&filling, DRAWING_SPACING * spacing, Placement::Layered).map_err(Error::filling(frame))?;
             let surface_points = self.write_frame(frame, &filling, &particles)?;
             let drawn = match &first {
                 Some((_, _, drawn, _)) => *drawn,
-                None => calibrate(&points, &views, OPACITY).map_err(failed(frame))?,
+                None => calibrate(&points, &views, OPACITY).map_err(Error::filling(frame))?,
             };
             let volume_m3 = filling.volume();
             let ious = overlaps(&compare_with_masks(&points, &drawn, &views));
@@ -164,7 +165,7 @@ impl Run<'_> {
             if frame == 0 {
                 // More is seen of a body in the air than of one on the ground.
                 settings.volume = Some(volume_m3);
-                let appearance = calibrate(&particles, &views, OPACITY).map_err(failed(frame))?;
+                let appearance = calibrate(&particles, &views, OPACITY).map_err(Error::filling(frame))?;
                 first = Some((particles, appearance, drawn, ious));
             }
         }
@@ -217,7 +218,7 @@ impl Run<'_> {
     pub fn drawing(&self, continuum: &Continuum) -> Result<(Drawing, Appearance)> {
         let filling = self.first_filling(continuum)?;
         let drawing = Drawing::new(&filling, &continuum.particles, DRAWING_SPACING * continuum.particles.spacing)
-            .map_err(failed(0))?;
+            .map_err(Error::filling(0))?;
         Ok((drawing, Appearance { scale: continuum.summary.drawing_scale, ..continuum.appearance }))
     }
 
@@ -320,17 +321,6 @@ fn object_size(source: &Source) -> Result<f64> {
     })?;
     let (low, high) = hull.bounds();
     Ok((high - low).max_element())
-}
-
-pub(super) fn failed<E>(frame: usize) -> impl FnOnce(E) -> Error
-where
-    E: Into<Box<dyn std::error::Error + Send + Sync>>,
-{
-    move |source| Error::Stage {
-        stage: "filling",
-        hint: Some(format!("this is frame {frame}; look at the scene with `gic inspect`")),
-        source: source.into(),
-    }
 }
 
 /// Writes the particles of a body at time 0 with their attributes.

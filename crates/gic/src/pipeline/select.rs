@@ -17,7 +17,7 @@ use super::stamp::Stamp;
 use super::{Run, Stage};
 use crate::config::Model;
 use crate::error::{Error, Result};
-use crate::eval::mean;
+use crate::statistics::{mean, mean_and_variance};
 
 /// Share of the frames that the laws have to predict.
 const HELD_BACK: f64 = 0.3;
@@ -73,8 +73,7 @@ impl LawRecord {
         if differences.is_empty() {
             return false;
         }
-        let average = mean(differences.iter().copied());
-        let variance = mean(differences.iter().map(|d| (d - average).powi(2)));
+        let (average, variance) = mean_and_variance(&differences);
         let standard_error = (variance / differences.len() as f64).sqrt();
         average < (STANDARD_ERRORS * standard_error).max(CLOSE * better.prediction_error())
     }

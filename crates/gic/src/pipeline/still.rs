@@ -6,9 +6,8 @@
 use gic_continuum::{ColouredView, FillSettings, Filling, MaskedView, Symmetry, fill_outlines};
 use gic_scene::{Camera, Mask, Picture};
 
-use super::fill::failed;
 use super::source::{Source, mean};
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 /// The first frames, of which all show the same body.
 pub(super) struct Still {
@@ -54,7 +53,7 @@ impl Still {
         let moved: Vec<Moved> = (0..self.frames()).flat_map(|moment| self.moved(source, moment, here)).collect();
         let gaussians = source.gaussians.at(source.scene.times[frame]);
         let views: Vec<MaskedView> = moved.iter().map(Moved::masked).collect();
-        let mut filling = fill_outlines(&gaussians, &views, here, settings).map_err(failed(frame))?;
+        let mut filling = fill_outlines(&gaussians, &views, here, settings).map_err(Error::filling(frame))?;
         let views: Vec<ColouredView> = moved.iter().map(Moved::coloured).collect();
         filling.carve(&views, here);
         Ok(filling)
