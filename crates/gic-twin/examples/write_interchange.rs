@@ -10,9 +10,9 @@ use std::path::PathBuf;
 use gic_continuum::{ContinuumError, Filling};
 use gic_geometry::write_msh;
 use gic_mpm::{Material, Options, rollout};
-use gic_twin::interchange::{Carrier, MotionSamples, write_mjcf, write_particle_set, write_usd};
-use gic_twin::matter::{Shape, ShapeKind};
-use gic_twin::twin::{ContactKind, Continuum, Obstacle, ObstacleShape, Twin};
+use gic_twin::interchange::{EmbeddedPoints, MotionSamples, write_mjcf, write_particle_set, write_usd};
+use gic_twin::matter::{Solid, SolidKind};
+use gic_twin::twin::{ContactKind, MatterSource, Obstacle, ObstacleShape, Twin};
 use glam::DVec3;
 
 /// Sides [m]; clamped at x = 0.
@@ -30,12 +30,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     write_mjcf(&folder.join("beam.xml"), &mesh, &Twin { colliders: Vec::new(), ..twin.clone() })?;
     let (twin, world) = twin.to_world()?;
     write_particle_set(&folder.join("beam.npz"), &twin, &world)?;
-    let carrier = Carrier::new(&mesh.vertices, &world.bodies[0].positions);
+    let carrier = EmbeddedPoints::new(&mesh.vertices, &world.bodies[0].positions);
     let (mut frames, mut sag) = (Vec::new(), Vec::new());
     let tip: Vec<usize> =
         (0..world.bodies[0].positions.len()).filter(|&p| world.bodies[0].positions[p].x > SIZE.x - 0.006).collect();
     rollout(&world, &Options::default(), twin.frames, |frame| {
-        frames.push(carrier.carry(&frame.positions));
+        frames.push(carrier.deformed(&frame.positions));
         sag.push(tip.iter().map(|&p| frame.positions[p].y).sum::<f64>() / tip.len() as f64);
     })?;
     let motion = MotionSamples { frame_rate_hz: twin.frame_rate_hz, frames };
@@ -49,8 +49,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// A beam that sags by a few per cent of its length.
 fn beam() -> Twin {
     let material = Material::Elastic { youngs_modulus_pa: 2e6, poisson_ratio: 0.3 };
-    let shape = Shape {
-        kind: ShapeKind::Box { size_m: SIZE.to_array() },
+    let shape = Solid {
+        kind: SolidKind::Box { size_m: SIZE.to_array() },
         centre_m: [0.5 * SIZE.x, 0.0, 0.0],
         rotation_deg: [0.0; 3],
     };
@@ -60,7 +60,7 @@ fn beam() -> Twin {
         grid_spacing_m: Some(0.01),
         frame_rate_hz: 200.0,
         frames: 121,
-        ..Twin::new(material, Continuum::Shape(shape))
+        ..Twin::new(material, MatterSource::Solid(shape))
     }
 }
 

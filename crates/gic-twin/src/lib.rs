@@ -3,20 +3,21 @@
 //! Also what every command of gic shares: events, interrupts, the cost of a stage, and files that appear whole.
 
 pub mod atomic;
-mod difference;
 mod error;
 pub mod events;
 pub mod interchange;
 mod interrupt;
+mod json_difference;
 pub mod matter;
+mod resource_usage;
 mod rotation;
 pub mod simulate;
 pub mod twin;
-pub mod usage;
 
-pub use difference::first_difference;
 pub use error::{Result, TwinError};
 pub use interrupt::Interrupt;
+pub use json_difference::first_difference;
+pub use resource_usage::ResourceMeter;
 pub use rotation::rotation;
 
 /// Version of gic.

@@ -1,12 +1,13 @@
-//! What other simulators are given: complete, consistent, the same bytes again. `scripts/check_simulators.py` loads it with them.
+//! What other simulators are given: complete, consistent, the same bytes again. `scripts/check_simulators.py` loads it
+//! with them.
 
 use std::fs;
 
 use gic_geometry::TetMesh;
 use gic_mpm::Material;
 use gic_twin::interchange::{MotionSamples, write_mjcf, write_particle_set, write_usd};
-use gic_twin::matter::{Shape, ShapeKind};
-use gic_twin::twin::{ContactKind, Continuum, Obstacle, ObstacleShape, Twin};
+use gic_twin::matter::{Solid, SolidKind};
+use gic_twin::twin::{ContactKind, MatterSource, Obstacle, ObstacleShape, Twin};
 use glam::DVec3;
 
 /// Two tetrahedra of 1/6 and 1/3 m^3.
@@ -17,7 +18,7 @@ fn mesh() -> TetMesh {
 
 fn twin() -> Twin {
     let material = Material::Elastic { youngs_modulus_pa: 3e5, poisson_ratio: 0.4 };
-    let shape = Shape { kind: ShapeKind::Box { size_m: [0.2; 3] }, centre_m: [0.0; 3], rotation_deg: [0.0; 3] };
+    let shape = Solid { kind: SolidKind::Box { size_m: [0.2; 3] }, centre_m: [0.0; 3], rotation_deg: [0.0; 3] };
     let floor = ObstacleShape::HalfSpace { point_m: [0.0, -1.0, 0.0], normal: [0.0, 2.0, 0.0] };
     let mut moving = Obstacle::new(ObstacleShape::Sphere { centre_m: [9.0; 3], radius_m: 1.0 }, ContactKind::Slip);
     moving.velocity_m_s = Some([1.0, 0.0, 0.0]);
@@ -26,7 +27,7 @@ fn twin() -> Twin {
         initial_velocity_m_s: [0.5, 0.0, -1.0],
         initial_angular_velocity_rad_s: [0.0, 3.0, 0.0],
         particle_spacing_m: Some(0.05),
-        ..Twin::new(material, Continuum::Shape(shape))
+        ..Twin::new(material, MatterSource::Solid(shape))
     }
 }
 

@@ -4,19 +4,19 @@ use std::path::{Path, PathBuf};
 
 use gic_scene::{Camera, Mask, Scene};
 use gic_twin::Interrupt;
+use gic_twin::ResourceMeter;
 use gic_twin::TwinError;
 use gic_twin::events::{Event, Events};
 use gic_twin::matter::read_particles;
-use gic_twin::usage::Meter;
 use image::{ExtendedColorType, ImageEncoder};
 use re_sdk::{RecordingStream, RecordingStreamBuilder};
 use re_sdk_types::archetypes::{EncodedImage, Pinhole, Points3D, Scalars, Transform3D, ViewCoordinates};
 
 use crate::error::{Result, ViewError};
-use crate::look::{Look, colors};
-use crate::render::color::{Coloring, Scale};
-use crate::render::frames::{Motion, Particles};
-use crate::render::paint;
+use crate::render::color_scale::{ColorScale, Coloring};
+use crate::render::particle_splats;
+use crate::render::simulated_motion::{FrameParticles, SimulatedMotion};
+use crate::skinned_gaussians::{SkinnedGaussians, colors};
 
 const STAGE: &str = "view";
 /// Timelines: of the motion, and of the steps of identification.
@@ -24,7 +24,7 @@ const TIME: &str = "time";
 const STEP: &str = "identification step";
 
 /// What a recording shows besides the motion, where it is that of a run.
-pub struct Background {
+pub struct RunEvidence {
     /// The scene.
     pub scene: Scene,
     /// The file of the surface that was found in each of the scene's frames; missing files are left out.
@@ -41,20 +41,20 @@ pub struct Curve {
     pub points: Vec<(i64, f64)>,
 }
 
-/// Writes the recording: particles and colours of the motion; of a run also cameras, pictures, masks, surfaces and curves. Rerun stamps
-/// it with the time of day, so that its bytes differ from run to run.
+/// Writes the recording: particles and colours of the motion; of a run also cameras, pictures, masks, surfaces and
+/// curves. Rerun stamps it with the time of day, so that its bytes differ from run to run.
 ///
 /// # Errors
 /// Damaged files, an unwritable file, an interrupt.
 pub fn record(
-    motion: &Motion,
-    run: Option<&Background>,
+    motion: &SimulatedMotion,
+    run: Option<&RunEvidence>,
     file: &Path,
     events: &Events,
     interrupt: &Interrupt,
 ) -> Result<()> {
     events.send(&Event::StageStarted { stage: STAGE.into(), reason: format!("recording to {}", file.display()) });
-    let meter = Meter::start();
+    let meter = ResourceMeter::start();
     let part = file.with_extension("part.rrd");
     let stream = RecordingStreamBuilder::new("gic").save(&part).map_err(failed)?;
     let up = motion.up();
@@ -92,9 +92,9 @@ fn check(interrupt: &Interrupt) -> Result<()> {
 }
 
 /// Particles in the colours of their stress, and in their own where the twin has some.
-fn twin(stream: &RecordingStream, motion: &Motion, events: &Events, interrupt: &Interrupt) -> Result<()> {
-    let stress = Scale::new(Coloring::Stress, &motion.trajectory);
-    let looks = paint::looks(motion).ok();
+fn twin(stream: &RecordingStream, motion: &SimulatedMotion, events: &Events, interrupt: &Interrupt) -> Result<()> {
+    let stress = ColorScale::new(Coloring::Stress, &motion.trajectory);
+    let skins = particle_splats::skins(motion).ok();
     let count = motion.trajectory.frames.len();
     let mut radius = None;
     for (index, frame) in motion.trajectory.frames.iter().enumerate() {
@@ -106,21 +106,21 @@ fn twin(stream: &RecordingStream, motion: &Motion, events: &Events, interrupt: &
             .with_colors(stress.colors(&particles).into_iter().map(bytes))
             .with_radii([radius]);
         stream.log("world/twin/stress", &points).map_err(failed)?;
-        if let Some(looks) = &looks {
-            stream.log("world/twin/colours", &colored(looks, &particles)).map_err(failed)?;
+        if let Some(skins) = &skins {
+            stream.log("world/twin/colours", &colored(skins, &particles)).map_err(failed)?;
         }
         events.step(STAGE, "", index as u64 + 1, Some(count as u64), &[]);
     }
     Ok(())
 }
 
-fn colored(looks: &[(usize, Look)], particles: &Particles) -> Points3D {
+fn colored(skins: &[(usize, SkinnedGaussians)], particles: &FrameParticles) -> Points3D {
     let (mut positions, mut rgb, mut radii) = (Vec::new(), Vec::new(), Vec::new());
     let mut start = 0;
-    for (count, look) in looks {
-        let drawn = look.visible(&particles.positions[start..start + count]);
+    for (count, skin) in skins {
+        let drawn = skin.visible(&particles.positions[start..start + count]);
         rgb.extend(colors(&drawn).map(bytes));
-        radii.resize(radii.len() + drawn.len(), 0.5 * look.spacing() as f32);
+        radii.resize(radii.len() + drawn.len(), 0.5 * skin.spacing() as f32);
         positions.extend(drawn.positions);
         start += count;
     }
@@ -132,7 +132,7 @@ fn bytes(color: [f32; 3]) -> [u8; 3] {
 }
 
 /// Cameras, pictures, masks, and the surfaces that were extracted from them.
-fn video(stream: &RecordingStream, run: &Background, interrupt: &Interrupt) -> Result<()> {
+fn video(stream: &RecordingStream, run: &RunEvidence, interrupt: &Interrupt) -> Result<()> {
     let scene = &run.scene;
     let place = |camera: usize| format!("world/cameras/{}", scene.camera_names[camera]);
     for (index, camera) in scene.cameras.iter().enumerate() {

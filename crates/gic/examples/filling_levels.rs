@@ -1,12 +1,14 @@
-//! The figure of the paper's appendix: the matter that filling finds with n_u = 2 to 5 levels, cut through the middle, beside the truth.
+//! The figure of the paper's appendix: the matter that filling finds with n_u = 2 to 5 levels, cut through the middle,
+//! beside the truth.
 //!
 //! ```text
 //! gic fill RUN
 //! cargo run --release -p gic --example filling_levels -- RUN SCENE/gt filling.png
 //! ```
 //!
-//! From left to right n_u = 2, 3, 4, 5 and the truth at the first frame. Grey: matter, darker where denser; red: outline of the true
-//! matter, which is where the true particles, smoothed over 0.6 of their spacing, are half as dense as inside.
+//! From left to right n_u = 2, 3, 4, 5 and the truth at the first frame. Grey: matter, darker where denser; red:
+//! outline of the true matter, which is where the true particles, smoothed over 0.6 of their spacing, are half as dense
+//! as inside.
 
 use std::error::Error;
 use std::path::{Path, PathBuf};

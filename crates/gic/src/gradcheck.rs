@@ -15,11 +15,11 @@ pub const TOLERANCE: f64 = 1e-3;
 /// Frames of the checked rollout, the initial state included; 25 substeps each.
 const FRAMES: usize = 3;
 const SUBSTEPS_PER_FRAME: usize = 25;
-const SPACING_M: f64 = 0.01;
+const PARTICLE_SPACING_M: f64 = 0.01;
 
 /// One derivative, computed twice.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Row {
+pub struct DerivativeCheck {
     /// Model of the material.
     pub model: &'static str,
     /// What the loss is differentiated with respect to.
@@ -54,7 +54,7 @@ pub fn materials() -> [Material; 5] {
 ///
 /// # Errors
 /// Those of the simulator.
-pub fn check(material: Material) -> Result<Vec<Row>> {
+pub fn check(material: Material) -> Result<Vec<DerivativeCheck>> {
     let world = block(material);
     let failed = |source: SimulationError| Error::stage("gradient check")(source);
     let particles = world.bodies[0].positions.len();
@@ -94,7 +94,7 @@ fn block(material: Material) -> World {
     for i in 0..6 {
         for j in 0..5 {
             for k in 0..4 {
-                let lattice = DVec3::new(i as f64 - 2.5, j as f64 - 2.0, k as f64 - 1.5) * SPACING_M;
+                let lattice = DVec3::new(i as f64 - 2.5, j as f64 - 2.0, k as f64 - 1.5) * PARTICLE_SPACING_M;
                 positions.push(DVec3::new(0.003, 0.062, -0.004) + tilt * lattice);
             }
         }
@@ -103,7 +103,7 @@ fn block(material: Material) -> World {
         bodies: vec![Body {
             material,
             density_kg_m3: 1000.0,
-            particle_volume_m3: SPACING_M.powi(3),
+            particle_volume_m3: PARTICLE_SPACING_M.powi(3),
             volume_factors: Vec::new(),
             positions,
             velocity_m_s: DVec3::new(0.5, -4.0, 0.25),
@@ -111,22 +111,22 @@ fn block(material: Material) -> World {
         }],
         colliders: vec![Collider::plane(DVec3::ZERO, DVec3::Y, Contact::Sticky)],
         gravity_m_s2: DVec3::new(0.0, -9.8, 0.0),
-        grid_spacing_m: 2.0 * SPACING_M,
+        grid_spacing_m: 2.0 * PARTICLE_SPACING_M,
         frame_rate_hz: 200.0,
         stepping: Stepping::Fixed { substeps_per_frame: SUBSTEPS_PER_FRAME },
     }
 }
 
 /// Something that the loss is differentiated with respect to.
-enum Quantity {
+enum CheckedQuantity {
     Unknown { name: String, unknown: Unknown },
     Position { particle: usize, axis: usize },
 }
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-fn quantities(material: Material) -> Vec<Quantity> {
-    let unknown = |name: &str, unknown| Quantity::Unknown { name: name.into(), unknown };
+fn quantities(material: Material) -> Vec<CheckedQuantity> {
+    let unknown = |name: &str, unknown| CheckedQuantity::Unknown { name: name.into(), unknown };
     let mut all = Vec::new();
     for (parameter, name) in material.parameter_names().iter().enumerate() {
         all.push(unknown(name, Unknown::Material { body: 0, parameter }));
@@ -139,13 +139,18 @@ fn quantities(material: Material) -> Vec<Quantity> {
         all.push(unknown(&format!("angular_velocity_{letter}_rad_s"), Unknown::AngularVelocity { body: 0, axis }));
     }
     for (particle, axis) in [(0, 0), (41, 1), (119, 2)] {
-        all.push(Quantity::Position { particle, axis });
+        all.push(CheckedQuantity::Position { particle, axis });
     }
     all
 }
 
-impl Quantity {
-    fn row(&self, world: &World, options: &Options, gradient: &Gradient) -> std::result::Result<Row, SimulationError> {
+impl CheckedQuantity {
+    fn row(
+        &self,
+        world: &World,
+        options: &Options,
+        gradient: &Gradient,
+    ) -> std::result::Result<DerivativeCheck, SimulationError> {
         let body = &gradient.bodies[0];
         let (name, value, adjoint, step) = match self {
             Self::Unknown { name, unknown } => {
@@ -171,7 +176,7 @@ impl Quantity {
         let at = |offset: f64| loss(&self.moved(world, value + offset)?, options);
         let difference = (at(step)? - at(-step)?) / (2.0 * step);
         let error = (adjoint - difference).abs() / difference.abs();
-        Ok(Row { model: world.bodies[0].material.model(), name, value, adjoint, difference, error })
+        Ok(DerivativeCheck { model: world.bodies[0].material.model(), name, value, adjoint, difference, error })
     }
 
     fn moved(&self, world: &World, value: f64) -> std::result::Result<World, SimulationError> {
@@ -186,7 +191,7 @@ impl Quantity {
     }
 }
 
-impl Row {
+impl DerivativeCheck {
     /// Whether the two derivatives agree; a NaN does not.
     pub fn passes(&self) -> bool {
         self.error <= TOLERANCE

@@ -7,20 +7,20 @@ use gic_twin::events::Events;
 
 use crate::error::Result;
 
-/// Writes a Rerun recording of a motion, and of the video and the identification where it is a run's: cameras, pictures, masks, surfaces,
-/// particles, colours, curves.
+/// Writes a Rerun recording of a motion, and of the video and the identification where it is a run's: cameras,
+/// pictures, masks, surfaces, particles, colours, curves.
 ///
 /// # Errors
 /// A gic without the feature `rerun`, damaged files, an unwritable file.
 #[cfg(feature = "rerun")]
 pub fn record(frames: &Path, file: &Path, events: &Events, interrupt: &Interrupt) -> Result<()> {
-    use gic_view::recording::Background;
-    let motion = gic_view::render::Motion::open(frames)?;
-    let background = motion.run.as_deref().map(|run| -> Result<Background> {
+    use gic_view::recording::RunEvidence;
+    let motion = gic_view::render::SimulatedMotion::open(frames)?;
+    let background = motion.run.as_deref().map(|run| -> Result<RunEvidence> {
         let scene = crate::pipeline::scene_of_run(run)?;
         let surfaces = (0..scene.times.len()).map(|frame| run.join(crate::pipeline::surface_file(frame))).collect();
         let curves = curves(&gic_twin::atomic::read_json(&run.join("identify.json"))?);
-        Ok(Background { scene, surfaces, curves })
+        Ok(RunEvidence { scene, surfaces, curves })
     });
     let background = background.transpose()?;
     Ok(gic_view::recording::record(&motion, background.as_ref(), file, events, interrupt)?)

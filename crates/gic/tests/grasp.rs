@@ -10,7 +10,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Output;
 
-use gic::grasp::{AxisChoice, Gripper, Report, Request, grasp};
+use gic::grasp::{AxisChoice, GraspReport, GraspRequest, Gripper, grasp};
 use gic_twin::events::Events;
 use gic_twin::{Interrupt, matter};
 use glam::DVec3;
@@ -40,8 +40,8 @@ fn block(size_m: [f64; 3]) -> Value {
 
 impl Case {
     /// Squeezes along x, without pictures.
-    fn squeeze(&self, twin: &Value, widths_m: &[f64], gripper: Gripper) -> Report {
-        let request = Request {
+    fn squeeze(&self, twin: &Value, widths_m: &[f64], gripper: Gripper) -> GraspReport {
+        let request = GraspRequest {
             twin: self.write(twin),
             settings: Vec::new(),
             widths_m: widths_m.to_vec(),
@@ -74,15 +74,15 @@ fn plates() -> Gripper {
     Gripper { pad_m: [0.2, 0.2], friction: 0.0, lift_m: 0.05 }
 }
 
-fn assert_balanced(report: &Report) {
+fn assert_balanced(report: &GraspReport) {
     for w in &report.widths {
         assert!(w.imbalance.abs() < 0.02, "{w:?}");
         assert!(w.force_spread_n < 0.02 * w.force_n, "{w:?}");
     }
 }
 
-/// Force [N] on a neo-Hookean bar of section `area` [m^2] at the stretch `along`, free to swell: tau = mu F F^T + (lambda ln J - mu) I with
-/// tau = 0 across gives the stretch across; the force is area * tau_xx / along.
+/// Force [N] on a neo-Hookean bar of section `area` [m^2] at the stretch `along`, free to swell: tau = mu F F^T +
+/// (lambda ln J - mu) I with tau = 0 across gives the stretch across; the force is area * tau_xx / along.
 fn bar_force(area: f64, along: f64) -> f64 {
     let (mu, lambda) = (YOUNG / (2.0 * (1.0 + POISSON)), YOUNG * POISSON / ((1.0 + POISSON) * (1.0 - 2.0 * POISSON)));
     let across_stress = |b: f64| mu * (b * b - 1.0) + lambda * (along * b * b).ln();
@@ -184,7 +184,8 @@ fn a_ball_between_plates_follows_hertz_and_converges() {
 #[test]
 #[ignore = "a minute of CPU; see the top of this file"]
 fn a_block_between_plates_converges() {
-    // The limit is 3 % below the bar: the width is measured on particles. What must shrink is how far refining moves the force.
+    // The limit is 3 % below the bar: the width is measured on particles. What must shrink is how far refining moves
+    // the force.
     let errors = [6.0, 12.0, 24.0].map(|cells| block_errors(cells)[0].1);
     let moves = [(errors[1] - errors[0]).abs(), (errors[2] - errors[1]).abs()];
     assert!(moves[1] < 0.5 * moves[0], "must converge: {errors:?}");
@@ -240,7 +241,7 @@ fn the_program_writes_a_table_numbers_pictures_and_a_film() {
     for part in ["force - N", "48.00", "46.00", "held", "grasp"] {
         assert!(text.contains(part), "`{part}` is missing in:\n{text}");
     }
-    let report: Report = serde_json::from_slice(&fs::read(case.path("grasp/grasp.json")).unwrap()).unwrap();
+    let report: GraspReport = serde_json::from_slice(&fs::read(case.path("grasp/grasp.json")).unwrap()).unwrap();
     assert_eq!(report.widths.iter().map(|w| w.width_m).collect::<Vec<_>>(), [0.048, 0.046]);
     assert!(report.widths[1].force_n > report.widths[0].force_n);
     assert!(report.widths.iter().all(|w| w.contact_areas_m2.iter().all(|&area| area > 0.5 * 0.03 * 0.03)));

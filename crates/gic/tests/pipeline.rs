@@ -187,8 +187,8 @@ fn a_run_goes_from_video_to_report_and_reruns_only_what_changed() {
     assert!(text(&stale.stderr).contains("an earlier twin's motion"), "{stale:?}");
 }
 
-/// Killed, without a chance to tidy up, at several moments of its work, and started again each time. Takes minutes, so run it with
-/// `cargo test -p gic --test pipeline -- --ignored`.
+/// Killed, without a chance to tidy up, at several moments of its work, and started again each time. Takes minutes, so
+/// run it with `cargo test -p gic --test pipeline -- --ignored`.
 #[test]
 #[ignore = "takes minutes"]
 fn an_identification_killed_at_any_moment_ends_at_the_same_twin() {

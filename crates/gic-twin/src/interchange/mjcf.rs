@@ -11,22 +11,24 @@ use crate::atomic;
 use crate::error::Result;
 use crate::twin::{Obstacle, ObstacleShape, Twin};
 
-/// Time step over the time that the fastest wave takes across the flattest tetrahedron: MuJoCo's elastic forces are explicit.
-const COURANT: f64 = 0.2;
+/// Time step over the time that the fastest wave takes across the flattest tetrahedron: MuJoCo's elastic forces are
+/// explicit.
+const COURANT_NUMBER: f64 = 0.2;
 /// Stiffness-proportional damping, in time steps.
 const DAMPING_STEPS: f64 = 1.0;
 /// Radius of the vertices in contact, over the least height of a tetrahedron.
-const RADIUS: f64 = 0.1;
+const CONTACT_RADIUS_SHARE: f64 = 0.1;
 
-/// Writes the twin as a MuJoCo model in SI units and the twin's own frame: tetrahedra with Young's modulus and Poisson's ratio, masses
-/// lumped at the vertices, its velocity as a key frame named `start`, its gravity, and its obstacles as far as they rest.
+/// Writes the twin as a MuJoCo model in SI units and the twin's own frame: tetrahedra with Young's modulus and
+/// Poisson's ratio, masses lumped at the vertices, its velocity as a key frame named `start`, its gravity, and its
+/// obstacles as far as they rest.
 ///
 /// # Errors
 /// Matter that is no elastic solid, an unwritable file.
 pub fn write_mjcf(path: &Path, mesh: &TetMesh, twin: &Twin) -> Result<()> {
     let [young, poisson] = elastic_solid(twin, "MJCF")?;
     let height = least_height(mesh);
-    let timestep = COURANT * height / twin.material.wave_speed_m_s(twin.density_kg_m3);
+    let timestep = COURANT_NUMBER * height / twin.material.wave_speed_m_s(twin.density_kg_m3);
     let [gx, gy, gz] = twin.gravity_m_s2;
     let mut text = format!(
         "<mujoco model=\"twin\">\n  <!-- gic {}: {} of E = {young:.6e} Pa, nu = {poisson:.6}, {} kg/m^3. \
@@ -55,7 +57,7 @@ pub fn write_mjcf(path: &Path, mesh: &TetMesh, twin: &Twin) -> Result<()> {
         );
     }
     text += "  </worldbody>\n  <deformable>\n    <flex name=\"twin\" dim=\"3\" rgba=\"0.8 0.58 0.42 1\"";
-    let _ = write!(text, " radius=\"{:.4e}\" body=\"", RADIUS * height);
+    let _ = write!(text, " radius=\"{:.4e}\" body=\"", CONTACT_RADIUS_SHARE * height);
     text += &joined((0..mesh.vertices.len()).map(|i| format!("v{i}")));
     text += "\" element=\"";
     text += &joined(mesh.tetrahedra.iter().flatten().map(ToString::to_string));

@@ -1,11 +1,11 @@
 //! A twin in the words of other simulators: MuJoCo (MJCF), OpenUSD, and a plain particle set.
 
-mod carry;
+mod embedding;
 mod mjcf;
 mod particle_set;
 mod usd;
 
-pub use carry::Carrier;
+pub use embedding::EmbeddedPoints;
 pub use mjcf::write_mjcf;
 pub use particle_set::write_particle_set;
 pub use usd::{MotionSamples, write_usd};

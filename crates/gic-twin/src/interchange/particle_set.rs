@@ -1,4 +1,5 @@
-//! A plain particle set: an .npz of arrays and a .json of parameters, for Genesis, Newton, Taichi and anything else that reads NumPy.
+//! A plain particle set: an .npz of arrays and a .json of parameters, for Genesis, Newton, Taichi and anything else
+//! that reads NumPy.
 
 use std::io::{self, Cursor};
 use std::path::{Path, PathBuf};
@@ -12,9 +13,9 @@ use crate::atomic;
 use crate::error::{Result, TwinError};
 use crate::twin::Twin;
 
-/// Writes `path` (.npz) with `positions` [m] and `velocities` [m/s], both float32 of shape [n, 3], `volumes` [m^3] and `masses` [kg], both
-/// float32 of shape [n]; and beside it a .particles.json with the law, its parameters and Lame's, density, gravity, obstacles and spacings, all in
-/// SI units. Returns the path of the latter.
+/// Writes `path` (.npz) with `positions` [m] and `velocities` [m/s], both float32 of shape [n, 3], `volumes` [m^3] and
+/// `masses` [kg], both float32 of shape [n]; and beside it a .particles.json with the law, its parameters and Lame's,
+/// density, gravity, obstacles and spacings, all in SI units. Returns the path of the latter.
 ///
 /// # Errors
 /// An unwritable file.

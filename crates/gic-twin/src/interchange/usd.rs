@@ -1,4 +1,5 @@
-//! OpenUSD as text: the tetrahedra as a deformable body with its material, its surface as a mesh, both moving as predicted.
+//! OpenUSD as text: the tetrahedra as a deformable body with its material, its surface as a mesh, both moving as
+//! predicted.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -21,9 +22,9 @@ pub struct MotionSamples {
     pub frames: Vec<Vec<DVec3>>,
 }
 
-/// Writes a stage in metres and kilograms: `/World/Twin` with the deformable body `Volume` (a `TetMesh`, with the Omni Physics
-/// deformable schemas), its `Surface`, and the physics material `/World/Matter`. The law's own parameters are custom attributes
-/// `gic:...`, so that laws without a USD schema are not lost.
+/// Writes a stage in metres and kilograms: `/World/Twin` with the deformable body `Volume` (a `TetMesh`, with the Omni
+/// Physics deformable schemas), its `Surface`, and the physics material `/World/Matter`. The law's own parameters are
+/// custom attributes `gic:...`, so that laws without a USD schema are not lost.
 ///
 /// # Errors
 /// Matter that is no elastic solid, an unwritable file.

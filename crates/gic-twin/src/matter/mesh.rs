@@ -19,7 +19,7 @@ pub struct Mesh {
 }
 
 /// What edges say about a mesh.
-enum Closure {
+enum Watertightness {
     /// Every edge is passed equally often in both directions.
     Oriented,
     /// Every edge belongs to an even number of triangles, but some triangles are turned inside out.
@@ -70,7 +70,7 @@ impl Mesh {
         Ok(mesh)
     }
 
-    fn closure(&self) -> Closure {
+    fn watertightness(&self) -> Watertightness {
         // Per undirected edge: how often it occurs, and how often forwards minus backwards.
         let mut edges: BTreeMap<(u32, u32), (u32, i32)> = BTreeMap::new();
         for t in &self.triangles {
@@ -83,23 +83,23 @@ impl Mesh {
         let open: Vec<_> = edges.iter().filter(|(_, (count, _))| count % 2 == 1).collect();
         if let Some(((a, b), _)) = open.first() {
             let first = [self.vertices[*a as usize], self.vertices[*b as usize]];
-            Closure::Open { edges: open.len(), first }
+            Watertightness::Open { edges: open.len(), first }
         } else if edges.values().all(|(_, balance)| *balance == 0) {
-            Closure::Oriented
+            Watertightness::Oriented
         } else {
-            Closure::Unoriented
+            Watertightness::Unoriented
         }
     }
 
     /// Refuses a mesh that has no inside.
     pub(super) fn check_closed(&self, path: &Path) -> Result<()> {
-        let problem = match self.closure() {
+        let problem = match self.watertightness() {
             _ if self.triangles.is_empty() => "holds no triangles".to_owned(),
-            Closure::Open { edges, first: [a, b] } => format!(
+            Watertightness::Open { edges, first: [a, b] } => format!(
                 "is not watertight: {edges} edges have a triangle on one side only, the first between ({}, {}, {}) and ({}, {}, {})",
                 a.x, a.y, a.z, b.x, b.y, b.z
             ),
-            Closure::Oriented | Closure::Unoriented => return Ok(()),
+            Watertightness::Oriented | Watertightness::Unoriented => return Ok(()),
         };
         Err(TwinError::Content {
             path: path.to_owned(),
@@ -115,12 +115,13 @@ impl Mesh {
         self.vertices.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), &v| (low.min(v), high.max(v)))
     }
 
-    /// Particles [m] inside the mesh on an axis-aligned lattice of `spacing` [m], centred in its bounding box, z fastest.
+    /// Particles [m] inside the mesh on an axis-aligned lattice of `spacing` [m], centred in its bounding box, z
+    /// fastest.
     ///
-    /// Inside is where the winding number is not zero, so overlapping shells count as one and a shell turned inwards is a cavity;
-    /// a mesh with triangles turned inside out falls back to counting crossings.
+    /// Inside is where the winding number is not zero, so overlapping shells count as one and a shell turned inwards is
+    /// a cavity; a mesh with triangles turned inside out falls back to counting crossings.
     pub fn sample(&self, spacing: f64) -> Vec<DVec3> {
-        let oriented = matches!(self.closure(), Closure::Oriented);
+        let oriented = matches!(self.watertightness(), Watertightness::Oriented);
         let (low, high) = self.bounds();
         let counts = (high - low).to_array().map(|side| ((side / spacing + 1e-6).floor() as usize).max(1));
         let centre = (low + high) / 2.0;
@@ -176,7 +177,8 @@ impl Mesh {
     }
 }
 
-/// Where the upward line through (x, y) passes a triangle: height [m] and +1 where it enters the solid, -1 where it leaves.
+/// Where the upward line through (x, y) passes a triangle: height [m] and +1 where it enters the solid, -1 where it
+/// leaves.
 fn crossing(corners: [DVec3; 3], x: f64, y: f64) -> Option<(f64, i32)> {
     let [a, b, c] = corners;
     let weights = [side(b, c, x, y), side(c, a, x, y), side(a, b, x, y)];
@@ -194,8 +196,9 @@ fn crossing(corners: [DVec3; 3], x: f64, y: f64) -> Option<(f64, i32)> {
 
 /// Twice the signed area of (a, b, (x, y)) seen from above, and whether (x, y) lies to the left of a -> b.
 ///
-/// Both triangles of an edge must agree on its side to the last bit, else a line may slip through between them: the area is
-/// computed with the edge's ends in a fixed order, and a point exactly on the edge is moved by an infinitesimal (e, e^2).
+/// Both triangles of an edge must agree on its side to the last bit, else a line may slip through between them: the
+/// area is computed with the edge's ends in a fixed order, and a point exactly on the edge is moved by an infinitesimal
+/// (e, e^2).
 fn side(a: DVec3, b: DVec3, x: f64, y: f64) -> (f64, bool) {
     let swap = (a.x, a.y, a.z) > (b.x, b.y, b.z);
     let (p, q) = if swap { (b, a) } else { (a, b) };

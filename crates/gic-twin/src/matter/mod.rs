@@ -2,7 +2,7 @@
 
 mod mesh;
 mod ply;
-mod shape;
+mod solid;
 
 use std::path::Path;
 
@@ -10,7 +10,7 @@ use glam::DVec3;
 
 pub use mesh::Mesh;
 pub use ply::{PlyContent, PlyParticles, read_particles, read_ply, write_particles};
-pub use shape::{Shape, ShapeKind};
+pub use solid::{Solid, SolidKind};
 
 use crate::error::{Result, TwinError};
 
@@ -28,7 +28,7 @@ pub enum Matter {
 }
 
 /// Reads particles (.ply without faces) or a closed surface (.ply with faces, .obj, .stl).
-pub fn read(path: &Path) -> Result<Matter> {
+pub fn read_matter(path: &Path) -> Result<Matter> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     let mesh = match extension.as_str() {
         "ply" => match read_ply(path)? {

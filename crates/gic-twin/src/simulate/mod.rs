@@ -1,7 +1,7 @@
 //! `gic simulate`: a twin's future, frame by frame, resumable after each.
 
-mod bodies;
-mod state;
+mod checkpoint;
+mod shared_world;
 mod trajectory;
 
 use std::path::{Path, PathBuf};
@@ -13,17 +13,17 @@ use crate::error::{Result, TwinError};
 use crate::events::{Event, Events};
 use crate::interrupt::Interrupt;
 use crate::matter::write_particles;
+use crate::resource_usage::ResourceMeter;
 use crate::twin::{Setting, Twin};
-use crate::usage::Meter;
-use bodies::Cast;
-pub use bodies::Companion;
+pub use shared_world::Companion;
+use shared_world::SharedWorld;
 pub use trajectory::{FrameSummary, Trajectory};
 
 const STAGE: &str = "simulate";
 
 /// What to simulate, and where to.
 #[derive(Clone, Debug)]
-pub struct Request {
+pub struct SimulationRequest {
     /// The twin's file.
     pub twin: PathBuf,
     /// Changes to the twin.
@@ -42,7 +42,7 @@ pub struct Request {
 
 /// What a simulation gave.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Outcome {
+pub struct SimulationOutcome {
     /// Frames on disk.
     pub frames: usize,
     /// Frames that were there already.
@@ -53,24 +53,24 @@ pub struct Outcome {
 
 /// Simulates a twin and writes every frame; goes on where an earlier call with the same twin and settings stopped.
 ///
-/// # Errors
-/// Bad input, an unstable simulation, an unwritable folder; [`TwinError::Interrupted`] after the frame during which the interrupt came.
-pub fn simulate(request: &Request, events: &Events, interrupt: &Interrupt) -> Result<Outcome> {
-    let cast = Cast::read(request)?;
-    let frames = request.frames.unwrap_or(cast.twin.frames);
+/// # Errors Bad input, an unstable simulation, an unwritable folder; [`TwinError::Interrupted`] after the frame during
+/// which the interrupt came.
+pub fn simulate(request: &SimulationRequest, events: &Events, interrupt: &Interrupt) -> Result<SimulationOutcome> {
+    let shared = SharedWorld::read(request)?;
+    let frames = request.frames.unwrap_or(shared.twin.frames);
     atomic::create_folder(&request.out)?;
-    let mut run = Run::open(request, &cast, frames)?;
+    let mut run = SimulationRun::open(request, &shared, frames)?;
     let reused = run.trajectory.frames.len();
     let particles = run.trajectory.particles;
     if reused >= frames {
         let reason = format!("{} holds {reused} frames of this simulation already", request.out.display());
         events.send(&Event::StageSkipped { stage: STAGE.into(), reason });
-        return Ok(Outcome { frames: reused, reused, particles });
+        return Ok(SimulationOutcome { frames: reused, reused, particles });
     }
     let goes_on = if reused > 0 { format!(", goes on after frame {}", reused - 1) } else { String::new() };
     let reason = format!("{frames} frames of {particles} particles{goes_on}");
     events.send(&Event::StageStarted { stage: STAGE.into(), reason });
-    let meter = Meter::start();
+    let meter = ResourceMeter::start();
     for index in reused..frames {
         if interrupt.requested() {
             return Err(TwinError::Interrupted {
@@ -83,11 +83,11 @@ pub fn simulate(request: &Request, events: &Events, interrupt: &Interrupt) -> Re
         events.step(STAGE, "", index as u64 + 1, Some(frames as u64), &values);
     }
     events.send(&meter.done(STAGE));
-    Ok(Outcome { frames, reused, particles })
+    Ok(SimulationOutcome { frames, reused, particles })
 }
 
 /// A simulation and its folder.
-struct Run<'a> {
+struct SimulationRun<'a> {
     out: &'a Path,
     simulator: Simulator,
     trajectory: Trajectory,
@@ -97,27 +97,27 @@ struct Run<'a> {
     masses: Vec<f64>,
 }
 
-impl<'a> Run<'a> {
+impl<'a> SimulationRun<'a> {
     /// Sets up the simulation and takes up what the folder holds of it.
-    fn open(request: &'a Request, cast: &Cast, frames: usize) -> Result<Self> {
+    fn open(request: &'a SimulationRequest, shared: &SharedWorld, frames: usize) -> Result<Self> {
         let options = Options::default();
-        let simulator = Simulator::new(&cast.world, &options).map_err(|source| refused(&cast.twin, source))?;
-        let trajectory = Trajectory::new(cast, &options);
+        let simulator = Simulator::new(&shared.world, &options).map_err(|source| setup_error(&shared.twin, source))?;
+        let trajectory = Trajectory::new(shared, &options);
         let mut run = Self {
             out: &request.out,
             simulator,
             identity: trajectory.identity(),
             trajectory,
-            frame_rate_hz: cast.world.frame_rate_hz,
-            masses: cast.masses(),
+            frame_rate_hz: shared.world.frame_rate_hz,
+            masses: shared.masses(),
         };
         if !request.restart {
-            run.take_up(frames)?;
+            run.resume(frames)?;
         }
         Ok(run)
     }
 
-    fn take_up(&mut self, frames: usize) -> Result<()> {
+    fn resume(&mut self, frames: usize) -> Result<()> {
         let Some(found) = Trajectory::read(self.out)? else { return Ok(()) };
         if let Some(difference) = found.difference(&self.trajectory) {
             return Err(TwinError::OtherRun {
@@ -132,7 +132,7 @@ impl<'a> Run<'a> {
             return Ok(());
         }
         // Without a usable state the frames are computed again, to the same bytes.
-        if let Some(snapshot) = state::read(self.out, &self.identity)?.filter(|s| s.frame < present) {
+        if let Some(snapshot) = checkpoint::read(self.out, &self.identity)?.filter(|s| s.frame < present) {
             self.simulator.restore(&snapshot).map_err(TwinError::simulation("taking up the saved state"))?;
             self.trajectory.frames = found.frames;
             self.trajectory.frames.truncate(snapshot.frame + 1);
@@ -140,7 +140,8 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Computes a frame and writes it: particles first, then its line in the trajectory, then the state that goes on from it.
+    /// Computes a frame and writes it: particles first, then its line in the trajectory, then the state that goes on
+    /// from it.
     fn frame(&mut self, index: usize) -> Result<&FrameSummary> {
         let frame = if index == 0 {
             self.simulator.frame()
@@ -152,13 +153,13 @@ impl<'a> Run<'a> {
         let summary = FrameSummary::new(&frame, file, self.frame_rate_hz, &self.masses);
         self.trajectory.frames.push(summary);
         self.trajectory.write(self.out)?;
-        state::write(self.out, &self.identity, &self.simulator.snapshot())?;
+        checkpoint::write(self.out, &self.identity, &self.simulator.snapshot())?;
         Ok(&self.trajectory.frames[index])
     }
 }
 
 /// The simulator's refusal of a world, in the twin's words.
-fn refused(twin: &Twin, source: SimulationError) -> TwinError {
+fn setup_error(twin: &Twin, source: SimulationError) -> TwinError {
     let hint = match &source {
         SimulationError::InsideCollider { collider, .. } => {
             let label = twin.colliders.get(*collider).map(|o| o.label(*collider)).unwrap_or_default();

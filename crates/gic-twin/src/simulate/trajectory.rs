@@ -9,10 +9,10 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
-use super::bodies::Cast;
+use super::shared_world::SharedWorld;
 use crate::atomic;
-use crate::difference::first_difference;
 use crate::error::{Result, TwinError};
+use crate::json_difference::first_difference;
 use crate::twin::Twin;
 
 const FILE: &str = "trajectory.json";
@@ -79,9 +79,9 @@ pub struct FrameSummary {
 
 impl Trajectory {
     /// A trajectory without frames.
-    pub(super) fn new(cast: &Cast, options: &Options) -> Self {
+    pub(super) fn new(shared: &SharedWorld, options: &Options) -> Self {
         let mut hash = Sha256::new();
-        let positions = || cast.world.bodies.iter().flat_map(|body| &body.positions);
+        let positions = || shared.world.bodies.iter().flat_map(|body| &body.positions);
         for coordinate in positions().flat_map(|p| p.to_array()) {
             hash.update(coordinate.to_le_bytes());
         }
@@ -89,11 +89,11 @@ impl Trajectory {
             schema: "gic.trajectory/1".into(),
             gic_version: crate::VERSION.into(),
             simd: simd_level(options),
-            twin: everything(cast),
+            twin: world_json(shared),
             particles_sha256: format!("{:x}", hash.finalize()),
             particles: positions().count(),
-            bodies: cast.world.bodies.iter().map(|body| body.positions.len()).collect(),
-            colliders: cast.twin.colliders.iter().enumerate().map(|(i, o)| o.label(i)).collect(),
+            bodies: shared.world.bodies.iter().map(|body| body.positions.len()).collect(),
+            colliders: shared.twin.colliders.iter().enumerate().map(|(i, o)| o.label(i)).collect(),
             frames: Vec::new(),
         }
     }
@@ -142,18 +142,18 @@ impl Trajectory {
 }
 
 /// The twin and its companions as JSON.
-fn everything(cast: &Cast) -> Value {
-    let mut value = physics(&cast.twin);
-    if let (Some(map), false) = (value.as_object_mut(), cast.companions.is_empty()) {
+fn world_json(shared: &SharedWorld) -> Value {
+    let mut value = physics_json(&shared.twin);
+    if let (Some(map), false) = (value.as_object_mut(), shared.companions.is_empty()) {
         let companions =
-            cast.companions.iter().map(|(twin, shift_m)| json!({ "shift_m": shift_m, "twin": physics(twin) }));
+            shared.companions.iter().map(|(twin, shift_m)| json!({ "shift_m": shift_m, "twin": physics_json(twin) }));
         map.insert("companions".into(), companions.collect());
     }
     value
 }
 
 /// The twin as JSON without what has no influence on the frames.
-fn physics(twin: &Twin) -> Value {
+fn physics_json(twin: &Twin) -> Value {
     let mut value = serde_json::to_value(twin).unwrap_or_default();
     if let Some(map) = value.as_object_mut() {
         for key in ["frames", "intervals_95", "identifiable", "loss", "seed", "gic_version", "seconds"] {

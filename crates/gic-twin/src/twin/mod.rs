@@ -1,11 +1,12 @@
 //! `twin.json`, schema `gic.twin/1`: the contract between identification, simulation and every other tool.
 //!
-//! Lengths in metres, angles in degrees, everything else in SI units; the world frame is the scene's. Required are `schema`,
-//! `material` and `continuum`; every other key has the default stated at its field. Keys that nobody knows are errors.
+//! Lengths in metres, angles in degrees, everything else in SI units; the world frame is the scene's. Required are
+//! `schema`, `material` and `continuum`; every other key has the default stated at its field. Keys that nobody knows
+//! are errors.
 
-mod json;
+mod json_object;
 mod read;
-mod set;
+mod setting;
 mod world;
 
 use std::collections::BTreeMap;
@@ -15,10 +16,10 @@ use gic_mpm::{Collider, ColliderPath, Contact, Material, Primitive};
 use glam::DVec3;
 use serde::Serialize;
 
-pub use set::Setting;
+pub use setting::Setting;
 
 use crate::error::Result;
-use crate::matter::Shape;
+use crate::matter::Solid;
 use crate::rotation;
 
 /// The schema that this version reads and writes.
@@ -50,7 +51,8 @@ pub struct Twin {
     /// Side of a grid cell [m]; by default twice `particle_spacing_m`, else 1/16 of the object's largest side.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub grid_spacing_m: Option<f64>,
-    /// Distance of neighbouring particles at rest [m]; its cube is a particle's volume. By default half of `grid_spacing_m`.
+    /// Distance of neighbouring particles at rest [m]; its cube is a particle's volume. By default half of
+    /// `grid_spacing_m`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub particle_spacing_m: Option<f64>,
     /// Frames per second; default 24.
@@ -61,7 +63,7 @@ pub struct Twin {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub substeps_per_frame: Option<usize>,
     /// The matter at time 0.
-    pub continuum: Continuum,
+    pub continuum: MatterSource,
     /// Loss at the estimate, where the twin was identified.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub loss: Option<f64>,
@@ -78,11 +80,12 @@ pub struct Twin {
 /// Where the matter of a twin comes from.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
-pub enum Continuum {
-    /// A PLY of particles (number and order kept) or a watertight OBJ, PLY or STL mesh; a relative path starts at the twin's folder.
+pub enum MatterSource {
+    /// A PLY of particles (number and order kept) or a watertight OBJ, PLY or STL mesh; a relative path starts at the
+    /// twin's folder.
     File(PathBuf),
     /// A shape filled with particles.
-    Shape(Shape),
+    Solid(Solid),
 }
 
 /// An obstacle as written in a twin.
@@ -178,7 +181,7 @@ pub enum ContactKind {
 
 impl Twin {
     /// A twin of `material` and `continuum` with the default of every other key.
-    pub fn new(material: Material, continuum: Continuum) -> Self {
+    pub fn new(material: Material, continuum: MatterSource) -> Self {
         Self {
             schema: SCHEMA.into(),
             material,

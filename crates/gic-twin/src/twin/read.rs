@@ -6,10 +6,10 @@ use std::path::Path;
 use gic_mpm::{Material, MaterialError};
 use serde_json::Value;
 
-use super::json::{Object, nearest};
-use super::{ContactKind, Continuum, Keyframe, Obstacle, ObstacleShape, SCHEMA, Setting, Twin};
+use super::json_object::{JsonObject, nearest};
+use super::{ContactKind, Keyframe, MatterSource, Obstacle, ObstacleShape, SCHEMA, Setting, Twin};
 use crate::error::{Result, TwinError};
-use crate::matter::{Shape, ShapeKind};
+use crate::matter::{Solid, SolidKind};
 
 pub(super) const TOP_KEYS: &[&str] = &[
     "schema",
@@ -60,7 +60,7 @@ fn toml(path: &Path) -> Result<Value> {
 }
 
 fn from_value(file: &Path, value: &Value) -> Result<Twin> {
-    let top = Object::new(file, "", value)?;
+    let top = JsonObject::new(file, "", value)?;
     top.allow_only(TOP_KEYS)?;
     let schema = top.string("schema", "add \"schema\": \"gic.twin/1\"")?;
     if schema != SCHEMA {
@@ -114,7 +114,7 @@ pub(super) fn parameter_names(model: &str) -> Option<&'static [&'static str]> {
     MODELS.iter().find(|material| material.model() == model).map(|material| material.parameter_names())
 }
 
-fn material(m: &Object) -> Result<Material> {
+fn material(m: &JsonObject) -> Result<Material> {
     let names = MODELS.map(|material| material.model());
     let model = m.string("model", &format!("one of {}", names.join(", ")))?;
     let Some(prototype) = MODELS.iter().find(|material| material.model() == model) else {
@@ -142,20 +142,20 @@ fn material(m: &Object) -> Result<Material> {
     })
 }
 
-fn continuum(file: &Path, top: &Object) -> Result<Continuum> {
+fn continuum(file: &Path, top: &JsonObject) -> Result<MatterSource> {
     let key = "continuum";
     let hint = "give a file (.ply particles; .obj, .ply or .stl mesh) or a shape such as {\"shape\": \"box\", \"size_m\": [0.2, 0.2, 0.2]}";
     match top.require(key, hint)? {
         Value::String(name) if !name.is_empty() => {
             let folder = file.parent().unwrap_or(Path::new(""));
-            Ok(Continuum::File(folder.join(name)))
+            Ok(MatterSource::File(folder.join(name)))
         }
-        value @ Value::Object(_) => Ok(Continuum::Shape(shape(&Object::new(file, key, value)?)?)),
+        value @ Value::Object(_) => Ok(MatterSource::Solid(shape(&JsonObject::new(file, key, value)?)?)),
         _ => Err(top.problem(key, "must be the name of a file or a shape", Some(hint))),
     }
 }
 
-fn shape(s: &Object) -> Result<Shape> {
+fn shape(s: &JsonObject) -> Result<Solid> {
     const NAMES: &[&str] = &["cross", "box", "sphere", "torus", "cylinder"];
     let name = s.string("shape", "one of cross, box, sphere, torus, cylinder")?;
     let own: &[&str] = match name {
@@ -177,21 +177,21 @@ fn shape(s: &Object) -> Result<Shape> {
                     "`size_m` holds the whole lengths of the three bars, `thickness_m` the side of their section";
                 return Err(s.problem("thickness_m", "must not exceed any of `size_m`", Some(hint)));
             }
-            ShapeKind::Cross { size_m, thickness_m }
+            SolidKind::Cross { size_m, thickness_m }
         }
-        "box" => ShapeKind::Box { size_m: s.size("size_m", "three sides, in metres")? },
-        "sphere" => ShapeKind::Sphere { radius_m: length("radius_m")? },
+        "box" => SolidKind::Box { size_m: s.size("size_m", "three sides, in metres")? },
+        "sphere" => SolidKind::Sphere { radius_m: length("radius_m")? },
         "torus" => {
             let (major_radius_m, minor_radius_m) = (length("major_radius_m")?, length("minor_radius_m")?);
             if minor_radius_m >= major_radius_m {
                 let hint = "the major radius goes from the centre of the ring to the centre of its tube";
                 return Err(s.problem("minor_radius_m", "must be smaller than `major_radius_m`", Some(hint)));
             }
-            ShapeKind::Torus { major_radius_m, minor_radius_m }
+            SolidKind::Torus { major_radius_m, minor_radius_m }
         }
-        _ => ShapeKind::Cylinder { radius_m: length("radius_m")?, height_m: length("height_m")? },
+        _ => SolidKind::Cylinder { radius_m: length("radius_m")?, height_m: length("height_m")? },
     };
-    Ok(Shape {
+    Ok(Solid {
         kind,
         centre_m: s.vector("centre_m")?.unwrap_or_default(),
         rotation_deg: s.vector("rotation_deg")?.unwrap_or_default(),
@@ -202,17 +202,17 @@ fn shape(s: &Object) -> Result<Shape> {
 pub(super) fn obstacle_list(path: &Path) -> Result<Vec<Obstacle>> {
     let content = if path.extension().is_some_and(|ending| ending == "toml") { toml(path)? } else { json(path)? };
     let whole = if content.is_array() { serde_json::json!({ "colliders": content }) } else { content };
-    let top = Object::new(path, "", &whole)?;
+    let top = JsonObject::new(path, "", &whole)?;
     top.allow_only(&["colliders"])?;
     obstacles(path, &top)
 }
 
-fn obstacles(file: &Path, top: &Object) -> Result<Vec<Obstacle>> {
+fn obstacles(file: &Path, top: &JsonObject) -> Result<Vec<Obstacle>> {
     let items = top.array("colliders")?.iter().enumerate();
-    items.map(|(i, value)| obstacle(file, &Object::new(file, &format!("colliders[{i}]"), value)?)).collect()
+    items.map(|(i, value)| obstacle(file, &JsonObject::new(file, &format!("colliders[{i}]"), value)?)).collect()
 }
 
-fn obstacle(file: &Path, o: &Object) -> Result<Obstacle> {
+fn obstacle(file: &Path, o: &JsonObject) -> Result<Obstacle> {
     const NAMES: &[&str] = &["half_space", "sphere", "box", "cylinder", "capsule"];
     let name = o.string("shape", "one of half_space, sphere, box, cylinder, capsule")?;
     let own: &[&str] = match name {
@@ -248,7 +248,7 @@ fn obstacle(file: &Path, o: &Object) -> Result<Obstacle> {
     Ok(obstacle)
 }
 
-fn obstacle_shape(o: &Object, name: &str) -> Result<ObstacleShape> {
+fn obstacle_shape(o: &JsonObject, name: &str) -> Result<ObstacleShape> {
     let length = |key: &str| o.required_positive(key, "in metres");
     let vector = |key: &str, hint: &str| {
         o.require(key, hint)?;
@@ -275,7 +275,7 @@ fn obstacle_shape(o: &Object, name: &str) -> Result<ObstacleShape> {
     })
 }
 
-fn contact(o: &Object) -> Result<ContactKind> {
+fn contact(o: &JsonObject) -> Result<ContactKind> {
     match o.string("contact", "one of sticky, slip, separating")? {
         "sticky" => Ok(ContactKind::Sticky),
         "slip" => Ok(ContactKind::Slip),
@@ -284,10 +284,10 @@ fn contact(o: &Object) -> Result<ContactKind> {
     }
 }
 
-fn keyframes(file: &Path, o: &Object) -> Result<Vec<Keyframe>> {
+fn keyframes(file: &Path, o: &JsonObject) -> Result<Vec<Keyframe>> {
     let mut keys: Vec<Keyframe> = Vec::new();
     for (i, value) in o.array("keyframes")?.iter().enumerate() {
-        let key = Object::new(file, &format!("{}[{i}]", o.field("keyframes")), value)?;
+        let key = JsonObject::new(file, &format!("{}[{i}]", o.field("keyframes")), value)?;
         key.allow_only(&["time_s", "position_m"])?;
         let missing = |field: &str| key.problem(field, "is missing", Some("a keyframe needs time_s and position_m"));
         let time_s = key.number("time_s")?.ok_or_else(|| missing("time_s"))?;
@@ -300,7 +300,7 @@ fn keyframes(file: &Path, o: &Object) -> Result<Vec<Keyframe>> {
     Ok(keys)
 }
 
-fn intervals(file: &Path, top: &Object) -> Result<BTreeMap<String, [f64; 2]>> {
+fn intervals(file: &Path, top: &JsonObject) -> Result<BTreeMap<String, [f64; 2]>> {
     named(file, top, "intervals_95", |o, key| {
         let ends = o.array(key)?;
         match (ends.len(), ends.first().and_then(Value::as_f64), ends.get(1).and_then(Value::as_f64)) {
@@ -310,7 +310,7 @@ fn intervals(file: &Path, top: &Object) -> Result<BTreeMap<String, [f64; 2]>> {
     })
 }
 
-fn verdicts(top: &Object) -> Result<BTreeMap<String, bool>> {
+fn verdicts(top: &JsonObject) -> Result<BTreeMap<String, bool>> {
     let Some(value) = top.get("identifiable") else { return Ok(BTreeMap::new()) };
     let wrong = || top.problem("identifiable", "must map parameters to true or false", None);
     let map = value.as_object().ok_or_else(wrong)?;
@@ -319,16 +319,16 @@ fn verdicts(top: &Object) -> Result<BTreeMap<String, bool>> {
 
 fn named<T>(
     file: &Path,
-    top: &Object,
+    top: &JsonObject,
     key: &str,
-    read: impl Fn(&Object, &str) -> Result<T>,
+    read: impl Fn(&JsonObject, &str) -> Result<T>,
 ) -> Result<BTreeMap<String, T>> {
     let Some(value) = top.get(key) else { return Ok(BTreeMap::new()) };
-    let object = Object::new(file, key, value)?;
+    let object = JsonObject::new(file, key, value)?;
     object.entries().map(|(name, _)| Ok((name.clone(), read(&object, name)?))).collect()
 }
 
-fn unknown_choice(o: &Object, key: &str, found: &str, valid: &[&str]) -> TwinError {
+fn unknown_choice(o: &JsonObject, key: &str, found: &str, valid: &[&str]) -> TwinError {
     let mean = nearest(found, valid).map(|n| format!("did you mean \"{n}\"? ")).unwrap_or_default();
     o.problem(key, format!("is \"{found}\", which is not known"), Some(&format!("{mean}One of {}", valid.join(", "))))
 }

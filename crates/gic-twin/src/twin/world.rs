@@ -3,23 +3,23 @@
 use gic_mpm::{Body, Stepping, World};
 use glam::DVec3;
 
-use super::{Continuum, Twin};
+use super::{MatterSource, Twin};
 use crate::error::{Result, TwinError};
 use crate::matter::{self, Matter};
 
 /// Cells across the object's largest side where the twin does not say how long a cell is.
-const CELLS_ACROSS: f64 = 16.0;
+const CELLS_ALONG_LARGEST_SIDE: f64 = 16.0;
 /// Courant number of the substeps where the twin does not fix them.
-const COURANT: f64 = 0.4;
+const COURANT_NUMBER: f64 = 0.4;
 /// More particles than this do not fit into the memory of an ordinary machine.
-const MOST_PARTICLES: f64 = 1e8;
+const MAX_PARTICLES: f64 = 1e8;
 
 impl Twin {
     /// The twin with spacings resolved, and its world; reads and fills the continuum.
     pub fn to_world(&self) -> Result<(Self, World)> {
         let matter = match &self.continuum {
-            Continuum::File(path) => Some(matter::read(path)?),
-            Continuum::Shape(_) => None,
+            MatterSource::File(path) => Some(matter::read_matter(path)?),
+            MatterSource::Solid(_) => None,
         };
         let mut twin = self.clone();
         let (grid, particle) = self.spacings(matter.as_ref())?;
@@ -27,7 +27,7 @@ impl Twin {
         let (positions, volume_factors) = self.particles(matter, particle)?;
         let stepping = match self.substeps_per_frame {
             Some(substeps_per_frame) => Stepping::Fixed { substeps_per_frame },
-            None => Stepping::Bound { courant: COURANT },
+            None => Stepping::Bound { courant: COURANT_NUMBER },
         };
         let world = World {
             bodies: vec![Body {
@@ -56,13 +56,14 @@ impl Twin {
             (None, Some(particle)) => Ok((2.0 * particle, particle)),
             (None, None) => {
                 let side = match (matter, &self.continuum) {
-                    (_, Continuum::Shape(shape)) => shape.largest_side(),
+                    (_, MatterSource::Solid(shape)) => shape.largest_side(),
                     (Some(Matter::Mesh(mesh)), _) => {
                         let (low, high) = mesh.bounds();
                         (high - low).max_element()
                     }
-                    // The spacing of given particles is a fact that decides their mass; guessing it would be wrong in silence.
-                    (_, Continuum::File(path)) => {
+                    // The spacing of given particles is a fact that decides their mass; guessing it would be wrong in
+                    // silence.
+                    (_, MatterSource::File(path)) => {
                         return Err(TwinError::Content {
                             path: path.clone(),
                             problem: "holds particles, and the twin does not say how far apart they are".into(),
@@ -72,7 +73,7 @@ impl Twin {
                         });
                     }
                 };
-                Ok((side / CELLS_ACROSS, side / CELLS_ACROSS / 2.0))
+                Ok((side / CELLS_ALONG_LARGEST_SIDE, side / CELLS_ALONG_LARGEST_SIDE / 2.0))
             }
         }
     }
@@ -91,7 +92,7 @@ impl Twin {
             hint: Some("lower `particle_spacing_m`, or check that the continuum's lengths are in metres".into()),
         };
         let within_reason = |volume: f64| {
-            if volume / spacing.powi(3) < MOST_PARTICLES { Ok(()) } else { Err(too_many(volume)) }
+            if volume / spacing.powi(3) < MAX_PARTICLES { Ok(()) } else { Err(too_many(volume)) }
         };
         let positions = match (matter, &self.continuum) {
             (Some(Matter::Particles { positions, volume_factors }), _) => return Ok((positions, volume_factors)),
@@ -100,11 +101,11 @@ impl Twin {
                 within_reason((high - low).element_product())?;
                 mesh.sample(spacing)
             }
-            (None, Continuum::Shape(shape)) => {
+            (None, MatterSource::Solid(shape)) => {
                 within_reason(8.0 * shape.kind.half_extent().element_product())?;
                 shape.sample(spacing)
             }
-            (None, Continuum::File(_)) => Vec::new(),
+            (None, MatterSource::File(_)) => Vec::new(),
         };
         if positions.is_empty() { Err(none()) } else { Ok((positions, Vec::new())) }
     }

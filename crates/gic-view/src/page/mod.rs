@@ -1,23 +1,23 @@
-//! `gic view`: a motion as one HTML page that needs nothing installed: WebGL points, a time slider, orbit, stress and speed; and, where gic
-//! was built with it, as a recording for the Rerun viewer.
+//! `gic view`: a motion as one HTML page that needs nothing installed: WebGL points, a time slider, orbit, stress and
+//! speed; and, where gic was built with it, as a recording for the Rerun viewer.
 
-mod encode;
+mod points;
 
 use std::path::{Path, PathBuf};
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use gic_twin::Interrupt;
+use gic_twin::ResourceMeter;
 use gic_twin::atomic;
 use gic_twin::events::{Event, Events};
-use gic_twin::usage::Meter;
 use glam::DVec3;
 use serde::Serialize;
 
 use crate::error::{Result, ViewError};
-use crate::render::color::{Coloring, Scale};
-use crate::render::frames::Motion;
-use encode::Points;
+use crate::render::color_scale::{ColorScale, Coloring};
+use crate::render::simulated_motion::SimulatedMotion;
+use points::PagePoints;
 
 const STAGE: &str = "view";
 /// Lines of the floor on each side of its middle.
@@ -25,7 +25,7 @@ const FLOOR_LINES: i32 = 10;
 
 /// What to show, and where to.
 #[derive(Clone, Debug)]
-pub struct Request {
+pub struct PageRequest {
     /// A folder written by `gic simulate`, or a run folder.
     pub frames: PathBuf,
     /// The page.
@@ -34,7 +34,7 @@ pub struct Request {
 
 /// What the page shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Outcome {
+pub struct PageOutcome {
     /// Points in every frame.
     pub points: usize,
     /// Frames.
@@ -45,7 +45,7 @@ pub struct Outcome {
 
 /// What the script needs to know besides the points.
 #[derive(Serialize)]
-struct Head {
+struct PageHeader {
     points: usize,
     frames: usize,
     times_s: Vec<f64>,
@@ -57,12 +57,12 @@ struct Head {
     up: [f64; 3],
     /// Ends of the floor's lines [m].
     floor: Vec<f64>,
-    modes: Vec<Mode>,
+    modes: Vec<ColorMode>,
 }
 
 /// A meaning of the colours; `kind` 0 is the points' own colour, 1 stress, 2 speed.
 #[derive(Serialize)]
-struct Mode {
+struct ColorMode {
     name: &'static str,
     kind: u8,
     legend: String,
@@ -72,16 +72,16 @@ struct Mode {
 ///
 /// # Errors
 /// A folder without frames, damaged files, an unwritable page.
-pub fn view(request: &Request, events: &Events, interrupt: &Interrupt) -> Result<Outcome> {
-    let motion = Motion::open(&request.frames)?;
+pub fn view(request: &PageRequest, events: &Events, interrupt: &Interrupt) -> Result<PageOutcome> {
+    let motion = SimulatedMotion::open(&request.frames)?;
     let count = motion.trajectory.frames.len();
     events.send(&Event::StageStarted { stage: STAGE.into(), reason: format!("{count} frames") });
-    let meter = Meter::start();
-    let points = Points::read(&motion, &mut |index| {
+    let meter = ResourceMeter::start();
+    let points = PagePoints::read(&motion, &mut |index| {
         events.step(STAGE, "", index as u64 + 1, Some(count as u64), &[]);
         interrupt.requested()
     })?;
-    let scales = [Coloring::Stress, Coloring::Speed].map(|coloring| Scale::new(coloring, &motion.trajectory));
+    let scales = [Coloring::Stress, Coloring::Speed].map(|coloring| ColorScale::new(coloring, &motion.trajectory));
     let bytes = points.encode(&scales);
     let head = head(&motion, &points, &scales);
     let title = motion.trajectory.twin.pointer("/material/model").and_then(|m| m.as_str()).unwrap_or("twin");
@@ -94,19 +94,19 @@ pub fn view(request: &Request, events: &Events, interrupt: &Interrupt) -> Result
         .replace("SCRIPT", include_str!("page.js"));
     atomic::write(&request.page, page.as_bytes())?;
     events.send(&meter.done(STAGE));
-    Ok(Outcome { points: points.len(), frames: count, bytes: page.len() })
+    Ok(PageOutcome { points: points.len(), frames: count, bytes: page.len() })
 }
 
-fn head(motion: &Motion, points: &Points, scales: &[Scale; 2]) -> Head {
+fn head(motion: &SimulatedMotion, points: &PagePoints, scales: &[ColorScale; 2]) -> PageHeader {
     let (low, high) = points.bounds();
     let mut modes = vec![
-        Mode { name: "stress", kind: 1, legend: scales[0].legend() },
-        Mode { name: "speed", kind: 2, legend: scales[1].legend() },
+        ColorMode { name: "stress", kind: 1, legend: scales[0].legend() },
+        ColorMode { name: "speed", kind: 2, legend: scales[1].legend() },
     ];
-    if points.has_look() {
-        modes.insert(0, Mode { name: "appearance", kind: 0, legend: "colour: as in the video".into() });
+    if points.has_colors() {
+        modes.insert(0, ColorMode { name: "appearance", kind: 0, legend: "colour: as in the video".into() });
     }
-    Head {
+    PageHeader {
         points: points.len(),
         frames: motion.trajectory.frames.len(),
         times_s: motion.trajectory.frames.iter().map(|frame| frame.time_s).collect(),

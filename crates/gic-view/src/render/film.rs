@@ -15,19 +15,19 @@ use crate::error::{Result, ViewError};
 const GIF_SPEED: i32 = 10;
 
 /// How a film will be made.
-pub struct Encoder {
+pub struct FilmEncoder {
     path: PathBuf,
-    kind: Kind,
+    kind: FilmFormat,
     slow_motion: f64,
 }
 
-enum Kind {
+enum FilmFormat {
     Gif,
     Mp4,
     Webp,
 }
 
-impl Encoder {
+impl FilmEncoder {
     /// Chosen by the file's ending, so many times slower than life.
     ///
     /// # Errors
@@ -35,9 +35,9 @@ impl Encoder {
     pub fn of(path: &Path, slow_motion: f64) -> Result<Self> {
         let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
         let kind = match ending.as_str() {
-            "gif" => Kind::Gif,
-            "mp4" => Kind::Mp4,
-            "webp" => Kind::Webp,
+            "gif" => FilmFormat::Gif,
+            "mp4" => FilmFormat::Mp4,
+            "webp" => FilmFormat::Webp,
             other => {
                 return Err(ViewError::Usage {
                     problem: format!("`{other}` is no kind of film that gic can make"),
@@ -45,7 +45,7 @@ impl Encoder {
                 });
             }
         };
-        if !matches!(kind, Kind::Gif) {
+        if !matches!(kind, FilmFormat::Gif) {
             let found = Command::new("ffmpeg").arg("-version").stdout(Stdio::null()).stderr(Stdio::null()).status();
             if !found.is_ok_and(|status| status.success()) {
                 return Err(ViewError::Usage {
@@ -64,18 +64,18 @@ impl Encoder {
     pub fn write(&self, pictures: &[Picture], folder: &Path, frame_rate_hz: f64) -> Result<String> {
         let rate = frame_rate_hz / self.slow_motion;
         let by = match self.kind {
-            Kind::Gif => {
+            FilmFormat::Gif => {
                 self.gif(pictures, rate)?;
                 "GIF, by gic"
             }
-            Kind::Mp4 => {
+            FilmFormat::Mp4 => {
                 // H.264 wants even sizes.
                 let even = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2"];
                 let quality = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "18"];
                 self.ffmpeg(pictures.len(), folder, rate, &[&even[..], &quality].concat())?;
                 "H.264, by ffmpeg"
             }
-            Kind::Webp => {
+            FilmFormat::Webp => {
                 self.ffmpeg(pictures.len(), folder, rate, &["-c:v", "libwebp_anim", "-loop", "0", "-quality", "80"])?;
                 "animated WebP, by ffmpeg"
             }

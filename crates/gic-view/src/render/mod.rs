@@ -1,27 +1,28 @@
-//! `gic render`: pictures of a simulated motion, from a camera of the scene or from an orbit, as PNG files and as a film.
+//! `gic render`: pictures of a simulated motion, from a camera of the scene or from an orbit, as PNG files and as a
+//! film.
 
-pub(crate) mod color;
+pub(crate) mod color_scale;
 mod film;
-pub(crate) mod frames;
-pub(crate) mod paint;
+mod fixed_camera;
+pub(crate) mod particle_splats;
 mod shade;
-mod studio;
+pub(crate) mod simulated_motion;
 mod viewpoint;
 
 use std::path::PathBuf;
 
 use gic_scene::{Picture, Scene};
 use gic_twin::Interrupt;
+use gic_twin::ResourceMeter;
 use gic_twin::atomic;
 use gic_twin::events::{Event, Events};
-use gic_twin::usage::Meter;
 use rayon::prelude::*;
 
-pub use color::Coloring;
-pub use film::Encoder;
-pub use frames::{Motion, Particles};
-use paint::Paint;
-pub use studio::Studio;
+pub use color_scale::Coloring;
+pub use film::FilmEncoder;
+pub use fixed_camera::FixedCameraRenderer;
+use particle_splats::ParticleSplats;
+pub use simulated_motion::{FrameParticles, SimulatedMotion};
 pub use viewpoint::Viewpoint;
 
 use crate::error::{Result, ViewError};
@@ -42,7 +43,7 @@ pub enum Background {
 
 /// What to render, and where to.
 #[derive(Clone, Debug)]
-pub struct Request {
+pub struct RenderRequest {
     /// Folder for the pictures.
     pub out: PathBuf,
     /// From where.
@@ -63,7 +64,7 @@ pub struct Request {
 
 /// What was rendered.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Outcome {
+pub struct RenderOutcome {
     /// Number of pictures.
     pub frames: usize,
     /// What the colours mean, in a sentence.
@@ -78,27 +79,27 @@ pub struct Outcome {
 /// A camera or background that the scene does not have, unwritable files, a film that cannot be
 /// encoded here.
 pub fn render(
-    request: &Request,
-    motion: &Motion,
+    request: &RenderRequest,
+    motion: &SimulatedMotion,
     scene: Option<&Scene>,
     events: &Events,
     interrupt: &Interrupt,
-) -> Result<Outcome> {
-    let film = request.film.as_deref().map(|path| film::Encoder::of(path, request.slow_motion)).transpose()?;
-    let view = viewpoint::View::new(request, motion, scene)?;
-    let stage = view.stage(motion, request.background);
+) -> Result<RenderOutcome> {
+    let film = request.film.as_deref().map(|path| film::FilmEncoder::of(path, request.slow_motion)).transpose()?;
+    let view = viewpoint::CameraPath::new(request, motion, scene)?;
+    let environment = view.environment(motion, request.background);
     let first = motion.particles(0)?;
-    let paint = Paint::new(request.coloring, motion, &first)?;
+    let splats = ParticleSplats::new(request.coloring, motion, &first)?;
     atomic::create_folder(&request.out)?;
     let count = motion.trajectory.frames.len();
     events.send(&Event::StageStarted { stage: STAGE.into(), reason: format!("{count} frames") });
-    let meter = Meter::start();
+    let meter = ResourceMeter::start();
     let draw = |index: usize| -> Result<Picture> {
         let later = if index > 0 { Some(motion.particles(index)?) } else { None };
-        let gaussians = paint.gaussians(later.as_ref().unwrap_or(&first));
+        let gaussians = splats.gaussians(later.as_ref().unwrap_or(&first));
         let camera = view.camera(index, count);
-        let rendered = gic_splat::render(&gaussians, &camera, &paint.settings());
-        let mut picture = shade::compose(&rendered, &camera, &stage, paint.is_lit());
+        let rendered = gic_splat::render(&gaussians, &camera, &splats.settings());
+        let mut picture = shade::compose(&rendered, &camera, &environment, splats.is_lit());
         if request.beside_video {
             picture = beside(&view.video(motion.trajectory.frames[index].time_s)?, &picture);
         }
@@ -119,7 +120,7 @@ pub fn render(
     }
     let film = film.map(|film| film.write(&pictures, &request.out, motion.frame_rate_hz())).transpose()?;
     events.send(&meter.done(STAGE));
-    Ok(Outcome { frames: count, legend: paint.legend(), film })
+    Ok(RenderOutcome { frames: count, legend: splats.legend(), film })
 }
 
 /// Two pictures of the same height, side by side.

@@ -14,7 +14,7 @@ const SURFACE_ALPHA: f32 = 0.5;
 const TILE_M: f64 = 0.1;
 
 /// What the matter stands before.
-pub(super) struct Stage<'a> {
+pub(super) struct Environment<'a> {
     pub(super) backdrop: Backdrop<'a>,
     /// Up in the world.
     pub(super) up: DVec3,
@@ -30,15 +30,15 @@ pub(super) enum Backdrop<'a> {
 }
 
 /// Lights what was drawn over black, unless it is lit already, and puts it before the backdrop.
-pub(super) fn compose(rendered: &Rendered, camera: &Camera, stage: &Stage<'_>, is_lit: bool) -> Picture {
+pub(super) fn compose(rendered: &Rendered, camera: &Camera, environment: &Environment<'_>, is_lit: bool) -> Picture {
     let (width, height) = (camera.width, camera.height);
     // From above, beside the camera.
-    let light = (stage.up * 1.2 - camera.rotation.x_axis * 0.5 - camera.rotation.z_axis * 0.7).normalize();
+    let light = (environment.up * 1.2 - camera.rotation.x_axis * 0.5 - camera.rotation.z_axis * 0.7).normalize();
     let mut rgb = Vec::with_capacity(3 * width * height);
     for y in 0..height {
         for x in 0..width {
             let i = y * width + x;
-            let behind = stage.backdrop.color(camera, x, y);
+            let behind = environment.backdrop.color(camera, x, y);
             let left = 1.0 - rendered.alpha[i];
             let shade = match is_lit {
                 true => 1.0,

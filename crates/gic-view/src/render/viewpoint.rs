@@ -6,9 +6,9 @@ use std::str::FromStr;
 use gic_scene::{Camera, Picture, Scene};
 use glam::{DMat3, DVec2, DVec3};
 
-use super::frames::Motion;
-use super::shade::{Backdrop, Stage};
-use super::{Background, Request, STAGE};
+use super::shade::{Backdrop, Environment};
+use super::simulated_motion::SimulatedMotion;
+use super::{Background, RenderRequest, STAGE};
 use crate::error::{Result, ViewError};
 
 /// From where to look.
@@ -39,13 +39,13 @@ const HALF_ANGLE: f64 = 0.35;
 const MARGIN: f64 = 1.15;
 
 /// The cameras of a rendering, and what stands still in it.
-pub(super) enum View<'a> {
+pub(super) enum CameraPath<'a> {
     Orbit { centre: DVec3, distance: f64, up: DVec3, size: [usize; 2] },
     Fixed { number: usize, camera: Camera, backdrop: Option<Picture>, scene: &'a Scene },
 }
 
-impl<'a> View<'a> {
-    pub(super) fn new(request: &Request, motion: &Motion, scene: Option<&'a Scene>) -> Result<Self> {
+impl<'a> CameraPath<'a> {
+    pub(super) fn new(request: &RenderRequest, motion: &SimulatedMotion, scene: Option<&'a Scene>) -> Result<Self> {
         let needs_picture = request.background == Background::Picture;
         match request.viewpoint {
             Viewpoint::Orbit if request.beside_video => Err(ViewError::Usage {
@@ -115,14 +115,14 @@ impl<'a> View<'a> {
     }
 
     /// What the matter stands before.
-    pub(super) fn stage(&self, motion: &Motion, background: Background) -> Stage<'_> {
+    pub(super) fn environment(&self, motion: &SimulatedMotion, background: Background) -> Environment<'_> {
         let backdrop = match (background, self) {
             (Background::Picture, Self::Fixed { backdrop: Some(picture), .. }) => Backdrop::Picture(picture),
             (Background::White, _) => Backdrop::Plain([1.0; 3]),
             (Background::Floor, _) => Backdrop::Floor(motion.planes()),
             _ => Backdrop::Plain([0.0; 3]),
         };
-        Stage { backdrop, up: motion.up() }
+        Environment { backdrop, up: motion.up() }
     }
 }
 
@@ -145,7 +145,8 @@ fn orbit(centre: DVec3, distance: f64, up: DVec3, turn: f64, size: [usize; 2]) -
     looking(centre, distance, up, side * turn.cos() + other * turn.sin(), size)
 }
 
-/// A camera that looks at `centre` from `distance` metres away, from the side of the unit vector `horizontal` and a little above.
+/// A camera that looks at `centre` from `distance` metres away, from the side of the unit vector `horizontal` and a
+/// little above.
 fn looking(centre: DVec3, distance: f64, up: DVec3, horizontal: DVec3, [width, height]: [usize; 2]) -> Camera {
     let outward = horizontal * ELEVATION.cos() + up * ELEVATION.sin();
     let forward = -outward;

@@ -46,12 +46,12 @@ pub fn chart(caption: &str, series: &[Series], logarithmic: bool) -> String {
             at_y(y),
             at_y(y),
             at_y(y) + 3.0,
-            short(value)
+            short_number(value)
         );
     }
     for (x, anchor) in [(x0, "start"), (x1, "end")] {
         let (px, py) = (at_x(x), HEIGHT - 8.0);
-        let _ = write!(svg, "<text x=\"{px:.1}\" y=\"{py}\" text-anchor=\"{anchor}\">{}</text>", short(x));
+        let _ = write!(svg, "<text x=\"{px:.1}\" y=\"{py}\" text-anchor=\"{anchor}\">{}</text>", short_number(x));
     }
     for (i, line) in series.iter().enumerate() {
         let points: Vec<String> = line
@@ -78,7 +78,7 @@ pub fn chart(caption: &str, series: &[Series], logarithmic: bool) -> String {
 }
 
 /// A number in few characters.
-pub fn short(value: f64) -> String {
+pub fn short_number(value: f64) -> String {
     if value == 0.0 || (1e-3..1e5).contains(&value.abs()) {
         let digits = if value.abs() >= 100.0 { 0 } else { 3 };
         format!("{value:.digits$}")

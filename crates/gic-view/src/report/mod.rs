@@ -3,5 +3,5 @@
 mod chart;
 mod overlay;
 
-pub use chart::{Series, chart, short};
-pub use overlay::{Drawn, Overlay, overlays};
+pub use chart::{Series, chart, short_number};
+pub use overlay::{Overlay, TwinDrawing, overlays};

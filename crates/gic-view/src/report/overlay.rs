@@ -10,13 +10,13 @@ use image::codecs::jpeg::JpegEncoder;
 use serde::Serialize;
 
 use crate::error::{Result, ViewError};
-use crate::look::Look;
+use crate::skinned_gaussians::SkinnedGaussians;
 
 /// Pictures are reduced to at most this width [pixels].
-const WIDTH: usize = 280;
-const QUALITY: u8 = 70;
-const OBSERVED: [u8; 3] = [46, 204, 64];
-const TWIN: [u8; 3] = [255, 59, 48];
+const THUMBNAIL_WIDTH_PX: usize = 280;
+const JPEG_QUALITY: u8 = 70;
+const OBSERVED_RGB: [u8; 3] = [46, 204, 64];
+const TWIN_RGB: [u8; 3] = [255, 59, 48];
 
 /// One camera's view of a frame.
 #[derive(Serialize)]
@@ -26,11 +26,12 @@ pub struct Overlay {
     /// Overlap of both masks.
     pub iou: f64,
     /// The twin in its own colours over black, JPEG, base64.
-    look: Option<String>,
+    #[serde(rename = "look")]
+    colored: Option<String>,
 }
 
 /// How the twin is drawn.
-pub struct Drawn {
+pub struct TwinDrawing {
     /// The points that make its outline, and their size.
     pub drawing: Drawing,
     /// How these points are drawn.
@@ -38,48 +39,48 @@ pub struct Drawn {
     /// Factor on their size that fits the first masks.
     pub factor: f64,
     /// Its colours, where it has any.
-    pub look: Option<Look>,
+    pub skin: Option<SkinnedGaussians>,
 }
 
-/// Every camera's view of a frame, in the order of the cameras; `None` where a camera has no picture. `positions` [m] are those of the
-/// twin's particles.
-pub fn overlays(scene: &Scene, drawn: &Drawn, positions: &[DVec3], frame: usize) -> Result<Vec<Option<Overlay>>> {
+/// Every camera's view of a frame, in the order of the cameras; `None` where a camera has no picture. `positions` [m]
+/// are those of the twin's particles.
+pub fn overlays(scene: &Scene, drawn: &TwinDrawing, positions: &[DVec3], frame: usize) -> Result<Vec<Option<Overlay>>> {
     let views = scene.views_at(frame);
     let loaded = scene.load_all(views).map_err(ViewError::stage("reading pictures"))?;
     let appearance = Appearance { scale: drawn.factor * drawn.appearance.scale, ..drawn.appearance };
     let shape = informed_gaussians(&drawn.drawing.positions(positions), &drawn.drawing.particles, &appearance);
-    let look = drawn.look.as_ref().map(|look| look.visible(positions));
+    let skin = drawn.skin.as_ref().map(|skin| skin.visible(positions));
     let mut found: Vec<Option<Overlay>> = scene.cameras.iter().map(|_| None).collect();
     for (view, (picture, mask)) in views.iter().zip(loaded) {
         let camera = scene.camera_of(view);
         let alpha = render(&shape, camera, &RenderSettings::masks()).alpha;
         let iou = agreement(&alpha, &mask.coverage).iou;
         let twin = Mask { width: mask.width, height: mask.height, coverage: alpha };
-        let look = look.as_ref().map(|look| colored(look, camera)).transpose()?;
-        found[view.camera] = Some(Overlay { jpeg: outlined(&picture, &mask, &twin)?, iou, look });
+        let colored = skin.as_ref().map(|skin| colored(skin, camera)).transpose()?;
+        found[view.camera] = Some(Overlay { jpeg: outlined(&picture, &mask, &twin)?, iou, colored });
     }
     Ok(found)
 }
 
 /// The video's picture with the outlines of both masks.
 fn outlined(picture: &Picture, mask: &Mask, twin: &Mask) -> Result<String> {
-    let small = Small::of(picture.width, picture.height);
+    let thumbnail = Thumbnail::of(picture.width, picture.height);
     let inside = |mask: &Mask| -> Vec<bool> {
-        (0..small.width * small.height).map(|i| small.mean(i, &|p| mask.coverage[p]) >= 0.5).collect()
+        (0..thumbnail.width * thumbnail.height).map(|i| thumbnail.mean(i, &|p| mask.coverage[p]) >= 0.5).collect()
     };
     let (observed, twin) = (inside(mask), inside(twin));
-    small.encode(|i| match (small.is_outline(&twin, i), small.is_outline(&observed, i)) {
-        (true, _) => TWIN,
-        (false, true) => OBSERVED,
-        (false, false) => [0, 1, 2].map(|c| byte(small.mean(i, &|p| picture.rgb[3 * p + c]))),
+    thumbnail.encode(|i| match (thumbnail.is_outline(&twin, i), thumbnail.is_outline(&observed, i)) {
+        (true, _) => TWIN_RGB,
+        (false, true) => OBSERVED_RGB,
+        (false, false) => [0, 1, 2].map(|c| byte(thumbnail.mean(i, &|p| picture.rgb[3 * p + c]))),
     })
 }
 
 /// The twin in its own colours, over black.
-fn colored(look: &Gaussians, camera: &Camera) -> Result<String> {
-    let small = Small::of(camera.width, camera.height);
-    let color = render(look, camera, &RenderSettings::pictures()).color;
-    small.encode(|i| [0, 1, 2].map(|c| byte(small.mean(i, &|p| color[p][c].clamp(0.0, 1.0)))))
+fn colored(skin: &Gaussians, camera: &Camera) -> Result<String> {
+    let thumbnail = Thumbnail::of(camera.width, camera.height);
+    let color = render(skin, camera, &RenderSettings::pictures()).color;
+    thumbnail.encode(|i| [0, 1, 2].map(|c| byte(thumbnail.mean(i, &|p| color[p][c].clamp(0.0, 1.0)))))
 }
 
 fn byte(value: f32) -> u8 {
@@ -87,7 +88,7 @@ fn byte(value: f32) -> u8 {
 }
 
 /// How the report shows a picture: every `factor` x `factor` pixels as one.
-struct Small {
+struct Thumbnail {
     factor: usize,
     width: usize,
     height: usize,
@@ -95,10 +96,10 @@ struct Small {
     full_width: usize,
 }
 
-impl Small {
-    fn of(width: usize, height: usize) -> Small {
-        let factor = width.div_ceil(WIDTH).max(1);
-        Small { factor, width: width / factor, height: height / factor, full_width: width }
+impl Thumbnail {
+    fn of(width: usize, height: usize) -> Thumbnail {
+        let factor = width.div_ceil(THUMBNAIL_WIDTH_PX).max(1);
+        Thumbnail { factor, width: width / factor, height: height / factor, full_width: width }
     }
 
     /// Mean of what the pixels have that become pixel `i`.
@@ -125,7 +126,7 @@ impl Small {
     fn encode(&self, color: impl Fn(usize) -> [u8; 3]) -> Result<String> {
         let bytes: Vec<u8> = (0..self.width * self.height).flat_map(color).collect();
         let mut jpeg = Vec::new();
-        JpegEncoder::new_with_quality(&mut jpeg, QUALITY)
+        JpegEncoder::new_with_quality(&mut jpeg, JPEG_QUALITY)
             .encode(&bytes, self.width as u32, self.height as u32, image::ExtendedColorType::Rgb8)
             .map_err(ViewError::stage("encoding a picture of the report"))?;
         Ok(STANDARD.encode(jpeg))

@@ -16,14 +16,14 @@ use serde::Serialize;
 use crate::error::{Error, Result};
 use crate::eval::{Evaluation, Truth, evaluate};
 use crate::statistics::mean_and_variance;
-use states::Column;
+use states::SceneColumn;
 pub use states::{Figure, StateRow};
 
 const STAGE: &str = "bench";
 
 /// What to run, and how.
 #[derive(Clone, Debug)]
-pub struct Request {
+pub struct BenchRequest {
     /// Folder of scenes, each with a `gt` folder.
     pub suite: PathBuf,
     /// Folder for the runs and the tables.
@@ -39,7 +39,7 @@ pub struct Request {
 }
 
 /// A scene of the suite.
-struct Job {
+struct SuiteScene {
     name: String,
     scene: PathBuf,
     truth: Truth,
@@ -47,7 +47,7 @@ struct Job {
 
 /// What became of a scene.
 #[derive(Serialize)]
-struct Outcome {
+struct SceneOutcome {
     scene: String,
     /// The evaluation, or why there is none.
     #[serde(flatten)]
@@ -56,7 +56,7 @@ struct Outcome {
 
 /// A row of the paper's table.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct TableRow {
+pub struct ParameterRow {
     /// Model of the material.
     pub model: String,
     /// The parameter, in the paper's words.
@@ -96,7 +96,7 @@ const PAPER: &[(&str, &str, [f64; 2])] = &[
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tables {
     /// Errors of the parameters.
-    pub parameters: Vec<TableRow>,
+    pub parameters: Vec<ParameterRow>,
     /// Observed and future states, as Markdown.
     pub states: String,
 }
@@ -107,7 +107,7 @@ pub struct Tables {
 ///
 /// # Errors
 /// No scenes, an unwritable folder, an interrupt.
-pub fn bench(request: &Request, events: &Events, interrupt: &Interrupt) -> Result<Tables> {
+pub fn bench(request: &BenchRequest, events: &Events, interrupt: &Interrupt) -> Result<Tables> {
     let jobs = find(&request.suite, &request.filter)?;
     atomic::create_folder(&request.out)?;
     let reason = format!("{} scenes, {} at a time", jobs.len(), request.jobs);
@@ -123,10 +123,10 @@ pub fn bench(request: &Request, events: &Events, interrupt: &Interrupt) -> Resul
         if let Err(reason) = &result {
             events.warn(STAGE, format!("{}: {reason}", job.name));
         }
-        outcomes.push(Outcome { scene: job.name.clone(), result });
+        outcomes.push(SceneOutcome { scene: job.name.clone(), result });
     }
     let rows = table(outcomes.iter().filter_map(|o| o.result.as_ref().ok()));
-    let columns: Vec<Column> = jobs.iter().zip(&outcomes).map(|(job, outcome)| column(job, outcome)).collect();
+    let columns: Vec<SceneColumn> = jobs.iter().zip(&outcomes).map(|(job, outcome)| column(job, outcome)).collect();
     let states = states::rows(&columns);
     let text = markdown(&rows, &outcomes) + &states::markdown(&states, &columns);
     atomic::write(&request.out.join("results.md"), text.as_bytes())?;
@@ -136,27 +136,27 @@ pub fn bench(request: &Request, events: &Events, interrupt: &Interrupt) -> Resul
     Ok(Tables { parameters: rows, states: states::markdown(&states, &columns) })
 }
 
-fn column<'a>(job: &'a Job, outcome: &'a Outcome) -> Column<'a> {
+fn column<'a>(job: &'a SuiteScene, outcome: &'a SceneOutcome) -> SceneColumn<'a> {
     let format = Scene::open(&job.scene).map(|scene| scene.format);
-    Column {
+    SceneColumn {
         name: &job.name,
         spring_gaus: format.is_ok_and(|format| format == Format::SpringGausSynthetic),
         evaluation: outcome.result.as_ref().ok(),
     }
 }
 
-fn find(suite: &Path, filter: &str) -> Result<Vec<Job>> {
+fn find(suite: &Path, filter: &str) -> Result<Vec<SuiteScene>> {
     let entries = std::fs::read_dir(suite).map_err(Error::read(suite))?;
     let mut scenes: Vec<PathBuf> = entries
         .filter_map(|entry| Some(entry.ok()?.path()))
         .filter(|path| path.join("gt/params.json").is_file())
         .collect();
     scenes.sort();
-    let jobs: Vec<Job> = scenes
+    let jobs: Vec<SuiteScene> = scenes
         .into_iter()
         .map(|scene| (scene.file_name().unwrap_or_default().to_string_lossy().into_owned(), scene))
         .filter(|(name, _)| name.contains(filter))
-        .map(|(name, scene)| Ok(Job { name, truth: Truth::read(&scene.join("gt"))?, scene }))
+        .map(|(name, scene)| Ok(SuiteScene { name, truth: Truth::read(&scene.join("gt"))?, scene }))
         .collect::<Result<_>>()?;
     if jobs.is_empty() {
         return Err(Error::Usage {
@@ -169,8 +169,8 @@ fn find(suite: &Path, filter: &str) -> Result<Vec<Job>> {
 
 /// Runs the scenes in processes of their own, so that each has its own peak of memory and one that dies harms no other.
 fn run_all(
-    request: &Request,
-    jobs: &[Job],
+    request: &BenchRequest,
+    jobs: &[SuiteScene],
     events: &Events,
     interrupt: &Interrupt,
 ) -> Result<Vec<std::result::Result<(), String>>> {
@@ -218,7 +218,7 @@ fn run_all(
     Ok(statuses)
 }
 
-fn start(request: &Request, job: &Job, threads: usize) -> Result<Child> {
+fn start(request: &BenchRequest, job: &SuiteScene, threads: usize) -> Result<Child> {
     let out = request.out.join(&job.name);
     atomic::create_folder(&out)?;
     let messages = out.join("messages.txt");
@@ -238,7 +238,7 @@ fn start(request: &Request, job: &Job, threads: usize) -> Result<Child> {
         .map_err(Error::read(&request.program))
 }
 
-fn table<'a>(evaluations: impl Iterator<Item = &'a Evaluation>) -> Vec<TableRow> {
+fn table<'a>(evaluations: impl Iterator<Item = &'a Evaluation>) -> Vec<ParameterRow> {
     let mut errors: BTreeMap<(String, String), Vec<f64>> = BTreeMap::new();
     for e in evaluations {
         for p in &e.parameters {
@@ -249,12 +249,12 @@ fn table<'a>(evaluations: impl Iterator<Item = &'a Evaluation>) -> Vec<TableRow>
     let row = |((model, parameter), errors): ((String, String), Vec<f64>)| {
         let (mean, variance) = mean_and_variance(&errors);
         let paper = PAPER.iter().find(|(m, p, _)| *m == model && *p == parameter).map(|(_, _, numbers)| *numbers);
-        TableRow { model, parameter, scenes: errors.len(), mean, deviation: variance.sqrt(), paper }
+        ParameterRow { model, parameter, scenes: errors.len(), mean, deviation: variance.sqrt(), paper }
     };
     errors.into_iter().map(row).collect()
 }
 
-fn markdown(rows: &[TableRow], outcomes: &[Outcome]) -> String {
+fn markdown(rows: &[ParameterRow], outcomes: &[SceneOutcome]) -> String {
     let mut text = String::from(
         "# Mean absolute error x100\n\nModuli, viscosities and yield stresses as log10, nu as is, the friction angle in radians, v in m/s: \
          the units of the paper's table.\n\n| material | parameter | scenes | gic | paper (GIC) |\n|---|---|---|---|---|\n",
@@ -295,7 +295,7 @@ fn markdown(rows: &[TableRow], outcomes: &[Outcome]) -> String {
     text
 }
 
-fn csv(outcomes: &[Outcome]) -> String {
+fn csv(outcomes: &[SceneOutcome]) -> String {
     let mut text = String::from("scene,model,parameter,estimate,low_95,high_95,truth,error_x100,inside,identifiable\n");
     for (scene, e) in outcomes.iter().filter_map(|o| Some((&o.scene, o.result.as_ref().ok()?))) {
         for p in &e.parameters {

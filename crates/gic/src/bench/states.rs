@@ -75,7 +75,8 @@ impl Figure {
     }
 }
 
-/// One figure of the twin's states, for every scene: the mean over the frames that were fitted to, or over those that were predicted.
+/// One figure of the twin's states, for every scene: the mean over the frames that were fitted to, or over those that
+/// were predicted.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct StateRow {
     /// Frames that were fitted to; otherwise those that were predicted.
@@ -91,14 +92,14 @@ pub struct StateRow {
 }
 
 /// A scene's name, whether it is of the Spring-Gaus synthetic set, and its evaluation.
-pub(super) struct Column<'a> {
+pub(super) struct SceneColumn<'a> {
     pub(super) name: &'a str,
     pub(super) spring_gaus: bool,
     pub(super) evaluation: Option<&'a Evaluation>,
 }
 
 /// All rows: the paper's only where the suite has scenes of the Spring-Gaus synthetic set.
-pub(super) fn rows(columns: &[Column]) -> Vec<StateRow> {
+pub(super) fn rows(columns: &[SceneColumn]) -> Vec<StateRow> {
     let mut rows = Vec::new();
     for observed in [true, false] {
         for figure in Figure::ALL {
@@ -118,13 +119,13 @@ pub(super) fn rows(columns: &[Column]) -> Vec<StateRow> {
     rows
 }
 
-fn measured(column: &Column, observed: bool, figure: Figure) -> Option<f64> {
+fn measured(column: &SceneColumn, observed: bool, figure: Figure) -> Option<f64> {
     let frames: Vec<&FrameError> = column.evaluation?.frames.iter().filter(|f| f.observed == observed).collect();
     mean_of(&frames, &|frame| figure.of(frame))
 }
 
-fn published((observed, figure, method, values): &PaperRow, columns: &[Column]) -> StateRow {
-    let value = |column: &Column| {
+fn published((observed, figure, method, values): &PaperRow, columns: &[SceneColumn]) -> StateRow {
+    let value = |column: &SceneColumn| {
         let object = column.name.rsplit('_').next()?;
         let at = OBJECTS.iter().position(|known| *known == object).filter(|_| column.spring_gaus)?;
         Some(values[at])
@@ -139,7 +140,7 @@ fn published((observed, figure, method, values): &PaperRow, columns: &[Column]) 
 }
 
 /// The two tables.
-pub(super) fn markdown(rows: &[StateRow], columns: &[Column]) -> String {
+pub(super) fn markdown(rows: &[StateRow], columns: &[SceneColumn]) -> String {
     let mut text = String::new();
     for (observed, title) in [(true, "Observed frames"), (false, "Future frames")] {
         let part: Vec<&StateRow> = rows.iter().filter(|row| row.observed == observed).collect();
@@ -204,7 +205,7 @@ mod tests {
     #[test]
     fn states_stand_beside_the_papers_rows() {
         let (torus, plush) = (evaluation(&[(true, 0.2), (true, 0.4), (false, 1.0)]), evaluation(&[(true, 0.6)]));
-        let column = |name, spring_gaus, evaluation| Column { name, spring_gaus, evaluation };
+        let column = |name, spring_gaus, evaluation| SceneColumn { name, spring_gaus, evaluation };
         let columns = [
             column("sg_torus", true, Some(&torus)),
             column("sg_plush", false, Some(&plush)),

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use gic::grasp::{Gripper, Request, grasp};
+use gic::grasp::{GraspRequest, Gripper, grasp};
 
 use super::Context;
 use super::args::GraspArgs;
@@ -12,7 +12,7 @@ pub(crate) fn run(args: &GraspArgs, context: &Context) -> anyhow::Result<()> {
     let twin = twin_file(&args.twin);
     let beside = || twin.parent().unwrap_or(Path::new("")).join("grasp");
     let out = args.out.clone().unwrap_or_else(beside);
-    let request = Request {
+    let request = GraspRequest {
         settings: args.set.clone(),
         widths_m: args.width_m.clone(),
         axis: args.axis,

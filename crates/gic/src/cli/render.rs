@@ -2,19 +2,19 @@
 
 use gic::pipeline::scene_of_run;
 use gic_scene::Scene;
-use gic_view::render::{Motion, Request, Viewpoint, render};
+use gic_view::render::{RenderRequest, SimulatedMotion, Viewpoint, render};
 
 use super::Context;
 use super::args::RenderArgs;
 
 pub(crate) fn run(args: &RenderArgs, context: &Context) -> anyhow::Result<()> {
-    let motion = Motion::open(&args.frames)?;
+    let motion = SimulatedMotion::open(&args.frames)?;
     let scene = match (args.camera, &args.scene, &motion.run) {
         (Viewpoint::Orbit, ..) | (_, None, None) => None,
         (_, Some(path), _) => Some(Scene::open(path).map_err(gic::Error::stage("reading the scene"))?),
         (_, None, Some(run)) => Some(scene_of_run(run)?),
     };
-    let request = Request {
+    let request = RenderRequest {
         out: args.out.clone(),
         viewpoint: args.camera,
         background: args.background,

@@ -42,7 +42,7 @@ fn evaluate_run(run: &Path, truth: &Path, context: &Context) -> anyhow::Result<(
 }
 
 pub(crate) fn bench(args: &BenchArgs, context: &Context) -> anyhow::Result<()> {
-    let request = bench::Request {
+    let request = bench::BenchRequest {
         suite: args.suite.clone(),
         out: args.out.clone(),
         jobs: args.jobs,

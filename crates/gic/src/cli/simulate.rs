@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use gic_twin::simulate::{Companion, Request, simulate};
+use gic_twin::simulate::{Companion, SimulationRequest, simulate};
 use gic_twin::twin::Setting;
 use serde_json::json;
 
@@ -11,7 +11,7 @@ use super::args::SimulateArgs;
 
 pub(crate) fn run(args: &SimulateArgs, context: &Context) -> anyhow::Result<()> {
     let companions = args.companions.iter().map(|c| Companion { twin: twin_file(&c.twin), shift_m: c.shift_m });
-    let request = Request {
+    let request = SimulationRequest {
         twin: twin_file(&args.twin),
         settings: settings(args)?,
         colliders: args.colliders.clone(),

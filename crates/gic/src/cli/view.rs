@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use gic::recording::record;
-use gic_view::page::{Request, default_page, view};
+use gic_view::page::{PageRequest, default_page, view};
 
 use super::Context;
 use super::args::ViewArgs;
@@ -14,7 +14,7 @@ pub(crate) fn run(args: &ViewArgs, context: &Context) -> anyhow::Result<()> {
         return recording(args, file, context);
     }
     let page = args.out.clone().unwrap_or_else(|| default_page(&args.frames));
-    let request = Request { frames: args.frames.clone(), page: page.clone() };
+    let request = PageRequest { frames: args.frames.clone(), page: page.clone() };
     let outcome = view(&request, &context.events, &context.interrupt)?;
     let megabytes = outcome.bytes as f64 / 1e6;
     context.print(format!(

@@ -6,7 +6,7 @@ use gic_metrics::{MetricError, Rectangle, mask_iou, psnr, ssim};
 use gic_scene::{Camera, Mask, Picture, Scene};
 use gic_splat::{Gaussians, RenderSettings, render};
 use gic_twin::matter::read_particles;
-use gic_view::look::Look;
+use gic_view::skinned_gaussians::SkinnedGaussians;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -39,7 +39,7 @@ pub struct PictureError {
 pub(super) struct Pictures<'a> {
     run: &'a Path,
     scene: Scene,
-    look: Look,
+    skin: SkinnedGaussians,
     /// How many particles the twin has.
     particles: usize,
     held_out: Vec<usize>,
@@ -49,9 +49,9 @@ impl<'a> Pictures<'a> {
     /// `None` where the twin has no colours.
     pub(super) fn open(run: &'a Path, config: Config) -> Result<Option<Self>> {
         let rest = read_particles(&run.join(TWIN_MATTER))?.positions;
-        let Some(look) = Look::load(run, &rest)? else { return Ok(None) };
+        let Some(skin) = SkinnedGaussians::load(run, &rest)? else { return Ok(None) };
         let (scene, held_out) = (open_scene(&config)?, config.reconstruct.held_out);
-        Ok(Some(Self { run, scene, look, particles: rest.len(), held_out }))
+        Ok(Some(Self { run, scene, skin, particles: rest.len(), held_out }))
     }
 
     /// Compares a frame of the video; `None` where it was not simulated or nobody sees the object.
@@ -75,7 +75,7 @@ impl<'a> Pictures<'a> {
                 hint: Some("run `gic run` on the folder again".into()),
             });
         }
-        let gaussians = self.look.visible(&moved);
+        let gaussians = self.skin.visible(&moved);
         let views = self.scene.views_at(frame);
         let loaded = self.scene.load_all(views).map_err(Error::stage("reading pictures"))?;
         let scores: Vec<Option<Score>> = views

@@ -16,7 +16,8 @@ use crate::pipeline::RegistrationRecord;
 pub struct RegistrationError {
     /// Angle between the rotations [degrees].
     pub rotation_deg: f64,
-    /// How far the object's centre is placed from where it is [m]. (The translation itself depends on where the scan's origin lies.)
+    /// How far the object's centre is placed from where it is [m]. (The translation itself depends on where the scan's
+    /// origin lies.)
     pub centre_m: f64,
     /// Scale over the true one, less one.
     pub scale: f64,

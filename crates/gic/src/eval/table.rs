@@ -53,7 +53,8 @@ fn number(value: Option<f64>, decimals: usize) -> String {
     value.map_or("-".into(), |v| format!("{v:.decimals$}"))
 }
 
-/// Mean of what the frames have; `None` where one of them lacks it: the mean of some frames only would not be comparable.
+/// Mean of what the frames have; `None` where one of them lacks it: the mean of some frames only would not be
+/// comparable.
 pub(crate) fn mean_of(frames: &[&FrameError], pick: &dyn Fn(&FrameError) -> Option<f64>) -> Option<f64> {
     let values = frames.iter().map(|f| pick(f)).collect::<Option<Vec<f64>>>()?;
     (!values.is_empty()).then(|| mean(values.into_iter()))

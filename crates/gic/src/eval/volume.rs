@@ -6,23 +6,23 @@ use glam::DVec3;
 use crate::error::{Error, Result};
 
 /// Standard deviation of the smoothing, and side of the voxels, in particle spacings.
-const SMOOTHING: f64 = 0.6;
-const VOXEL: f64 = 0.5;
+const SMOOTHING_SPACINGS: f64 = 0.6;
+const VOXEL_SPACINGS: f64 = 0.5;
 /// Reach of the smoothing, in standard deviations.
-const REACH: f64 = 3.5;
+const KERNEL_CUTOFF: f64 = 3.5;
 
-/// Volume [m^3] where particles [m], which lie `spacing` metres apart at rest, are at least half as dense as most of them are inside
-/// (their upper quartile). Flat boundaries come out half a spacing outside the last layer; edges lose a little, so compare only volumes
-/// found by this.
+/// Volume [m^3] where particles [m], which lie `spacing` metres apart at rest, are at least half as dense as most of
+/// them are inside (their upper quartile). Flat boundaries come out half a spacing outside the last layer; edges lose a
+/// little, so compare only volumes found by this.
 pub(super) fn occupied(particles: &[[f32; 3]], spacing: f64) -> Result<f64> {
     let points: Vec<DVec3> = particles.iter().map(|p| DVec3::from(p.map(f64::from))).collect();
     let low = points.iter().fold(DVec3::INFINITY, |low, p| low.min(*p)) - 3.0 * spacing;
     let high = points.iter().fold(DVec3::NEG_INFINITY, |high, p| high.max(*p)) + 3.0 * spacing;
     let mut field =
-        DensityField::covering(low, high, VOXEL * spacing, 1).map_err(Error::stage("measuring the truth"))?;
-    let deviation = SMOOTHING * spacing;
-    let peak = (SMOOTHING * (2.0 * std::f64::consts::PI).sqrt()).powi(-3);
-    let reach = (REACH * SMOOTHING / VOXEL).ceil() as i64;
+        DensityField::covering(low, high, VOXEL_SPACINGS * spacing, 1).map_err(Error::stage("measuring the truth"))?;
+    let deviation = SMOOTHING_SPACINGS * spacing;
+    let peak = (SMOOTHING_SPACINGS * (2.0 * std::f64::consts::PI).sqrt()).powi(-3);
+    let reach = (KERNEL_CUTOFF * SMOOTHING_SPACINGS / VOXEL_SPACINGS).ceil() as i64;
     let [nx, ny, nz] = field.size;
     for &p in &points {
         let at = ((p - field.origin) / field.spacing).floor();

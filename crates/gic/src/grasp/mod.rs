@@ -1,53 +1,53 @@
 //! `gic grasp`: two rigid pads, as of a parallel gripper, close on a twin, hold it and lift it.
 //!
-//! The matter floats weightless while the pads close slowly; at each width it comes to rest and the forces are averaged. Then weight sets
-//! in, the gripper is raised from a table, and what slides or stays behind is measured.
+//! The matter floats weightless while the pads close slowly; at each width it comes to rest and the forces are
+//! averaged. Then weight sets in, the gripper is raised from a table, and what slides or stays behind is measured.
 
 mod antipodal;
-mod clip;
-mod measure;
-mod place;
+mod contact;
+mod film;
+mod gripper_frame;
+mod pad_simulation;
 mod report;
-mod rig;
 
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use gic_mpm::{Material, Stepping, World};
 use gic_twin::Interrupt;
+use gic_twin::ResourceMeter;
 use gic_twin::atomic;
 use gic_twin::events::{Event, Events};
 use gic_twin::twin::{Setting, Twin};
-use gic_twin::usage::Meter;
 use glam::DVec3;
 
-pub use place::AxisChoice;
-pub use report::{Lift, Report, Squeeze};
+pub use gripper_frame::AxisChoice;
+pub use report::{GraspReport, Lift, Squeeze};
 
 use crate::error::{Error, Result};
-use clip::Clip;
-use measure::{Faces, mean_position, touching};
-use place::Place;
-use rig::{Pads, Phase, Pose, Rig, State};
+use contact::{ContactFaces, contact_patches, mean_position};
+use film::GraspFilm;
+use gripper_frame::GripperFrame;
+use pad_simulation::{GraspPhase, GraspState, PadPose, PadSimulation, Pads};
 
 const STAGE: &str = "grasp";
 
 /// Speed of each pad while closing, over the speed of waves in a bar: slow enough that inertia adds little force.
-const CLOSING_SPEED: f64 = 0.005;
+const CLOSING_WAVE_SPEEDS: f64 = 0.005;
 /// Length of a frame while closing and holding, over the time that such a wave takes across the object.
-const FRAME: f64 = 0.25;
+const FRAME_WAVE_TIMES: f64 = 0.25;
 /// What is left of the velocities after each such frame.
-const KEEP: f64 = 0.6;
+const VELOCITY_KEPT: f64 = 0.6;
 /// Frames over which forces are averaged.
-const WINDOW: usize = 24;
+const AVERAGING_FRAMES: usize = 24;
 /// Forces are steady when the means of two windows differ by less than this share.
-const STEADY: f64 = 2e-3;
+const STEADY_RELATIVE_CHANGE: f64 = 2e-3;
 /// Most windows to wait for that.
-const MOST_WINDOWS: usize = 40;
+const MAX_AVERAGING_WINDOWS: usize = 40;
 /// Fewest grid cells along a side of the pad.
-const FEWEST_CELLS: f64 = 2.0;
+const MIN_PAD_CELLS: f64 = 2.0;
 /// Grid cells along a side of the pad below which forces are coarse.
-const GOOD_CELLS: f64 = 4.0;
+const GOOD_PAD_CELLS: f64 = 4.0;
 /// The finest grid that is worth its time, relative to the twin's.
 pub const MAX_REFINEMENT: usize = 8;
 /// Length of a frame while lifting [s].
@@ -55,7 +55,7 @@ const LIFT_FRAME_S: f64 = 0.01;
 /// Frames in which weight sets in, in which the gripper rises, and in which it stands again.
 const LIFT_FRAMES: [usize; 3] = [20, 40, 20];
 /// Matter is taken to yield from this share of the yield stress on: f32 rounding.
-const AT_YIELD: f64 = 0.999;
+const YIELD_SHARE: f64 = 0.999;
 
 /// The gripper.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,7 +77,7 @@ impl Default for Gripper {
 
 /// What to grasp, and how.
 #[derive(Clone, Debug)]
-pub struct Request {
+pub struct GraspRequest {
     /// The twin's file.
     pub twin: PathBuf,
     /// Changes to the twin.
@@ -88,8 +88,8 @@ pub struct Request {
     pub axis: AxisChoice,
     /// The gripper.
     pub gripper: Gripper,
-    /// Each particle is cut into this number cubed, on a grid as many times finer; `None` takes the least that lets the grid feel the
-    /// pads.
+    /// Each particle is cut into this number cubed, on a grid as many times finer; `None` takes the least that lets the
+    /// grid feel the pads.
     pub refine: Option<usize>,
     /// Folder for grasp.json and the pictures.
     pub out: PathBuf,
@@ -105,22 +105,23 @@ pub struct Request {
 ///
 /// # Errors
 /// Bad input, matter that no gripper holds, an unstable simulation, an unwritable folder.
-pub fn grasp(request: &Request, events: &Events, interrupt: &Interrupt) -> Result<Report> {
+pub fn grasp(request: &GraspRequest, events: &Events, interrupt: &Interrupt) -> Result<GraspReport> {
     let widths = descending(&request.widths_m)?;
     let twin = Twin { colliders: Vec::new(), ..Twin::read(&request.twin, &request.settings)? };
     check_grippable(&twin.material)?;
     // Before minutes of simulation.
-    let film = request.pictures.then(|| clip::Film::of(&request.film)).transpose()?;
+    let film = request.pictures.then(|| film::FilmTarget::of(&request.film)).transpose()?;
     let (twin, world) = twin.to_world()?;
     atomic::create_folder(&request.out)?;
     events.send(&Event::StageStarted { stage: STAGE.into(), reason: format!("{} widths", widths.len()) });
-    let meter = Meter::start();
+    let meter = ResourceMeter::start();
     let mut grasp = Grasp::new(request, &twin, &world, widths[0], events, interrupt)?;
     let report = grasp.run(&widths)?;
     atomic::write_json(&request.out.join("grasp.json"), &report)?;
     if let Some(film) = film {
-        let (place, rig) = (&grasp.place, &grasp.rig);
-        let text = grasp.clip.draw(place, &rig.pads, rig.up, &report, (&request.out, request.size), &film)?;
+        let (frame, simulation) = (&grasp.frame, &grasp.simulation);
+        let text =
+            grasp.film.draw(frame, &simulation.pads, simulation.up, &report, (&request.out, request.size), &film)?;
         events.note(STAGE, text);
     }
     events.send(&meter.done(STAGE));
@@ -161,10 +162,10 @@ fn check_grippable(material: &Material) -> Result<()> {
 
 /// One grasp in progress.
 struct Grasp<'a> {
-    request: &'a Request,
+    request: &'a GraspRequest,
     events: &'a Events,
-    place: Place,
-    rig: Rig<'a>,
+    frame: GripperFrame,
+    simulation: PadSimulation<'a>,
     /// Distance of neighbouring particles [m].
     spacing: f64,
     /// Width of the object at rest [m].
@@ -177,12 +178,12 @@ struct Grasp<'a> {
     gravity: DVec3,
     /// Which particles have been at the yield stress.
     yielded: Vec<bool>,
-    clip: Clip,
+    film: GraspFilm,
 }
 
 impl<'a> Grasp<'a> {
     fn new(
-        request: &'a Request,
+        request: &'a GraspRequest,
         twin: &Twin,
         world: &World,
         widest: f64,
@@ -195,12 +196,12 @@ impl<'a> Grasp<'a> {
         let (grid, spacing) = (world.grid_spacing_m / refine as f64, coarse / refine as f64);
         check_pads(&request.gripper, grid, events)?;
         let up = (-world.gravity_m_s2).normalize_or(DVec3::Y);
-        let mut place = Place::choose(request.axis, &body.positions, coarse, up, &request.gripper, widest)?;
+        let mut frame = GripperFrame::choose(request.axis, &body.positions, coarse, up, &request.gripper, widest)?;
         let [short, long] = request.gripper.pad_m;
         let pads = Pads { size_m: [long, short], thickness_m: 6.0 * grid, friction: request.gripper.friction };
-        let mut rig = Rig {
+        let mut simulation = PadSimulation {
             world: World {
-                bodies: vec![place.body(body, coarse, refine)],
+                bodies: vec![frame.body(body, coarse, refine)],
                 colliders: Vec::new(),
                 gravity_m_s2: DVec3::ZERO,
                 grid_spacing_m: grid,
@@ -208,10 +209,11 @@ impl<'a> Grasp<'a> {
                 stepping: Stepping::Bound { courant: 0.4 },
             },
             pads,
-            up: place.direction_to_gripper(up),
+            up: frame.direction_to_gripper(up),
             interrupt,
         };
-        let faces = Faces::of(&rig.start(0.0)?, &pads, rig.up, spacing).ok_or_else(|| nothing_there(request.axis))?;
+        let faces = ContactFaces::of(&simulation.start(0.0)?, &pads, simulation.up, spacing)
+            .ok_or_else(|| nothing_there(request.axis))?;
         let object_width = faces.width();
         if widest >= object_width {
             return Err(Error::Usage {
@@ -222,30 +224,30 @@ impl<'a> Grasp<'a> {
             });
         }
         let middle = 0.5 * (faces.x_m[0] + faces.x_m[1]);
-        rig.world.bodies[0].positions.iter_mut().for_each(|p| p.x -= middle);
-        place.origin += place.to_world.x_axis * middle;
+        simulation.world.bodies[0].positions.iter_mut().for_each(|p| p.x -= middle);
+        frame.origin += frame.to_world.x_axis * middle;
         let modulus = body.material.elastic_moduli().map_or(0.0, |[young, _]| young);
         let wave_speed = (modulus / body.density_kg_m3).sqrt();
-        let clip = Clip::new(&rig.world.bodies[0], spacing);
+        let film = GraspFilm::new(&simulation.world.bodies[0], spacing);
         Ok(Self {
             request,
             events,
-            place,
+            frame,
             spacing,
             object_width,
-            frame_s: FRAME * object_width / wave_speed,
-            speed: CLOSING_SPEED * wave_speed,
-            gravity: place.direction_to_gripper(world.gravity_m_s2),
-            yielded: vec![false; rig.world.bodies[0].positions.len()],
-            clip,
-            rig,
+            frame_s: FRAME_WAVE_TIMES * object_width / wave_speed,
+            speed: CLOSING_WAVE_SPEEDS * wave_speed,
+            gravity: frame.direction_to_gripper(world.gravity_m_s2),
+            yielded: vec![false; simulation.world.bodies[0].positions.len()],
+            film,
+            simulation,
         })
     }
 
-    fn run(&mut self, widths: &[f64]) -> Result<Report> {
-        let body = &self.rig.world.bodies[0];
+    fn run(&mut self, widths: &[f64]) -> Result<GraspReport> {
+        let body = &self.simulation.world.bodies[0];
         let (mass, material, particles) = (body.masses_kg().iter().sum(), body.material, self.yielded.len());
-        let mut state = self.rig.start(0.5 * self.object_width + 2.5 * self.rig.world.grid_spacing_m)?;
+        let mut state = self.simulation.start(0.5 * self.object_width + 2.5 * self.simulation.world.grid_spacing_m)?;
         let mut squeezes = Vec::new();
         for (done, &width) in widths.iter().enumerate() {
             self.close(&mut state, width, widths[widths.len() - 1])?;
@@ -255,12 +257,12 @@ impl<'a> Grasp<'a> {
             self.events.step(STAGE, "", done as u64 + 1, Some(widths.len() as u64), &values);
             squeezes.push(squeeze);
         }
-        Ok(Report {
+        Ok(GraspReport {
             schema: "gic.grasp/1".into(),
             gic_version: gic_twin::VERSION.into(),
             axis: self.request.axis.name().into(),
-            axis_direction: self.place.to_world.x_axis.to_array(),
-            centre_m: self.place.origin.to_array(),
+            axis_direction: self.frame.to_world.x_axis.to_array(),
+            centre_m: self.frame.origin.to_array(),
             object_width_m: self.object_width,
             pad_m: self.request.gripper.pad_m,
             friction: self.request.gripper.friction,
@@ -268,42 +270,42 @@ impl<'a> Grasp<'a> {
             mass_kg: mass,
             material: material.model().into(),
             yield_von_mises_pa: material.yield_von_mises_pa(),
-            grid_spacing_m: self.rig.world.grid_spacing_m,
+            grid_spacing_m: self.simulation.world.grid_spacing_m,
             particle_spacing_m: self.spacing,
             particles,
             widths: squeezes,
         })
     }
 
-    fn faces(&self, state: &State) -> Result<Faces> {
-        Faces::of(state, &self.rig.pads, self.rig.up, self.spacing).ok_or_else(|| Error::Usage {
+    fn faces(&self, state: &GraspState) -> Result<ContactFaces> {
+        ContactFaces::of(state, &self.simulation.pads, self.simulation.up, self.spacing).ok_or_else(|| Error::Usage {
             problem: "the object was pushed out from between the pads".into(),
             hint: Some("choose another --axis, larger pads, or a width nearer to the object's own".into()),
         })
     }
 
     /// A phase without weight along a path.
-    fn weightless(&self, frames: usize, path: Vec<(f64, Pose)>) -> Phase {
-        Phase { frame_s: self.frame_s, frames, gravity_m_s2: DVec3::ZERO, path, keep: KEEP, table: None }
+    fn weightless(&self, frames: usize, path: Vec<(f64, PadPose)>) -> GraspPhase {
+        GraspPhase { frame_s: self.frame_s, frames, gravity_m_s2: DVec3::ZERO, path, keep: VELOCITY_KEPT, table: None }
     }
 
     /// Closes the pads to `width`; `narrowest` [m] is the last width to come.
-    fn close(&mut self, state: &mut State, width: f64, narrowest: f64) -> Result<()> {
+    fn close(&mut self, state: &mut GraspState, width: f64, narrowest: f64) -> Result<()> {
         let start = state.pose;
-        let end = Pose { half_gap_m: 0.5 * width, ..start };
+        let end = PadPose { half_gap_m: 0.5 * width, ..start };
         let seconds = (start.half_gap_m - end.half_gap_m) / self.speed;
         let frames = (seconds / self.frame_s).ceil() as usize;
         let phase = self.weightless(frames, vec![(0.0, start), (seconds, end)]);
         // About forty pictures from the first touch to the narrowest width.
         let every = (self.object_width - narrowest) / 80.0 / self.speed / self.frame_s;
-        let Self { rig, yielded, clip, .. } = self;
+        let Self { simulation, yielded, film, .. } = self;
         let mut passed = f64::INFINITY;
-        rig.run(state, &phase, |moment| {
-            mark_yielded(yielded, moment, &rig.world);
+        simulation.run(state, &phase, |moment| {
+            mark_yielded(yielded, moment, &simulation.world);
             passed += 1.0;
             if passed >= every {
                 passed = 0.0;
-                clip.record(moment);
+                film.record(moment);
             }
             ControlFlow::Continue(())
         })?;
@@ -312,18 +314,18 @@ impl<'a> Grasp<'a> {
     }
 
     /// Holds until the forces are steady, and measures.
-    fn measure(&mut self, state: &mut State, width: f64) -> Result<Squeeze> {
-        let phase = self.weightless(MOST_WINDOWS * WINDOW, vec![(0.0, state.pose)]);
+    fn measure(&mut self, state: &mut GraspState, width: f64) -> Result<Squeeze> {
+        let phase = self.weightless(MAX_AVERAGING_WINDOWS * AVERAGING_FRAMES, vec![(0.0, state.pose)]);
         let mut forces: Vec<[f64; 2]> = Vec::new();
         let mut stresses = Vec::new();
-        let Self { rig, yielded, clip, .. } = self;
-        rig.run(state, &phase, |moment| {
-            mark_yielded(yielded, moment, &rig.world);
+        let Self { simulation, yielded, film, .. } = self;
+        simulation.run(state, &phase, |moment| {
+            mark_yielded(yielded, moment, &simulation.world);
             forces.push([-moment.forces[0].force_n.x, moment.forces[1].force_n.x]);
-            if !(forces.len().is_multiple_of(WINDOW) && is_steady(&forces)) {
+            if !(forces.len().is_multiple_of(AVERAGING_FRAMES) && is_steady(&forces)) {
                 return ControlFlow::Continue(());
             }
-            clip.hold(moment);
+            film.hold(moment);
             stresses = moment.frame.von_mises_pa.clone();
             ControlFlow::Break(())
         })?;
@@ -334,14 +336,14 @@ impl<'a> Grasp<'a> {
                 source: format!("the forces on the pads do not become steady at a width of {width} m").into(),
             });
         }
-        let window = &forces[forces.len() - WINDOW..];
-        let mean = |side: usize| window.iter().map(|f| f[side]).sum::<f64>() / WINDOW as f64;
+        let window = &forces[forces.len() - AVERAGING_FRAMES..];
+        let mean = |side: usize| window.iter().map(|f| f[side]).sum::<f64>() / AVERAGING_FRAMES as f64;
         let forces_n = [mean(0), mean(1)];
         let force_n = 0.5 * (forces_n[0] + forces_n[1]);
         let of_both = |f: &[f64; 2]| 0.5 * (f[0] + f[1]) - force_n;
         let faces = self.faces(state)?;
-        let touching = touching(state, &self.rig.pads, self.rig.up, self.spacing, &faces);
-        let yields = self.rig.world.bodies[0].material.yield_von_mises_pa().is_some();
+        let contact_patches = contact_patches(state, &self.simulation.pads, self.simulation.up, self.spacing, &faces);
+        let yields = self.simulation.world.bodies[0].material.yield_von_mises_pa().is_some();
         Ok(Squeeze {
             width_m: width,
             measured_width_m: faces.width(),
@@ -349,8 +351,8 @@ impl<'a> Grasp<'a> {
             forces_n,
             force_n,
             imbalance: (forces_n[0] - forces_n[1]) / force_n.abs().max(f64::MIN_POSITIVE),
-            force_spread_n: (window.iter().map(|f| of_both(f).powi(2)).sum::<f64>() / WINDOW as f64).sqrt(),
-            contact_areas_m2: [touching[0].area_m2, touching[1].area_m2],
+            force_spread_n: (window.iter().map(|f| of_both(f).powi(2)).sum::<f64>() / AVERAGING_FRAMES as f64).sqrt(),
+            contact_areas_m2: [contact_patches[0].area_m2, contact_patches[1].area_m2],
             peak_von_mises_pa: percentile(&stresses, 1.0),
             p99_von_mises_pa: percentile(&stresses, 0.99),
             yielded_share: yields
@@ -360,12 +362,12 @@ impl<'a> Grasp<'a> {
     }
 
     /// Lets weight set in, raises the gripper and waits; `None` without gravity.
-    fn lift(&mut self, mut state: State, mass: f64) -> Result<Option<Lift>> {
+    fn lift(&mut self, mut state: GraspState, mass: f64) -> Result<Option<Lift>> {
         if self.gravity == DVec3::ZERO {
             return Ok(None);
         }
         let faces = self.faces(&state)?;
-        let held = touching(&state, &self.rig.pads, self.rig.up, self.spacing, &faces);
+        let held = contact_patches(&state, &self.simulation.pads, self.simulation.up, self.spacing, &faces);
         let held: Vec<usize> = held.into_iter().flat_map(|side| side.particles).collect();
         let everything = 0..state.len();
         let (held_before, before) =
@@ -374,14 +376,14 @@ impl<'a> Grasp<'a> {
         let lift = self.request.gripper.lift_m;
         let mut peak: f64 = 0.0;
         let mut carried = Vec::new();
-        let up = self.rig.up;
+        let up = self.simulation.up;
         for (weight, phase) in self.lift_phases(state.pose, table) {
-            let Self { rig, clip, .. } = self;
+            let Self { simulation, film, .. } = self;
             let mut index = 0;
-            rig.run(&mut state, &phase, |moment| {
+            simulation.run(&mut state, &phase, |moment| {
                 index += 1;
                 if weight == 1.0 && index % 3 == 0 {
-                    clip.record(moment);
+                    film.record(moment);
                 }
                 peak = moment.frame.von_mises_pa.iter().fold(peak, |most, &s| most.max(f64::from(s)));
                 carried.push(-(moment.forces[0].force_n + moment.forces[1].force_n).dot(up));
@@ -402,50 +404,53 @@ impl<'a> Grasp<'a> {
     }
 
     /// The phases of lifting, each with the share of the weight that acts: on the table in steps, up, and standing.
-    fn lift_phases(&self, pose: Pose, table: DVec3) -> Vec<(f64, Phase)> {
+    fn lift_phases(&self, pose: PadPose, table: DVec3) -> Vec<(f64, GraspPhase)> {
         let lift = self.request.gripper.lift_m;
         let [ramp, rise, rest] = LIFT_FRAMES;
-        let phase = |weight: f64, frames: usize, path: Vec<(f64, Pose)>, keep: f64| {
+        let phase = |weight: f64, frames: usize, path: Vec<(f64, PadPose)>, keep: f64| {
             let gravity_m_s2 = self.gravity * weight;
-            (weight, Phase { frame_s: LIFT_FRAME_S, frames, gravity_m_s2, path, keep, table: Some(table) })
+            (weight, GraspPhase { frame_s: LIFT_FRAME_S, frames, gravity_m_s2, path, keep, table: Some(table) })
         };
-        let mut phases: Vec<_> = (1..ramp).map(|i| phase(i as f64 / ramp as f64, 1, vec![(0.0, pose)], KEEP)).collect();
+        let mut phases: Vec<_> =
+            (1..ramp).map(|i| phase(i as f64 / ramp as f64, 1, vec![(0.0, pose)], VELOCITY_KEPT)).collect();
         // Starts and ends without a jerk of the speed.
         let smooth = |i: usize| {
             let t = i as f64 / rise as f64;
-            (i as f64 * LIFT_FRAME_S, Pose { lift_m: lift * t * t * (3.0 - 2.0 * t), ..pose })
+            (i as f64 * LIFT_FRAME_S, PadPose { lift_m: lift * t * t * (3.0 - 2.0 * t), ..pose })
         };
         phases.push(phase(1.0, rise + rest, (0..=rise).map(smooth).collect(), 1.0));
         phases
     }
 
     /// A point of the table that just carries the matter, at rest and as it is now [m].
-    fn table(&self, state: &State) -> DVec3 {
-        let up = self.rig.up;
-        let rest = self.rig.world.bodies[0].positions.iter().map(|p| p.dot(up));
+    fn table(&self, state: &GraspState) -> DVec3 {
+        let up = self.simulation.up;
+        let rest = self.simulation.world.bodies[0].positions.iter().map(|p| p.dot(up));
         let now = (0..state.len()).map(|p| state.position(p).dot(up));
         up * (rest.chain(now).fold(f64::INFINITY, f64::min) - 0.5 * self.spacing)
     }
 }
 
-fn mark_yielded(yielded: &mut [bool], moment: &rig::Moment<'_>, world: &World) {
+fn mark_yielded(yielded: &mut [bool], moment: &pad_simulation::GraspFrame<'_>, world: &World) {
     let Some(limit) = world.bodies[0].material.yield_von_mises_pa() else { return };
     let frame = moment.frame;
     for ((yielded, &stress), &j) in yielded.iter_mut().zip(&frame.von_mises_pa).zip(&frame.jacobian) {
         // Cauchy times J is Kirchhoff.
-        *yielded |= f64::from(stress) * f64::from(j) >= AT_YIELD * limit;
+        *yielded |= f64::from(stress) * f64::from(j) >= YIELD_SHARE * limit;
     }
 }
 
 /// Whether the forces of the last window are those of the one before.
 fn is_steady(forces: &[[f64; 2]]) -> bool {
-    if forces.len() < 2 * WINDOW {
+    if forces.len() < 2 * AVERAGING_FRAMES {
         return false;
     }
-    let mean = |end: usize, side: usize| forces[end - WINDOW..end].iter().map(|f| f[side]).sum::<f64>() / WINDOW as f64;
+    let mean = |end: usize, side: usize| {
+        forces[end - AVERAGING_FRAMES..end].iter().map(|f| f[side]).sum::<f64>() / AVERAGING_FRAMES as f64
+    };
     (0..2).all(|side| {
-        let (now, before) = (mean(forces.len(), side), mean(forces.len() - WINDOW, side));
-        (now - before).abs() <= STEADY * now.abs()
+        let (now, before) = (mean(forces.len(), side), mean(forces.len() - AVERAGING_FRAMES, side));
+        (now - before).abs() <= STEADY_RELATIVE_CHANGE * now.abs()
     })
 }
 
@@ -456,12 +461,12 @@ fn cells_across(gripper: &Gripper, grid: f64) -> f64 {
 
 /// How many times finer than `grid` a grid must be to feel the pads, within reason.
 fn least_refinement(gripper: &Gripper, grid: f64) -> usize {
-    ((FEWEST_CELLS / cells_across(gripper, grid)).ceil() as usize).clamp(1, MAX_REFINEMENT)
+    ((MIN_PAD_CELLS / cells_across(gripper, grid)).ceil() as usize).clamp(1, MAX_REFINEMENT)
 }
 
 fn check_pads(gripper: &Gripper, grid: f64, events: &Events) -> Result<()> {
     let cells = cells_across(gripper, grid);
-    if cells < FEWEST_CELLS {
+    if cells < MIN_PAD_CELLS {
         return Err(Error::Usage {
             problem: format!(
                 "a pad of {} x {} m is {cells:.1} grid cells of {grid} m across, too few to press with",
@@ -469,11 +474,11 @@ fn check_pads(gripper: &Gripper, grid: f64, events: &Events) -> Result<()> {
             ),
             hint: Some(format!(
                 "simulate a finer twin with --refine {} or give a larger --pad",
-                (GOOD_CELLS / cells).ceil()
+                (GOOD_PAD_CELLS / cells).ceil()
             )),
         });
     }
-    if cells < GOOD_CELLS {
+    if cells < GOOD_PAD_CELLS {
         let text = format!("a pad is only {cells:.1} grid cells across, so forces are coarse: give a higher --refine");
         events.warn(STAGE, text);
     }

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 /// What a grasp found, the content of `grasp.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Report {
+pub struct GraspReport {
     /// Always `gic.grasp/1`.
     pub schema: String,
     /// Version of gic.
@@ -91,7 +91,7 @@ impl Squeeze {
     }
 }
 
-impl Report {
+impl GraspReport {
     /// The report as a table for people.
     pub fn table(&self) -> String {
         let [x, y, z] = self.axis_direction;

@@ -6,7 +6,7 @@ use gic_appearance::{DressProgress, Posture, dress};
 use gic_continuum::{Appearance, informed_gaussians};
 use gic_geometry::outward_normals;
 use gic_twin::matter::read_particles;
-use gic_view::look::Look;
+use gic_view::skinned_gaussians::SkinnedGaussians;
 use glam::DVec3;
 
 use super::predict::{prediction_file, simulated_frame};
@@ -30,14 +30,14 @@ impl Run<'_> {
         let drawn = Appearance { scale: self.identified()?.splat_factor * drawn.scale, ..drawn };
         let bare = informed_gaussians(&rest, &drawing.particles, &drawn);
         let settings = &self.config.appearance.train;
-        let mut tell = |progress: &DressProgress| self.tell_dressing(progress, settings.steps);
+        let mut tell = |progress: &DressProgress| self.report_dressing(progress, settings.steps);
         let held_out = &self.config.reconstruct.held_out;
         let lit = dress(&self.scene, held_out, &bare, &postures, (settings, self.config.seed), &mut tell)
             .map_err(Error::stage("training the twin's colours"))?;
         if self.interrupt.requested() {
             return Err(self.interrupted("the prediction"));
         }
-        Ok(Look::save(&lit, spacing, &self.folder)?)
+        Ok(SkinnedGaussians::save(&lit, spacing, &self.folder)?)
     }
 
     /// Particles of the twin at a frame of the video [m].
@@ -48,7 +48,7 @@ impl Run<'_> {
         Ok(read_particles(&self.path(prediction_file(simulated_frame(&self.video, frame))))?.positions)
     }
 
-    fn tell_dressing(&self, progress: &DressProgress, steps: usize) -> ControlFlow<()> {
+    fn report_dressing(&self, progress: &DressProgress, steps: usize) -> ControlFlow<()> {
         if progress.step.is_multiple_of(EVENT_EVERY) || progress.step == steps {
             let values = [("loss", progress.loss), ("psnr_db", progress.psnr)];
             self.events.step(Stage::Appearance.name(), "", progress.step as u64, Some(steps as u64), &values);

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use gic_continuum::write_particles_ply;
 use gic_geometry::{write_mesh_ply, write_msh, write_obj, write_stl};
-use gic_twin::interchange::{Carrier, MotionSamples, write_mjcf, write_particle_set, write_usd};
+use gic_twin::interchange::{EmbeddedPoints, MotionSamples, write_mjcf, write_particle_set, write_usd};
 use gic_twin::matter::read_particles;
 use gic_twin::simulate::Trajectory;
 use gic_twin::twin::Twin;
@@ -95,14 +95,15 @@ impl Run<'_> {
         Ok(Twin::read(&self.path("twin.json"), &[])?)
     }
 
-    /// The points [m], given at the first frame, in every frame of the prediction; no frames where there is no prediction.
+    /// The points [m], given at the first frame, in every frame of the prediction; no frames where there is no
+    /// prediction.
     fn predicted_motion(&self, points: &[DVec3]) -> Result<MotionSamples> {
         let folder = self.path("prediction");
         let Some(trajectory) = Trajectory::read(&folder)? else { return Ok(MotionSamples::default()) };
         let particles = |file: &str| read_particles(&folder.join(file)).map(|read| read.positions);
         let Some(first) = trajectory.frames.first() else { return Ok(MotionSamples::default()) };
-        let carrier = Carrier::new(points, &particles(&first.file)?);
-        let frames = trajectory.frames.iter().map(|frame| Ok(carrier.carry(&particles(&frame.file)?)));
+        let carrier = EmbeddedPoints::new(points, &particles(&first.file)?);
+        let frames = trajectory.frames.iter().map(|frame| Ok(carrier.deformed(&particles(&frame.file)?)));
         let rate = trajectory.twin.get("frame_rate_hz").and_then(|rate| rate.as_f64());
         Ok(MotionSamples { frame_rate_hz: rate.unwrap_or_default(), frames: frames.collect::<Result<_>>()? })
     }

@@ -12,15 +12,15 @@ use gic_twin::matter::{read_particles, write_particles};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::bodies::Bodies;
-use super::source::Source;
+use super::fill_input::FillInput;
+use super::frame_filler::FrameFiller;
 use super::{Run, Stage};
 use crate::config::UnseenChoice;
 use crate::error::{Error, Result};
 
-/// Grid cells along the side of a cube with the object's volume, before rounding: 0.02 m cells for the paper's objects, whose
-/// boxes are 0.3 to 0.45 m. The volume says it better than the box, which depends on the object's orientation.
-const CELLS_ACROSS: f64 = 8.0;
+/// Grid cells along the side of a cube with the object's volume, before rounding: 0.02 m cells for the paper's objects,
+/// whose boxes are 0.3 to 0.45 m. The volume says it better than the box, which depends on the object's orientation.
+const CELLS_ALONG_CUBE_SIDE: f64 = 8.0;
 /// Spacing of the points that are drawn, over that of the particles that are simulated.
 const DRAWING_SPACING: f64 = 0.6;
 /// Opacity of a particle of density 1; the scale is then fitted to the masks.
@@ -50,8 +50,8 @@ pub struct FillSummary {
     /// Mirror planes of the body at the first frame; none of older runs.
     #[serde(default)]
     pub mirror_planes: Vec<Mirror>,
-    /// Frames whose outlines alone made the body of the first, because the surface showed none of the symmetry that they show; 0 where the
-    /// surface made it.
+    /// Frames whose outlines alone made the body of the first, because the surface showed none of the symmetry that
+    /// they show; 0 where the surface made it.
     #[serde(default)]
     pub outline_frames: usize,
     /// Every frame.
@@ -65,8 +65,8 @@ pub struct Mirror {
     pub normal: [f64; 3],
     /// Distance of the plane from the origin along its normal [m].
     pub offset_m: f64,
-    /// How far mirrored points of the surface lie from it, in the mean [m]; where the plane was found by outlines, by how much rays along them
-    /// miss their mirror images.
+    /// How far mirrored points of the surface lie from it, in the mean [m]; where the plane was found by outlines, by
+    /// how much rays along them miss their mirror images.
     pub misfit_m: f64,
 }
 
@@ -123,7 +123,7 @@ pub(crate) fn filling_file(frame: usize) -> PathBuf {
 
 impl Run<'_> {
     pub(super) fn fill(&self) -> Result<()> {
-        let source = self.source()?;
+        let source = self.fill_input()?;
         let size = object_size(&source)?;
         let mut settings = self.fill_settings(size);
         let mut spacing = self.config.fill.particle_spacing_m;
@@ -131,13 +131,13 @@ impl Run<'_> {
             atomic::create_folder(&self.path(folder))?;
         }
         let mut frames = Vec::new();
-        let (mut first, mut bodies) = (None, self.bodies());
+        let (mut first, mut filler) = (None, self.frame_filler());
         let count = source.scene.times.len();
         for (frame, &time_s) in source.scene.times.iter().enumerate() {
             self.check_interrupt(Stage::Fill)?;
             let masks = source.masks(frame)?;
             let views = source.masked_views(frame, &masks);
-            let filling = bodies.next(&source, frame, &views, &settings)?;
+            let filling = filler.next(&source, frame, &views, &settings)?;
             let spacing = *spacing.get_or_insert_with(|| self.particle_spacing(size, &filling));
             // Only the first frame's particles are simulated and need volumes of their own.
             let place = if frame == 0 { sample_particles } else { sample_points };
@@ -173,8 +173,8 @@ impl Run<'_> {
             return Err(Error::Usage { problem: "the scene has no frames".into(), hint: None });
         };
         write_body(&self.path("continuum.ply"), &particles)?;
-        let planes = bodies.symmetry().map_or(&[][..], |symmetry| {
-            self.events.note(Stage::Fill.name(), bodies.told(symmetry));
+        let planes = filler.symmetry().map_or(&[][..], |symmetry| {
+            self.events.note(Stage::Fill.name(), filler.symmetry_summary(symmetry));
             &symmetry.planes
         });
         let mean = mask_iou.iter().sum::<f64>() / mask_iou.len().max(1) as f64;
@@ -196,15 +196,16 @@ impl Run<'_> {
             drawing_scale: drawn.scale,
             mask_iou,
             mirror_planes: planes.iter().map(Mirror::from).collect(),
-            outline_frames: bodies.outline_frames(),
+            outline_frames: filler.outline_frames(),
             frames,
         };
         Ok(atomic::write_json(&self.path("fill.json"), &summary)?)
     }
 
-    /// Distance of neighbouring particles [m]: two a grid cell along each axis, for the object as filled at the first frame.
+    /// Distance of neighbouring particles [m]: two a grid cell along each axis, for the object as filled at the first
+    /// frame.
     fn particle_spacing(&self, size: f64, filling: &Filling) -> f64 {
-        let spacing = 0.5 * round_length(filling.volume().cbrt() / CELLS_ACROSS);
+        let spacing = 0.5 * round_length(filling.volume().cbrt() / CELLS_ALONG_CUBE_SIDE);
         let voxels = 1e3 * filling.field.spacing;
         let text = format!("object {size:.3} m, finest voxels {voxels:.2} mm, particles {:.2} mm apart", 1e3 * spacing);
         self.events.note(Stage::Fill.name(), text);
@@ -224,14 +225,14 @@ impl Run<'_> {
 
     /// Fills the first frame anew.
     pub(super) fn first_filling(&self, continuum: &Continuum) -> Result<Filling> {
-        let source = self.source()?;
+        let source = self.fill_input()?;
         let masks = source.masks(0)?;
         let settings = self.fill_settings(continuum.summary.object_size_m);
-        self.bodies().next(&source, 0, &source.masked_views(0, &masks), &settings)
+        self.frame_filler().next(&source, 0, &source.masked_views(0, &masks), &settings)
     }
 
-    fn bodies(&self) -> Bodies {
-        Bodies::new(self.config.fill.symmetry)
+    fn frame_filler(&self) -> FrameFiller {
+        FrameFiller::new(self.config.fill.symmetry)
     }
 
     pub(super) fn fill_settings(&self, size: f64) -> FillSettings {
@@ -310,7 +311,7 @@ fn known_doubts(read: &[f32]) -> Vec<f32> {
 }
 
 /// Largest side of the box around the visual hull at the first frame [m].
-fn object_size(source: &Source) -> Result<f64> {
+fn object_size(source: &FillInput) -> Result<f64> {
     let masks = source.masks(0)?;
     let views = source.scene.views_at(0).iter().zip(&masks);
     let views: Vec<HullView> =
@@ -338,8 +339,8 @@ fn overlaps(agreements: &[Option<Agreement>]) -> Vec<f64> {
     agreements.iter().flatten().map(|agreement| agreement.iou).collect()
 }
 
-/// The nearest of the round numbers ... 0.01, 0.02, 0.05, 0.1 ... [m], by ratio. Grid nodes lie on multiples of the spacing, and
-/// grounds are put at round heights, so a round spacing puts the plane on nodes.
+/// The nearest of the round numbers ... 0.01, 0.02, 0.05, 0.1 ... [m], by ratio. Grid nodes lie on multiples of the
+/// spacing, and grounds are put at round heights, so a round spacing puts the plane on nodes.
 fn round_length(length: f64) -> f64 {
     let decade = 10f64.powf(length.log10().floor());
     let distance = |candidate: &f64| (candidate / length).ln().abs();

@@ -10,7 +10,7 @@ use gic_identify::{
 };
 use gic_twin::atomic;
 use gic_twin::matter::write_particles;
-use gic_twin::twin::{self, ContactKind, Obstacle, ObstacleShape, Twin};
+use gic_twin::twin::{ContactKind, MatterSource, Obstacle, ObstacleShape, Twin};
 use serde::{Deserialize, Serialize};
 
 use super::predict::simulated_frame;
@@ -19,13 +19,14 @@ use super::{Continuum, Run, Stage};
 use crate::config::{MaterialChoice, Model, OptimizerChoice, TargetChoice};
 use crate::error::{Error, Result};
 
-/// Substeps of a frame on a grid of [`REFERENCE_GRID_M`], whatever the frame rate, as in the published simulations. Every substep's
-/// transfers damp the motion a little, so other numbers of them find other parameters: 144 instead of 200 cost 5 % of a bouncing
-/// solid's stiffness.
+/// Substeps of a frame on a grid of [`REFERENCE_GRID_M`], whatever the frame rate, as in the published simulations.
+/// Every substep's transfers damp the motion a little, so other numbers of them find other parameters: 144 instead of
+/// 200 cost 5 % of a bouncing solid's stiffness.
 const REFERENCE_SUBSTEPS: f64 = 200.0;
 const REFERENCE_GRID_M: f64 = 0.02;
 
-/// Name of the file, beside `twin.json`, of the twin's particles at time 0: the continuum as the fit moved and reshaped it.
+/// Name of the file, beside `twin.json`, of the twin's particles at time 0: the continuum as the fit moved and reshaped
+/// it.
 pub(crate) const TWIN_MATTER: &str = "twin.ply";
 
 /// `identify.json`: the estimate and how it was found.
@@ -138,7 +139,7 @@ impl Run<'_> {
         let mut unwritten = None;
         let found = identify(input, model.kind(), settings, resume, &mut |event| {
             match event {
-                Event::Step(step) => self.tell_step(stage, &names, step),
+                Event::Step(step) => self.report_step(stage, &names, step),
                 Event::Reached(state) => unwritten = atomic::write_json(checkpoint, state).err(),
                 Event::Working => (),
             }
@@ -175,7 +176,7 @@ impl Run<'_> {
         })
     }
 
-    fn tell_step(&self, stage: Stage, names: &[&str], step: &Step) {
+    fn report_step(&self, stage: Stage, names: &[&str], step: &Step) {
         let mut values = vec![("objective", step.objective), ("rollouts", step.rollouts as f64)];
         values.extend(names.iter().copied().zip(step.values.iter().copied()));
         let axes = ["velocity_x_m_s", "velocity_y_m_s", "velocity_z_m_s"];
@@ -238,7 +239,8 @@ impl Run<'_> {
         for (frame, &time_s) in self.scene.times.iter().enumerate() {
             let masks = self.masks(frame)?;
             let views = self.scene.views_at(frame).iter().zip(masks);
-            // A scan has no surface in later frames, and where outlines made the body its surface is known only while they do.
+            // A scan has no surface in later frames, and where outlines made the body its surface is known only while
+            // they do.
             let surface = continuum.surfaces.get(frame).filter(|_| outlined == 0 || frame < outlined);
             let surface = surface.cloned().unwrap_or_default();
             observations.push(Observation {
@@ -334,7 +336,7 @@ impl Run<'_> {
             seed: self.config.seed,
             gic_version: Some(gic_twin::VERSION.into()),
             seconds,
-            ..Twin::new(found.material, twin::Continuum::File(PathBuf::from(TWIN_MATTER)))
+            ..Twin::new(found.material, MatterSource::File(PathBuf::from(TWIN_MATTER)))
         }
     }
 

@@ -1,31 +1,31 @@
 //! A run: a folder, its settings, and the stages from video to twin.
 //!
-//! Every stage writes its results into the folder, and a stamp of what they were made from. [`Run::bring_up_to_date`] runs the
-//! stages whose results are missing or whose stamp no longer fits, and says why.
+//! Every stage writes its results into the folder, and a stamp of what they were made from. [`Run::bring_up_to_date`]
+//! runs the stages whose results are missing or whose stamp no longer fits, and says why.
 
 mod appearance;
-mod bodies;
 mod export;
 mod fill;
-mod gaussians;
+mod fill_input;
+mod frame_filler;
 mod identify;
 mod log;
 mod predict;
+mod reconstruct;
 mod register;
+mod rigid_frames;
 mod select;
-mod source;
 mod stamp;
-mod still;
 
 use std::path::{Path, PathBuf};
 
 use gic_motion::TrainSettings;
 use gic_scene::{Masks, OpenOptions, Scene};
 use gic_twin::Interrupt;
+use gic_twin::ResourceMeter;
 use gic_twin::atomic;
 use gic_twin::events::{Event, Events};
-use gic_twin::usage::Meter;
-use gic_view::look;
+use gic_view::skinned_gaussians::FILES as APPEARANCE_FILES;
 use sha2::{Digest, Sha256};
 
 use crate::config::{Config, Layer, MaskChoice, MaterialChoice};
@@ -87,7 +87,7 @@ impl Stage {
             Self::Select => &["selection.json"],
             Self::Identify => &["twin.json", TWIN_MATTER, "identify.json"],
             Self::Predict => &["prediction/trajectory.json"],
-            Self::Appearance => &look::FILES,
+            Self::Appearance => &APPEARANCE_FILES,
         }
     }
 }
@@ -107,7 +107,8 @@ pub struct Run<'a> {
 }
 
 impl<'a> Run<'a> {
-    /// Opens or makes a run folder: settings are what the folder holds, or else the defaults for the scene, changed by `layers`.
+    /// Opens or makes a run folder: settings are what the folder holds, or else the defaults for the scene, changed by
+    /// `layers`.
     ///
     /// # Errors
     /// Unusable settings, an unreadable scene, an unwritable folder.
@@ -196,7 +197,8 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Runs a stage if need be, and says whether. `before` is the last stage before it that ran anew: what it left may differ.
+    /// Runs a stage if need be, and says whether. `before` is the last stage before it that ran anew: what it left may
+    /// differ.
     fn bring(&self, stage: Stage, before: Option<Stage>) -> Result<bool> {
         let stamp = self.stamp(stage)?;
         let file = self.path(format!("stamps/{}.json", stage.name()));
@@ -219,7 +221,7 @@ impl<'a> Run<'a> {
         if file.exists() {
             std::fs::remove_file(&file).map_err(Error::write(&file))?;
         }
-        let meter = Meter::start();
+        let meter = ResourceMeter::start();
         match stage {
             Stage::Reconstruct => self.reconstruct(&stamp)?,
             Stage::Register => self.register()?,
@@ -323,14 +325,14 @@ pub fn open_scene(config: &Config) -> Result<Scene> {
 
 /// The frames that everything is fitted to.
 fn fitted_part(video: &Scene, config: &Config) -> Result<Scene> {
-    const FEWEST: usize = 2;
+    const MIN_FITTED_FRAMES: usize = 2;
     let all = video.times.len();
     match config.scene.fit_frames {
         None => Ok(video.clone()),
-        Some(count) if (FEWEST..=all).contains(&count) => Ok(video.first_frames(count)),
+        Some(count) if (MIN_FITTED_FRAMES..=all).contains(&count) => Ok(video.first_frames(count)),
         Some(count) => Err(Error::Usage {
             problem: format!("scene.fit_frames is {count}, and the video has {all} frames"),
-            hint: Some(format!("give --fit-frames a number from {FEWEST} to {all}, or leave it out")),
+            hint: Some(format!("give --fit-frames a number from {MIN_FITTED_FRAMES} to {all}, or leave it out")),
         }),
     }
 }

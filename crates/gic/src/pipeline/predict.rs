@@ -3,14 +3,14 @@
 use std::path::PathBuf;
 
 use gic_scene::Scene;
-use gic_twin::simulate::{Request, simulate};
+use gic_twin::simulate::{SimulationRequest, simulate};
 
 use super::Run;
 use crate::error::Result;
 
 impl Run<'_> {
     pub(super) fn predict(&self) -> Result<()> {
-        let request = Request {
+        let request = SimulationRequest {
             twin: self.path("twin.json"),
             settings: Vec::new(),
             colliders: None,
@@ -24,7 +24,8 @@ impl Run<'_> {
     }
 }
 
-/// Number of the simulated frame at the time of a frame of the video: simulations have evenly spaced frames, videos may lack some.
+/// Number of the simulated frame at the time of a frame of the video: simulations have evenly spaced frames, videos may
+/// lack some.
 pub(crate) fn simulated_frame(video: &Scene, frame: usize) -> usize {
     (video.times[frame] * video.frame_rate.unwrap_or(24.0)).round().max(0.0) as usize
 }

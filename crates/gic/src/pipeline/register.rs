@@ -13,9 +13,9 @@ use crate::config::TargetChoice;
 use crate::error::{Error, Result};
 
 /// An alternative is as good as the best where its loss is at most this many times the best one's.
-const AS_GOOD: f64 = 1.25;
+const AMBIGUOUS_LOSS_RATIO: f64 = 1.25;
 /// Alternatives that a message names.
-const NAMED: usize = 3;
+const NAMED_ALTERNATIVES: usize = 3;
 
 /// `registration.json`: from the scan's frame to the world of the video.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -90,7 +90,8 @@ impl RegistrationRecord {
     }
 
     fn alternatives_text(&self) -> String {
-        let named: Vec<String> = self.alternatives.iter().take(NAMED).map(PlacementRecord::describe).collect();
+        let named: Vec<String> =
+            self.alternatives.iter().take(NAMED_ALTERNATIVES).map(PlacementRecord::describe).collect();
         if named.is_empty() { "none".into() } else { named.join("; ") }
     }
 }
@@ -147,7 +148,7 @@ impl Run<'_> {
             return Err(self.interrupted("reconstruct"));
         }
         let record = self.registration_record(&found);
-        if let Some(warning) = verdict(&record, self.config.register.least_iou)? {
+        if let Some(warning) = check_placement(&record, self.config.register.least_iou)? {
             self.events.warn(stage, warning);
         }
         let text = format!(
@@ -170,7 +171,7 @@ impl Run<'_> {
 }
 
 /// Refuses a placement that the masks contradict; warns of another that is as good.
-fn verdict(record: &RegistrationRecord, bound: f64) -> Result<Option<String>> {
+fn check_placement(record: &RegistrationRecord, bound: f64) -> Result<Option<String>> {
     if !record.best.overlaps(bound) {
         return Err(Error::Usage {
             problem: format!(
@@ -186,7 +187,8 @@ fn verdict(record: &RegistrationRecord, bound: f64) -> Result<Option<String>> {
             ),
         });
     }
-    let as_good = |other: &&PlacementRecord| other.loss < AS_GOOD * record.best.loss && other.overlaps(bound);
+    let as_good =
+        |other: &&PlacementRecord| other.loss < AMBIGUOUS_LOSS_RATIO * record.best.loss && other.overlaps(bound);
     Ok(record.alternatives.iter().find(as_good).map(|other| {
         format!(
             "another placement explains the first frame about as well ({}); if the twin moves oddly, the object looks alike from there",
@@ -218,21 +220,21 @@ mod tests {
     #[test]
     fn a_placement_that_one_mask_contradicts_is_refused_with_the_alternatives() {
         let other = placement(0.6, 0.5, 131.0);
-        let error = verdict(&record(placement(0.7, 0.4, 0.0), vec![other]), 0.9).unwrap_err();
+        let error = check_placement(&record(placement(0.7, 0.4, 0.0), vec![other]), 0.9).unwrap_err();
         let text = error.to_string();
         for part in ["B 0.700", "below 0.9", "turned 131 degrees", "0.600"] {
             assert!(text.contains(part), "`{part}` is not in: {text}");
         }
         assert!(error.hint().unwrap().contains("different objects"));
-        assert!(verdict(&record(placement(f64::NAN, 0.4, 0.0), Vec::new()), 0.9).is_err());
+        assert!(check_placement(&record(placement(f64::NAN, 0.4, 0.0), Vec::new()), 0.9).is_err());
     }
 
     #[test]
     fn an_equal_alternative_is_warned_of() {
-        let verdict =
-            |loss| verdict(&record(placement(0.97, 0.1, 0.0), vec![placement(0.96, loss, 90.0)]), 0.9).unwrap();
-        assert!(verdict(0.11).unwrap().contains("turned 90 degrees"));
-        assert_eq!(verdict(0.3), None);
+        let check_placement =
+            |loss| check_placement(&record(placement(0.97, 0.1, 0.0), vec![placement(0.96, loss, 90.0)]), 0.9).unwrap();
+        assert!(check_placement(0.11).unwrap().contains("turned 90 degrees"));
+        assert_eq!(check_placement(0.3), None);
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! The stage `select`: which law the matter follows.
 //!
-//! Every law is fitted to the earlier frames and predicts the later ones, which it has not seen. The law that predicts best wins,
-//! unless one with fewer unknowns predicts about as well: plasticine that never yields is elastic. All laws are fitted roughly first, and
-//! those that are far off already stay at that.
+//! Every law is fitted to the earlier frames and predicts the later ones, which it has not seen. The law that predicts
+//! best wins, unless one with fewer unknowns predicts about as well: plasticine that never yields is elastic. All laws
+//! are fitted roughly first, and those that are far off already stay at that.
 
 use gic_continuum::{Appearance, Drawing, informed_gaussians};
 use gic_identify::{Estimates, Input};
@@ -20,13 +20,13 @@ use crate::error::{Error, Result};
 use crate::statistics::{mean, mean_and_variance};
 
 /// Share of the frames that the laws have to predict.
-const HELD_BACK: f64 = 0.3;
+const HELD_BACK_SHARE: f64 = 0.3;
 /// A law is fitted in full if its rough fit errs less than this many times as much as the best one's.
-const WORTH_A_FIT: f64 = 3.0;
+const FULL_FIT_ERROR_RATIO: f64 = 3.0;
 /// Two laws are close if their errors differ by less than this share of the smaller one ...
-const CLOSE: f64 = 0.1;
+const CLOSE_RELATIVE_DIFFERENCE: f64 = 0.1;
 /// ... or by less than so many standard errors of the difference, over the cameras.
-const STANDARD_ERRORS: f64 = 2.0;
+const CLOSE_STANDARD_ERRORS: f64 = 2.0;
 
 /// `selection.json`: how the laws predict.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -48,7 +48,8 @@ pub struct LawRecord {
     pub model: String,
     /// Its parameters, fitted to the earlier frames.
     pub parameters: Vec<(String, f64)>,
-    /// Pixels that differ in the frames that it was fitted to, as a share of the object's; `None` where it could not be fitted.
+    /// Pixels that differ in the frames that it was fitted to, as a share of the object's; `None` where it could not be
+    /// fitted.
     pub fit_error: Option<f64>,
     /// The same for each camera over the frames that it predicts; empty where the law could not be fitted.
     pub prediction_errors: Vec<f64>,
@@ -75,7 +76,7 @@ impl LawRecord {
         }
         let (average, variance) = mean_and_variance(&differences);
         let standard_error = (variance / differences.len() as f64).sqrt();
-        average < (STANDARD_ERRORS * standard_error).max(CLOSE * better.prediction_error())
+        average < (CLOSE_STANDARD_ERRORS * standard_error).max(CLOSE_RELATIVE_DIFFERENCE * better.prediction_error())
     }
 }
 
@@ -116,12 +117,12 @@ impl Run<'_> {
         stamp.write(&begun)?;
 
         let frames = self.scene.times.len();
-        let held_back = ((HELD_BACK * frames as f64).round() as usize).max(1);
+        let held_back = ((HELD_BACK_SHARE * frames as f64).round() as usize).max(1);
         let fitted = frames.saturating_sub(held_back);
         let continuum = self.continuum()?;
         let input = self.identify_input(&continuum, &self.obstacles()?)?;
         let drawing = self.drawing(&continuum)?;
-        let attempt = |model: Model, in_full: bool| self.try_law(model, &input, &drawing, (fitted, in_full));
+        let attempt = |model: Model, in_full: bool| self.fit_law(model, &input, &drawing, (fitted, in_full));
         let mut rough = Vec::new();
         for model in Model::ALL {
             rough.push(attempt(model, false)?);
@@ -130,7 +131,7 @@ impl Run<'_> {
         let mut laws = Vec::new();
         for (model, rough) in Model::ALL.into_iter().zip(rough) {
             let file = folder.join(format!("{}.json", model.name()));
-            let worth = rough.fit_error.is_some_and(|error| error < WORTH_A_FIT * least);
+            let worth = rough.fit_error.is_some_and(|error| error < FULL_FIT_ERROR_RATIO * least);
             let law = match (worth, file.exists()) {
                 (false, _) => rough,
                 (true, false) => attempt(model, true)?,
@@ -168,7 +169,7 @@ impl Run<'_> {
     }
 
     /// Fits a law to the first `fitted` frames, roughly or in full, and predicts the others.
-    fn try_law(
+    fn fit_law(
         &self,
         model: Model,
         input: &Input,

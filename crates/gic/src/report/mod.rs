@@ -9,7 +9,7 @@ use std::path::Path;
 use gic_twin::atomic;
 use gic_twin::events::{Event, Events};
 use gic_view::html::escape;
-use gic_view::report::{Series, chart, short};
+use gic_view::report::{Series, chart, short_number};
 
 use crate::error::{Error, Result};
 use crate::pipeline::{IdentifyRecord, Run, Selection, Stage};
@@ -58,7 +58,7 @@ fn estimates(found: &IdentifyRecord) -> String {
         };
         let shift = e
             .resolution_shift
-            .map_or("-".into(), |shift| format!("{}{}", if shift < 0.0 { "" } else { "+" }, short(shift)));
+            .map_or("-".into(), |shift| format!("{}{}", if shift < 0.0 { "" } else { "+" }, short_number(shift)));
         let _ = write!(
             text,
             "<tr><td>{}</td><td>{:.5e}</td><td>{:.4e} .. {:.4e}</td><td>{shift}</td><td>{verdict}</td></tr>",

@@ -5,8 +5,8 @@ use std::fmt::Write;
 use gic_twin::events::Events;
 use gic_twin::matter::read_particles;
 use gic_view::html::escape;
-use gic_view::look::Look;
-use gic_view::report::{Drawn, Overlay, Series, chart, overlays};
+use gic_view::report::{Overlay, Series, TwinDrawing, chart, overlays};
+use gic_view::skinned_gaussians::SkinnedGaussians;
 
 use super::STAGE;
 use crate::error::{Error, Result};
@@ -16,8 +16,8 @@ pub(super) fn views(run: &Run, found: &IdentifyRecord, events: &Events) -> Resul
     let scene = run.video();
     let (fitted, frames) = (run.fitted_frames(), scene.times.len());
     let (drawing, appearance) = run.drawing(&run.continuum()?)?;
-    let look = Look::load(run.folder(), &read_particles(&run.folder().join(TWIN_MATTER))?.positions)?;
-    let drawn = Drawn { drawing, appearance, factor: found.splat_factor, look };
+    let skin = SkinnedGaussians::load(run.folder(), &read_particles(&run.folder().join(TWIN_MATTER))?.positions)?;
+    let drawn = TwinDrawing { drawing, appearance, factor: found.splat_factor, skin };
     let mut by_camera: Vec<Vec<Option<Overlay>>> = scene.cameras.iter().map(|_| Vec::new()).collect();
     for frame in 0..frames {
         let views = overlays(scene, &drawn, &run.predicted(frame)?, frame)?;
@@ -33,7 +33,7 @@ pub(super) fn views(run: &Run, found: &IdentifyRecord, events: &Events) -> Resul
          <p><button id=\"play\">play / stop</button> <input id=\"frame\" type=\"range\" min=\"0\" max=\"{}\" value=\"0\"> <span id=\"time\"></span></p>\
          <div class=\"views\">",
         what_was_fitted(fitted, frames),
-        if drawn.look.is_some() { " Below each: the twin in its own colours." } else { "" },
+        if drawn.skin.is_some() { " Below each: the twin in its own colours." } else { "" },
         frames.saturating_sub(1)
     );
     for name in &scene.camera_names {

@@ -5,76 +5,76 @@ use std::path::{Path, PathBuf};
 use gic_geometry::outward_normals;
 use gic_mpm::Body;
 use gic_twin::atomic;
-use gic_view::render::{Encoder, Particles, Studio};
+use gic_view::render::{FilmEncoder, FixedCameraRenderer, FrameParticles};
 use glam::DVec3;
 
-use super::place::Place;
-use super::report::Report;
-use super::rig::{Moment, Pads, Pose};
+use super::gripper_frame::GripperFrame;
+use super::pad_simulation::{GraspFrame, PadPose, Pads};
+use super::report::GraspReport;
 use super::{STAGE, percentile};
 use crate::error::{Error, Result};
 
 /// Particles whose outward normal is shorter lie so deep that no picture shows them.
-const VISIBLE: f32 = 0.15;
+const MIN_VISIBLE_NORMAL: f32 = 0.15;
 /// Frames per second of the film.
 const FILM_RATE_HZ: f64 = 20.0;
 /// Thickness of a pad in pictures, over its short side.
 const DRAWN_THICKNESS: f64 = 0.35;
 
 /// What the pictures show of one moment.
-struct Shot {
+struct FilmFrame {
     /// Positions in the gripper's frame [m].
     positions: Vec<DVec3>,
     von_mises_pa: Vec<f32>,
-    pose: Pose,
+    pose: PadPose,
 }
 
 /// All that will be drawn.
-pub(super) struct Clip {
+pub(super) struct GraspFilm {
     /// The particles that can be seen.
     visible: Vec<usize>,
-    film: Vec<Shot>,
-    holds: Vec<Shot>,
+    film: Vec<FilmFrame>,
+    holds: Vec<FilmFrame>,
 }
 
 /// A film to be made.
-pub(super) struct Film {
+pub(super) struct FilmTarget {
     path: PathBuf,
-    encoder: Encoder,
+    encoder: FilmEncoder,
 }
 
-impl Film {
+impl FilmTarget {
     /// Fails at once where such a film cannot be made here.
     pub(super) fn of(path: &Path) -> Result<Self> {
-        Ok(Self { path: path.to_owned(), encoder: Encoder::of(path, 1.0)? })
+        Ok(Self { path: path.to_owned(), encoder: FilmEncoder::of(path, 1.0)? })
     }
 }
 
-impl Clip {
+impl GraspFilm {
     /// For particles at rest [m], `spacing` metres apart.
     pub(super) fn new(body: &Body, spacing: f64) -> Self {
         let points: Vec<[f32; 3]> = body.positions.iter().map(|p| p.as_vec3().to_array()).collect();
         let normals = outward_normals(&points, spacing);
         let length = |n: &[f32; 3]| n.iter().map(|x| x * x).sum::<f32>().sqrt();
-        let visible = (0..points.len()).filter(|&i| length(&normals[i]) >= VISIBLE).collect();
+        let visible = (0..points.len()).filter(|&i| length(&normals[i]) >= MIN_VISIBLE_NORMAL).collect();
         Self { visible, film: Vec::new(), holds: Vec::new() }
     }
 
     /// Adds a moment to the film.
-    pub(super) fn record(&mut self, moment: &Moment<'_>) {
+    pub(super) fn record(&mut self, moment: &GraspFrame<'_>) {
         let shot = self.shot(moment);
         self.film.push(shot);
     }
 
     /// Adds a moment as the picture of a width, and to the film.
-    pub(super) fn hold(&mut self, moment: &Moment<'_>) {
+    pub(super) fn hold(&mut self, moment: &GraspFrame<'_>) {
         self.record(moment);
         let shot = self.shot(moment);
         self.holds.push(shot);
     }
 
-    fn shot(&self, moment: &Moment<'_>) -> Shot {
-        Shot {
+    fn shot(&self, moment: &GraspFrame<'_>) -> FilmFrame {
+        FilmFrame {
             positions: self.visible.iter().map(|&p| moment.frame.positions[p]).collect(),
             von_mises_pa: self.visible.iter().map(|&p| moment.frame.von_mises_pa[p]).collect(),
             pose: moment.state.pose,
@@ -84,23 +84,24 @@ impl Clip {
     /// Draws everything into a folder; says in a sentence what.
     pub(super) fn draw(
         &self,
-        place: &Place,
+        frame: &GripperFrame,
         pads: &Pads,
         up: DVec3,
-        report: &Report,
+        report: &GraspReport,
         (folder, size): (&Path, [usize; 2]),
-        film: &Film,
+        film: &FilmTarget,
     ) -> Result<String> {
         // Of what can be seen: inside, stress may be several times larger.
         let most = self.holds.iter().map(|shot| percentile(&shot.von_mises_pa, 0.98)).fold(0.0, f64::max);
-        let drawer = Drawer { place, pads, up, spacing: report.particle_spacing_m, report };
-        let held: Vec<Particles> = self.holds.iter().map(|shot| drawer.particles(shot)).collect();
-        let moving: Vec<Particles> = self.film.iter().map(|shot| drawer.particles(shot)).collect();
+        let drawer = FilmDrawer { frame, pads, up, spacing: report.particle_spacing_m, report };
+        let held: Vec<FrameParticles> = self.holds.iter().map(|shot| drawer.particles(shot)).collect();
+        let moving: Vec<FrameParticles> = self.film.iter().map(|shot| drawer.particles(shot)).collect();
         let points = || held.iter().chain(&moving).flat_map(|p| &p.positions);
         let low = points().fold(DVec3::INFINITY, |low, &p| low.min(p));
         let high = points().fold(DVec3::NEG_INFINITY, |high, &p| high.max(p));
-        let side = place.to_world.z_axis + 0.45 * place.to_world.x_axis;
-        let studio = Studio::new((low, high), place.to_world * up, side, size, most, report.particle_spacing_m);
+        let side = frame.to_world.z_axis + 0.45 * frame.to_world.x_axis;
+        let studio =
+            FixedCameraRenderer::new((low, high), frame.to_world * up, side, size, most, report.particle_spacing_m);
         for (particles, width) in held.iter().zip(&report.widths) {
             let path = folder.join(format!("width_{:.1}mm.png", 1e3 * width.width_m));
             studio.picture(particles).save_png(&path).map_err(Error::stage(STAGE))?;
@@ -120,28 +121,28 @@ impl Clip {
 }
 
 /// Turns shots into particles of the world, the pads among them.
-struct Drawer<'a> {
-    place: &'a Place,
+struct FilmDrawer<'a> {
+    frame: &'a GripperFrame,
     pads: &'a Pads,
     up: DVec3,
     spacing: f64,
-    report: &'a Report,
+    report: &'a GraspReport,
 }
 
-impl Drawer<'_> {
-    fn particles(&self, shot: &Shot) -> Particles {
+impl FilmDrawer<'_> {
+    fn particles(&self, shot: &FilmFrame) -> FrameParticles {
         let mut positions = shot.positions.clone();
         let mut von_mises_pa = shot.von_mises_pa.clone();
         positions.extend(self.pads_at(shot.pose));
         // What is no number is drawn grey.
         von_mises_pa.resize(positions.len(), f32::NAN);
         let speeds = vec![0.0; positions.len()];
-        let positions = positions.into_iter().map(|p| self.place.point_to_world(p)).collect();
-        Particles { positions, speeds, von_mises_pa }
+        let positions = positions.into_iter().map(|p| self.frame.point_to_world(p)).collect();
+        FrameParticles { positions, speeds, von_mises_pa }
     }
 
     /// Points on the faces of both pads, which are drawn where they touch: nearer by what the grid keeps them apart.
-    fn pads_at(&self, pose: Pose) -> Vec<DVec3> {
+    fn pads_at(&self, pose: PadPose) -> Vec<DVec3> {
         let standoff = self.report.widths.first().map_or(0.0, |w| w.standoff_m);
         let [long, short] = self.pads.size_m;
         let size = DVec3::new(DRAWN_THICKNESS * short, long, short);

@@ -6,12 +6,12 @@ use std::str::FromStr;
 use gic_mpm::{Stepping, World};
 use glam::DVec3;
 
-use super::Request;
+use super::SimulationRequest;
 use crate::error::Result;
 use crate::twin::Twin;
 
-/// Another twin, or another copy of the same, in the world of the first: its own matter and material, the first one's gravity,
-/// obstacles, grid and frame rate.
+/// Another twin, or another copy of the same, in the world of the first: its own matter and material, the first one's
+/// gravity, obstacles, grid and frame rate.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Companion {
     /// The twin's file, or a run folder.
@@ -34,7 +34,7 @@ impl FromStr for Companion {
 }
 
 /// Everything that is simulated.
-pub(super) struct Cast {
+pub(super) struct SharedWorld {
     /// The twin whose world it is, with spacings resolved.
     pub(super) twin: Twin,
     /// The others, with what they are moved by [m].
@@ -42,8 +42,8 @@ pub(super) struct Cast {
     pub(super) world: World,
 }
 
-impl Cast {
-    pub(super) fn read(request: &Request) -> Result<Self> {
+impl SharedWorld {
+    pub(super) fn read(request: &SimulationRequest) -> Result<Self> {
         let mut first = Twin::read(&request.twin, &request.settings)?;
         if let Some(file) = &request.colliders {
             first.colliders.extend(Twin::read_obstacles(file)?);

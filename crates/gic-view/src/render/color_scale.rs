@@ -2,7 +2,7 @@
 
 use gic_twin::simulate::{FrameSummary, Trajectory};
 
-use super::frames::Particles;
+use super::simulated_motion::FrameParticles;
 
 /// Value of the degree-0 harmonic: colour = 0.5 + this * coefficient.
 const SH0: f32 = 0.282_094_8;
@@ -21,14 +21,15 @@ pub enum Coloring {
 }
 
 /// From a particle's value to its colour.
-pub(crate) struct Scale {
+pub(crate) struct ColorScale {
     coloring: Coloring,
     /// The value that is drawn red.
-    most: f64,
+    max_value: f64,
 }
 
-impl Scale {
-    /// Red is the largest value of a typical frame: the median of the frames' maxima, so that one short impact does not leave all else blue.
+impl ColorScale {
+    /// Red is the largest value of a typical frame: the median of the frames' maxima, so that one short impact does not
+    /// leave all else blue.
     pub(crate) fn new(coloring: Coloring, trajectory: &Trajectory) -> Self {
         let largest = |frame: &FrameSummary| match coloring {
             Coloring::Stress => frame.largest_von_mises_pa,
@@ -37,32 +38,32 @@ impl Scale {
         };
         let mut maxima: Vec<f64> = trajectory.frames.iter().map(largest).collect();
         maxima.sort_by(f64::total_cmp);
-        let most = maxima.get(maxima.len() / 2).copied().filter(|&most| most > 0.0).unwrap_or(1.0);
-        Self { coloring, most }
+        let max_value = maxima.get(maxima.len() / 2).copied().filter(|&max_value| max_value > 0.0).unwrap_or(1.0);
+        Self { coloring, max_value }
     }
 
     /// Red is the von Mises stress given [Pa].
     pub(super) fn stress(most_pa: f64) -> Self {
-        Self { coloring: Coloring::Stress, most: if most_pa > 0.0 { most_pa } else { 1.0 } }
+        Self { coloring: Coloring::Stress, max_value: if most_pa > 0.0 { most_pa } else { 1.0 } }
     }
 
     pub(crate) fn legend(&self) -> String {
         match self.coloring {
-            Coloring::Stress => format!("colour: von Mises stress, blue 0 to red {:.3e} Pa and more", self.most),
-            Coloring::Speed => format!("colour: speed, blue 0 to red {:.3} m/s and more", self.most),
+            Coloring::Stress => format!("colour: von Mises stress, blue 0 to red {:.3e} Pa and more", self.max_value),
+            Coloring::Speed => format!("colour: speed, blue 0 to red {:.3} m/s and more", self.max_value),
             Coloring::Plain | Coloring::Appearance => "colour: plain".into(),
         }
     }
 
     /// A value as a fraction of what is drawn red; 0 for what is no number.
     pub(crate) fn share(&self, value: f32) -> f32 {
-        let share = value / self.most as f32;
+        let share = value / self.max_value as f32;
         if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) }
     }
 
     /// The particles' colours, RGB in [0, 1].
-    pub(crate) fn colors(&self, particles: &Particles) -> Vec<[f32; 3]> {
-        let along = |values: &[f32]| values.iter().map(|&v| blue_to_red(v / self.most as f32)).collect();
+    pub(crate) fn colors(&self, particles: &FrameParticles) -> Vec<[f32; 3]> {
+        let along = |values: &[f32]| values.iter().map(|&v| blue_to_red(v / self.max_value as f32)).collect();
         match self.coloring {
             Coloring::Stress => along(&particles.von_mises_pa),
             Coloring::Speed => along(&particles.speeds),
@@ -71,7 +72,7 @@ impl Scale {
     }
 
     /// The particles' colours as coefficients of the degree-0 harmonic.
-    pub(crate) fn harmonics(&self, particles: &Particles) -> Vec<[f32; 3]> {
+    pub(crate) fn harmonics(&self, particles: &FrameParticles) -> Vec<[f32; 3]> {
         self.colors(particles).into_iter().map(|color| color.map(|c| (c - 0.5) / SH0)).collect()
     }
 }

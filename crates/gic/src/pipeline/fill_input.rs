@@ -11,17 +11,18 @@ use glam::DVec3;
 use super::Run;
 use crate::error::{Error, Result};
 
-/// Photographs of a scan that the filling looks at. Its thresholds are for the emptiest of about so many views: of fifty depth maps, three are
-/// wrong nearly everywhere, and the body shrank by 7 %.
-const SCAN_VIEWS: usize = 12;
+/// Photographs of a scan that the filling looks at. Its thresholds are for the emptiest of about so many views: of
+/// fifty depth maps, three are wrong nearly everywhere, and the body shrank by 7 %.
+const MAX_SCAN_VIEWS: usize = 12;
 
-/// What the matter is made of: the video with its Gaussians, or the scan, moved to where it lies in the video's first frame.
-pub(super) struct Source<'a> {
+/// What the matter is made of: the video with its Gaussians, or the scan, moved to where it lies in the video's first
+/// frame.
+pub(super) struct FillInput<'a> {
     pub(super) scene: Cow<'a, Scene>,
     pub(super) gaussians: DynamicGaussians,
 }
 
-impl Source<'_> {
+impl FillInput<'_> {
     /// The masks of a frame, in the order of its views.
     pub(super) fn masks(&self, frame: usize) -> Result<Vec<Mask>> {
         self.scene.load_masks(self.scene.views_at(frame)).map_err(Error::stage("reading masks"))
@@ -45,21 +46,22 @@ impl Source<'_> {
 }
 
 impl Run<'_> {
-    /// Photographs of the object at rest, where the scene has them: its shape comes from them, and the video only tells of motion.
+    /// Photographs of the object at rest, where the scene has them: its shape comes from them, and the video only tells
+    /// of motion.
     pub(super) fn scan(&self) -> Option<&Scene> {
         self.video.rest.as_deref()
     }
 
-    pub(super) fn source(&self) -> Result<Source<'_>> {
+    pub(super) fn fill_input(&self) -> Result<FillInput<'_>> {
         let gaussians = self.gaussians()?;
-        let Some(scan) = self.scan() else { return Ok(Source { scene: Cow::Borrowed(&self.scene), gaussians }) };
+        let Some(scan) = self.scan() else { return Ok(FillInput { scene: Cow::Borrowed(&self.scene), gaussians }) };
         let similarity = self.registration()?.best.similarity();
         let canonical = placed(&gaussians.canonical, &similarity);
         let gaussians = DynamicGaussians { canonical, motion: None };
         let scene = scan.moved(&similarity);
-        let cameras = spread(&scene.cameras, &gaussians.canonical.positions, SCAN_VIEWS);
+        let cameras = far_apart(&scene.cameras, &gaussians.canonical.positions, MAX_SCAN_VIEWS);
         let scene = scene.with_cameras(&cameras).map_err(Error::stage("choosing photographs"))?;
-        Ok(Source { scene: Cow::Owned(scene), gaussians })
+        Ok(FillInput { scene: Cow::Owned(scene), gaussians })
     }
 }
 
@@ -70,7 +72,7 @@ pub(super) fn mean(points: &[[f32; 3]]) -> DVec3 {
 }
 
 /// Of `cameras`, `count` whose directions from the mean of `points` are far apart: each the farthest from those before.
-fn spread(cameras: &[Camera], points: &[[f32; 3]], count: usize) -> Vec<usize> {
+fn far_apart(cameras: &[Camera], points: &[[f32; 3]], count: usize) -> Vec<usize> {
     let centre = mean(points);
     let directions: Vec<DVec3> = cameras.iter().map(|camera| (camera.centre - centre).normalize_or_zero()).collect();
     let mut chosen: Vec<usize> = Vec::new();
@@ -115,7 +117,7 @@ mod tests {
         };
         let cameras: Vec<Camera> = centres.into_iter().map(camera).collect();
         let points = [[0.0, 0.0, 0.0], [2.0, 0.0, 0.0]];
-        assert_eq!(spread(&cameras, &points, 6), [0, 8, 9, 10, 11, 12]);
-        assert_eq!(spread(&cameras, &points, 99).len(), 13);
+        assert_eq!(far_apart(&cameras, &points, 6), [0, 8, 9, 10, 11, 12]);
+        assert_eq!(far_apart(&cameras, &points, 99).len(), 13);
     }
 }

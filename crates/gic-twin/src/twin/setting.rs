@@ -73,7 +73,8 @@ impl Setting {
         Ok(())
     }
 
-    /// After a change of the law: parameters that it does not have go. Those that it lacks are asked for by the strict reader.
+    /// After a change of the law: parameters that it does not have go. Those that it lacks are asked for by the strict
+    /// reader.
     fn forget_other_laws(&self, root: &mut Value) {
         let names = self.value.as_str().and_then(parameter_names);
         if let (Some(material), Some(names)) = (root["material"].as_object_mut(), names) {

@@ -8,12 +8,12 @@ use crate::events::Event;
 const TICKS_PER_SECOND: f64 = 100.0;
 
 /// Measures from its start on.
-pub struct Meter {
+pub struct ResourceMeter {
     start: Instant,
     cpu_start: Option<f64>,
 }
 
-impl Meter {
+impl ResourceMeter {
     /// Starts measuring; the system's mark of peak memory starts anew, where it lets us.
     pub fn start() -> Self {
         // Linux: "5" resets the peak. Elsewhere, and where it is forbidden, the peak is that of the whole process.
@@ -40,7 +40,8 @@ impl Meter {
 /// CPU seconds of this process over all threads so far, where the system tells.
 fn cpu_seconds() -> Option<f64> {
     let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
-    // The second field is the program's name in parentheses and may hold blanks; user and system time are fields 14 and 15.
+    // The second field is the program's name in parentheses and may hold blanks; user and system time are fields 14 and
+    // 15.
     let mut fields = stat.rsplit_once(')')?.1.split_whitespace().skip(11);
     let ticks: f64 = fields.next()?.parse::<f64>().ok()? + fields.next()?.parse::<f64>().ok()?;
     Some(ticks / TICKS_PER_SECOND)

@@ -7,13 +7,13 @@ use serde_json::{Map, Value};
 use crate::error::{Result, TwinError};
 
 /// A JSON object together with its place, for messages.
-pub(crate) struct Object<'a> {
+pub(crate) struct JsonObject<'a> {
     file: &'a Path,
     place: String,
     map: &'a Map<String, Value>,
 }
 
-impl<'a> Object<'a> {
+impl<'a> JsonObject<'a> {
     /// Wraps a value that must be an object; `place` is empty for the top of the file.
     pub(crate) fn new(file: &'a Path, place: &str, value: &'a Value) -> Result<Self> {
         match value {
@@ -67,8 +67,8 @@ impl<'a> Object<'a> {
         self.get(key).ok_or_else(|| self.problem(key, "is missing", Some(hint)))
     }
 
-    pub(crate) fn object(&self, key: &str, hint: &str) -> Result<Object<'a>> {
-        Object::new(self.file, &self.field(key), self.require(key, hint)?)
+    pub(crate) fn object(&self, key: &str, hint: &str) -> Result<JsonObject<'a>> {
+        JsonObject::new(self.file, &self.field(key), self.require(key, hint)?)
     }
 
     pub(crate) fn string(&self, key: &str, hint: &str) -> Result<&'a str> {

@@ -7,10 +7,10 @@ use crate::rotation;
 
 /// A shape at a place.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Shape {
+pub struct Solid {
     /// What it is, with its lengths.
     #[serde(flatten)]
-    pub kind: ShapeKind,
+    pub kind: SolidKind,
     /// Its centre [m]; default the origin.
     pub centre_m: [f64; 3],
     /// Rotation about the world's x, then y, then z axis [degrees]; default 0.
@@ -20,7 +20,7 @@ pub struct Shape {
 /// The shapes, each around the origin before rotation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(tag = "shape", rename_all = "snake_case")]
-pub enum ShapeKind {
+pub enum SolidKind {
     /// Three square bars along x, y and z that cross in the middle.
     Cross {
         /// Lengths of the bars along x, y, z [m].
@@ -54,7 +54,7 @@ pub enum ShapeKind {
     },
 }
 
-impl ShapeKind {
+impl SolidKind {
     /// Half of the sides of its bounding box [m].
     pub fn half_extent(&self) -> DVec3 {
         match *self {
@@ -106,8 +106,9 @@ impl ShapeKind {
     }
 }
 
-impl Shape {
-    /// Particles [m] on a lattice of `spacing` [m] that turns with the shape and is centred in its bounding box, z fastest.
+impl Solid {
+    /// Particles [m] on a lattice of `spacing` [m] that turns with the shape and is centred in its bounding box, z
+    /// fastest.
     ///
     /// A side that is a multiple of the spacing holds exactly as many particles.
     pub fn sample(&self, spacing: f64) -> Vec<DVec3> {
@@ -140,18 +141,18 @@ impl Shape {
 mod tests {
     use super::*;
 
-    const KINDS: [ShapeKind; 5] = [
-        ShapeKind::Cross { size_m: [0.32, 0.28, 0.30], thickness_m: 0.1 },
-        ShapeKind::Box { size_m: [0.2, 0.1, 0.3] },
-        ShapeKind::Sphere { radius_m: 0.1 },
-        ShapeKind::Torus { major_radius_m: 0.13, minor_radius_m: 0.045 },
-        ShapeKind::Cylinder { radius_m: 0.08, height_m: 0.2 },
+    const KINDS: [SolidKind; 5] = [
+        SolidKind::Cross { size_m: [0.32, 0.28, 0.30], thickness_m: 0.1 },
+        SolidKind::Box { size_m: [0.2, 0.1, 0.3] },
+        SolidKind::Sphere { radius_m: 0.1 },
+        SolidKind::Torus { major_radius_m: 0.13, minor_radius_m: 0.045 },
+        SolidKind::Cylinder { radius_m: 0.08, height_m: 0.2 },
     ];
 
     #[test]
     fn sampled_volume_is_the_shapes_volume() {
         for kind in KINDS {
-            let shape = Shape { kind, centre_m: [0.0; 3], rotation_deg: [0.0; 3] };
+            let shape = Solid { kind, centre_m: [0.0; 3], rotation_deg: [0.0; 3] };
             let sampled = shape.sample(0.005).len() as f64 * 0.005f64.powi(3);
             assert!((sampled / kind.volume() - 1.0).abs() < 0.02, "{kind:?}: {sampled} against {}", kind.volume());
         }
@@ -159,14 +160,14 @@ mod tests {
 
     #[test]
     fn a_cross_of_whole_cells_has_exactly_their_particles() {
-        let shape = Shape { kind: KINDS[0], centre_m: [1.0, 2.0, 3.0], rotation_deg: [30.0, 0.0, 0.0] };
+        let shape = Solid { kind: KINDS[0], centre_m: [1.0, 2.0, 3.0], rotation_deg: [30.0, 0.0, 0.0] };
         assert_eq!(shape.sample(0.01).len(), (22 + 18 + 20) * 100 + 1000);
     }
 
     #[test]
     fn rotation_and_centre_move_the_particles_rigidly() {
-        let still = Shape { kind: KINDS[1], centre_m: [0.0; 3], rotation_deg: [0.0; 3] };
-        let moved = Shape { kind: KINDS[1], centre_m: [0.5, -1.0, 2.0], rotation_deg: [90.0, 0.0, 0.0] };
+        let still = Solid { kind: KINDS[1], centre_m: [0.0; 3], rotation_deg: [0.0; 3] };
+        let moved = Solid { kind: KINDS[1], centre_m: [0.5, -1.0, 2.0], rotation_deg: [90.0, 0.0, 0.0] };
         for (a, b) in still.sample(0.02).iter().zip(moved.sample(0.02)) {
             // A quarter turn about x takes y to z.
             let expected = DVec3::new(a.x, -a.z, a.y) + DVec3::new(0.5, -1.0, 2.0);

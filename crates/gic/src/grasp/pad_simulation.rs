@@ -1,7 +1,7 @@
 //! Two rigid pads and what is between them, in the gripper's own frame, step by step.
 //!
-//! The gripper's frame: x is the direction in which the pads close, y the long side of the pads, z the short one; the origin is half-way
-//! between the pads. The pads are boxes of finite size, moved by key frames.
+//! The gripper's frame: x is the direction in which the pads close, y the long side of the pads, z the short one; the
+//! origin is half-way between the pads. The pads are boxes of finite size, moved by key frames.
 
 use std::f64::consts::PI;
 use std::ops::ControlFlow;
@@ -30,7 +30,7 @@ pub(super) struct Pads {
 
 /// Where the pads are.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Pose {
+pub(super) struct PadPose {
     /// Distance of each face from the middle [m].
     pub(super) half_gap_m: f64,
     /// By how much the gripper has been raised [m].
@@ -38,7 +38,7 @@ pub(super) struct Pose {
 }
 
 /// The pads' path through one phase, and what else acts.
-pub(super) struct Phase {
+pub(super) struct GraspPhase {
     /// Length of a frame [s].
     pub(super) frame_s: f64,
     /// Number of frames.
@@ -46,22 +46,22 @@ pub(super) struct Phase {
     /// Gravity [m/s^2].
     pub(super) gravity_m_s2: DVec3,
     /// Poses over the time from the start of the phase [s], at least one; straight lines between them.
-    pub(super) path: Vec<(f64, Pose)>,
+    pub(super) path: Vec<(f64, PadPose)>,
     /// What is left of the velocities after each frame: below 1, motion dies out and the state tends to rest.
     pub(super) keep: f64,
     /// A point of the table under the matter [m], if there is one.
     pub(super) table: Option<DVec3>,
 }
 
-impl Phase {
+impl GraspPhase {
     /// The pose at a time from the start of the phase [s].
-    pub(super) fn pose(&self, time_s: f64) -> Pose {
+    pub(super) fn pose(&self, time_s: f64) -> PadPose {
         let next = self.path.partition_point(|&(t, _)| t <= time_s);
         match (next.checked_sub(1).map(|i| self.path[i]), self.path.get(next)) {
             (Some((t0, a)), Some(&(t1, b))) => {
                 let share = (time_s - t0) / (t1 - t0);
                 let mix = |a: f64, b: f64| a + share * (b - a);
-                Pose { half_gap_m: mix(a.half_gap_m, b.half_gap_m), lift_m: mix(a.lift_m, b.lift_m) }
+                PadPose { half_gap_m: mix(a.half_gap_m, b.half_gap_m), lift_m: mix(a.lift_m, b.lift_m) }
             }
             (Some((_, pose)), None) | (None, Some(&(_, pose))) => pose,
             (None, None) => unreachable!("a phase has at least one pose"),
@@ -71,12 +71,12 @@ impl Phase {
 
 /// The matter and the pads at one moment.
 #[derive(Clone)]
-pub(super) struct State {
+pub(super) struct GraspState {
     particles: Snapshot,
-    pub(super) pose: Pose,
+    pub(super) pose: PadPose,
 }
 
-impl State {
+impl GraspState {
     /// Position of a particle [m].
     pub(super) fn position(&self, particle: usize) -> DVec3 {
         DVec3::from_slice(&self.particles.particles[particle])
@@ -111,15 +111,15 @@ impl State {
 }
 
 /// What happens in a phase, frame after frame.
-pub(super) struct Moment<'a> {
+pub(super) struct GraspFrame<'a> {
     pub(super) frame: &'a Frame,
-    pub(super) state: &'a State,
+    pub(super) state: &'a GraspState,
     /// Mean forces on the pads over the frame: at negative x, at positive x.
     pub(super) forces: [ContactForce; 2],
 }
 
 /// The matter at rest and the gripper around it.
-pub(super) struct Rig<'a> {
+pub(super) struct PadSimulation<'a> {
     /// The matter alone, in the gripper's frame.
     pub(super) world: World,
     pub(super) pads: Pads,
@@ -128,19 +128,19 @@ pub(super) struct Rig<'a> {
     pub(super) interrupt: &'a Interrupt,
 }
 
-impl Rig<'_> {
+impl PadSimulation<'_> {
     /// The matter undeformed, with the pads as far apart as given.
-    pub(super) fn start(&self, half_gap_m: f64) -> Result<State> {
+    pub(super) fn start(&self, half_gap_m: f64) -> Result<GraspState> {
         let particles = self.simulator(&self.world)?.snapshot();
-        Ok(State { particles, pose: Pose { half_gap_m, lift_m: 0.0 } })
+        Ok(GraspState { particles, pose: PadPose { half_gap_m, lift_m: 0.0 } })
     }
 
     /// Runs a phase from `state` on; `each` sees every frame and may end the phase after it.
     pub(super) fn run(
         &self,
-        state: &mut State,
-        phase: &Phase,
-        mut each: impl FnMut(&Moment<'_>) -> ControlFlow<()>,
+        state: &mut GraspState,
+        phase: &GraspPhase,
+        mut each: impl FnMut(&GraspFrame<'_>) -> ControlFlow<()>,
     ) -> Result<()> {
         let mut colliders = vec![self.pad(-1.0, phase), self.pad(1.0, phase)];
         colliders.extend(phase.table.map(|point| Collider::plane(point, self.up, self.contact())));
@@ -151,7 +151,8 @@ impl Rig<'_> {
             ..self.world.clone()
         };
         let mut simulator = self.simulator(&world)?;
-        // The phase begins at the end of frame 1: at time 0 the pads are open, so that the matter at rest is clear of them.
+        // The phase begins at the end of frame 1: at time 0 the pads are open, so that the matter at rest is clear of
+        // them.
         state.particles.frame = 1;
         simulator.restore(&state.particles).map_err(Error::stage(super::STAGE))?;
         for i in 1..=phase.frames {
@@ -174,7 +175,7 @@ impl Rig<'_> {
                 simulator.restore(&state.particles).map_err(Error::stage(super::STAGE))?;
             }
             let forces = [frame.contacts[0], frame.contacts[1]];
-            if each(&Moment { frame: &frame, state, forces }).is_break() {
+            if each(&GraspFrame { frame: &frame, state, forces }).is_break() {
                 break;
             }
         }
@@ -186,12 +187,12 @@ impl Rig<'_> {
     }
 
     /// The pad at negative or positive x.
-    fn pad(&self, side: f64, phase: &Phase) -> Collider {
+    fn pad(&self, side: f64, phase: &GraspPhase) -> Collider {
         let centre =
-            |pose: Pose| DVec3::X * (side * (pose.half_gap_m + 0.5 * self.pads.thickness_m)) + self.up * pose.lift_m;
+            |pose: PadPose| DVec3::X * (side * (pose.half_gap_m + 0.5 * self.pads.thickness_m)) + self.up * pose.lift_m;
         let start = phase.frame_s;
         let first = phase.pose(0.0);
-        let open = Pose { half_gap_m: self.open_half_gap(), ..first };
+        let open = PadPose { half_gap_m: self.open_half_gap(), ..first };
         let mut keys = vec![(0.0, centre(open)), (0.5 * start, centre(first))];
         keys.extend(phase.path.iter().map(|&(t, pose)| (start + t, centre(pose))));
         let [long, short] = self.pads.size_m;

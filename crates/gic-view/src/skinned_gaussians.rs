@@ -16,10 +16,10 @@ use crate::error::{Result, ViewError};
 pub const FILES: [&str; 2] = ["appearance/gaussians.ply", "appearance/light.json"];
 const SCHEMA: &str = "gic.light/1";
 /// Points whose normal is shorter than this lie almost two spacings deep, behind nearly opaque ones.
-const DEEP: f32 = 0.06;
+const MIN_VISIBLE_NORMAL: f32 = 0.06;
 
 /// Points with colours, each carried by one particle of the simulation.
-pub struct Look {
+pub struct SkinnedGaussians {
     lit: LitGaussians,
     /// Distance of neighbouring points [m].
     spacing: f64,
@@ -39,7 +39,7 @@ struct LightFile {
     light: Light,
 }
 
-impl Look {
+impl SkinnedGaussians {
     /// Writes the colours of points that lie `spacing` metres apart.
     ///
     /// # Errors
@@ -52,8 +52,8 @@ impl Look {
         Ok(atomic::write_json(&light, &file)?)
     }
 
-    /// Reads the look of a run and binds it to the particles `rest` [m] that its simulations start from; `None` where the run has
-    /// no colours.
+    /// Reads the look of a run and binds it to the particles `rest` [m] that its simulations start from; `None` where
+    /// the run has no colours.
     ///
     /// # Errors
     /// Damaged files.
@@ -105,11 +105,12 @@ impl Look {
         self.lit.at(positions, &normals)
     }
 
-    /// Those of [`Look::at`] that can be seen: without the ones that have matter all around.
+    /// Those of [`SkinnedGaussians::at`] that can be seen: without the ones that have matter all around.
     pub fn visible(&self, moved: &[DVec3]) -> Gaussians {
         let positions = self.positions(moved);
         let normals = outward_normals(&positions, self.spacing);
-        let outside = |normal: &[f32; 3]| normal.iter().map(|x| x * x).sum::<f32>() > DEEP * DEEP;
+        let outside =
+            |normal: &[f32; 3]| normal.iter().map(|x| x * x).sum::<f32>() > MIN_VISIBLE_NORMAL * MIN_VISIBLE_NORMAL;
         let seen: Vec<usize> = (0..positions.len()).filter(|&i| outside(&normals[i])).collect();
         let lit = LitGaussians { gaussians: self.lit.gaussians.select(&seen), light: self.lit.light };
         lit.at(seen.iter().map(|&i| positions[i]).collect(), &seen.iter().map(|&i| normals[i]).collect::<Vec<_>>())
@@ -121,7 +122,7 @@ impl Look {
     }
 }
 
-/// RGB of Gaussians that [`Look::at`] gave.
+/// RGB of Gaussians that [`SkinnedGaussians::at`] gave.
 pub fn colors(drawn: &Gaussians) -> impl Iterator<Item = [f32; 3]> + '_ {
     drawn.sh.iter().map(|sh| sh.map(gic_splat::color_of_coefficient))
 }
@@ -140,11 +141,11 @@ mod tests {
         gaussians.sh = vec![[0.3, -0.2, 0.1]; 27];
         let mut light = Light::default();
         light.coefficients[2] = [0.2; 3];
-        assert!(Look::load(folder.path(), &rest).unwrap().is_none());
-        Look::save(&LitGaussians { gaussians, light }, 0.01, folder.path()).unwrap();
-        let look = Look::load(folder.path(), &rest).unwrap().unwrap();
+        assert!(SkinnedGaussians::load(folder.path(), &rest).unwrap().is_none());
+        SkinnedGaussians::save(&LitGaussians { gaussians, light }, 0.01, folder.path()).unwrap();
+        let skin = SkinnedGaussians::load(folder.path(), &rest).unwrap().unwrap();
         let shift = DVec3::new(1.0, 2.0, 3.0);
-        let drawn = look.at(&rest.iter().map(|p| *p + shift).collect::<Vec<_>>());
+        let drawn = skin.at(&rest.iter().map(|p| *p + shift).collect::<Vec<_>>());
         for (moved, point) in drawn.positions.iter().zip(&points) {
             for axis in 0..3 {
                 assert!((moved[axis] - point[axis] - shift.as_vec3()[axis]).abs() < 1e-5);

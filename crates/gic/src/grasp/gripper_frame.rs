@@ -6,7 +6,7 @@ use gic_mpm::Body;
 use glam::{DMat3, DVec3};
 
 use super::Gripper;
-use super::antipodal::{self, Line};
+use super::antipodal::{self, GripLine};
 use crate::error::{Error, Result};
 
 /// Which way the gripper closes.
@@ -45,14 +45,14 @@ impl AxisChoice {
 
 /// The gripper's frame in the world.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+pub(super) struct GripperFrame {
     /// Half-way between the pads before they are raised [m].
     pub(super) origin: DVec3,
     /// The gripper's x (closing), y (long side of the pads) and z in the world.
     pub(super) to_world: DMat3,
 }
 
-impl Place {
+impl GripperFrame {
     /// Chooses a place; `positions` [m] of particles `spacing` [m] apart, `widest` the largest width asked for [m].
     pub(super) fn choose(
         choice: AxisChoice,
@@ -66,7 +66,7 @@ impl Place {
         let line = match choice {
             AxisChoice::World(axis) => {
                 let middle = positions.iter().sum::<DVec3>() / positions.len().max(1) as f64;
-                Line { middle, direction: DVec3::AXES[axis] }
+                GripLine { middle, direction: DVec3::AXES[axis] }
             }
             AxisChoice::Auto => antipodal::search(positions, spacing, up, gripper.friction, widest, reach)
                 .ok_or_else(|| Error::Usage {
@@ -92,7 +92,8 @@ impl Place {
         self.origin + self.to_world * p
     }
 
-    /// The body at rest in the gripper's frame, each particle cut into `refine`^3; `spacing` [m] is that of the particles.
+    /// The body at rest in the gripper's frame, each particle cut into `refine`^3; `spacing` [m] is that of the
+    /// particles.
     pub(super) fn body(&self, body: &Body, spacing: f64, refine: usize) -> Body {
         let step = spacing / refine as f64;
         let offset = |i: usize| (i as f64 - 0.5 * (refine as f64 - 1.0)) * step;

@@ -10,7 +10,7 @@ use glam::DVec3;
 use crate::error::{Result, ViewError};
 
 /// A simulated motion on disk.
-pub struct Motion {
+pub struct SimulatedMotion {
     /// Its frames in numbers.
     pub trajectory: Trajectory,
     folder: PathBuf,
@@ -19,7 +19,7 @@ pub struct Motion {
 }
 
 /// The particles of a frame.
-pub struct Particles {
+pub struct FrameParticles {
     /// Positions [m].
     pub positions: Vec<DVec3>,
     /// Speeds [m/s].
@@ -28,7 +28,7 @@ pub struct Particles {
     pub von_mises_pa: Vec<f32>,
 }
 
-impl Motion {
+impl SimulatedMotion {
     /// Opens a folder of frames, or the prediction of a run.
     ///
     /// # Errors
@@ -52,9 +52,9 @@ impl Motion {
     ///
     /// # Errors
     /// A missing or damaged file.
-    pub fn particles(&self, index: usize) -> Result<Particles> {
+    pub fn particles(&self, index: usize) -> Result<FrameParticles> {
         let read = read_particles(&self.folder.join(&self.trajectory.frames[index].file))?;
-        Ok(Particles {
+        Ok(FrameParticles {
             positions: read.positions,
             speeds: read.velocities.iter().map(|v| v.length() as f32).collect(),
             von_mises_pa: read.von_mises_pa,
@@ -105,7 +105,7 @@ fn vector(value: &serde_json::Value) -> Option<DVec3> {
     <[f64; 3]>::try_from(numbers).ok().map(DVec3::from)
 }
 
-impl Particles {
+impl FrameParticles {
     /// Median distance [m] of some particles to the nearest of the others.
     pub(crate) fn spacing(&self) -> f64 {
         /// About so many particles are asked.
@@ -130,7 +130,7 @@ mod tests {
     #[test]
     fn the_spacing_of_a_lattice_is_found() {
         let positions = (0..1000).map(|i| DVec3::new((i % 10) as f64, (i / 10 % 10) as f64, (i / 100) as f64) * 0.02);
-        let particles = Particles { positions: positions.collect(), speeds: Vec::new(), von_mises_pa: Vec::new() };
+        let particles = FrameParticles { positions: positions.collect(), speeds: Vec::new(), von_mises_pa: Vec::new() };
         assert!((particles.spacing() - 0.02).abs() < 1e-6);
     }
 }

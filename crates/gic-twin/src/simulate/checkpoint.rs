@@ -21,7 +21,8 @@ pub(super) fn write(folder: &Path, identity: &[u8; 32], snapshot: &Snapshot) -> 
     })
 }
 
-/// Reads the state of the run with the given identity; `None` where there is none, or one of another run, or a damaged one.
+/// Reads the state of the run with the given identity; `None` where there is none, or one of another run, or a damaged
+/// one.
 pub(super) fn read(folder: &Path, identity: &[u8; 32]) -> Result<Option<Snapshot>> {
     let path = file(folder);
     let mut reader = match File::open(&path) {

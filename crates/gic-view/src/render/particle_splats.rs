@@ -5,10 +5,10 @@ use std::path::Path;
 use gic_splat::{Channels, Gaussians, RenderSettings, Shape};
 use gic_twin::matter::read_particles;
 
-use super::color::{Coloring, Scale};
-use super::frames::{Motion, Particles};
+use super::color_scale::{ColorScale, Coloring};
+use super::simulated_motion::{FrameParticles, SimulatedMotion};
 use crate::error::{Result, ViewError};
-use crate::look::Look;
+use crate::skinned_gaussians::SkinnedGaussians;
 
 /// Standard deviation of a particle's Gaussian in units of the particles' spacing: closed surfaces, sharp outlines.
 const SCALE: f64 = 0.55;
@@ -16,37 +16,37 @@ const SCALE: f64 = 0.55;
 const OPACITY: f32 = 0.95;
 
 /// What is drawn for particles.
-pub(super) enum Paint {
+pub(super) enum ParticleSplats {
     /// The particles, `spacing` metres apart, in the colours of a scale.
-    Values { scale: Scale, spacing: f64 },
+    ColorMapped { scale: ColorScale, spacing: f64 },
     /// The looks of the bodies, each with its number of particles.
-    Looks(Vec<(usize, Look)>),
+    Skinned(Vec<(usize, SkinnedGaussians)>),
 }
 
-impl Paint {
-    pub(super) fn new(coloring: Coloring, motion: &Motion, first: &Particles) -> Result<Self> {
+impl ParticleSplats {
+    pub(super) fn new(coloring: Coloring, motion: &SimulatedMotion, first: &FrameParticles) -> Result<Self> {
         if coloring == Coloring::Appearance {
-            return Ok(Self::Looks(looks(motion)?));
+            return Ok(Self::Skinned(skins(motion)?));
         }
-        Ok(Self::Values { scale: Scale::new(coloring, &motion.trajectory), spacing: first.spacing() })
+        Ok(Self::ColorMapped { scale: ColorScale::new(coloring, &motion.trajectory), spacing: first.spacing() })
     }
 
     /// What the colours mean, in a sentence.
     pub(super) fn legend(&self) -> String {
         match self {
-            Self::Values { scale, .. } => scale.legend(),
-            Self::Looks(_) => "colour: as in the video".into(),
+            Self::ColorMapped { scale, .. } => scale.legend(),
+            Self::Skinned(_) => "colour: as in the video".into(),
         }
     }
 
     /// Whether the colours hold the light already.
     pub(super) fn is_lit(&self) -> bool {
-        matches!(self, Self::Looks(_))
+        matches!(self, Self::Skinned(_))
     }
 
-    pub(super) fn gaussians(&self, particles: &Particles) -> Gaussians {
+    pub(super) fn gaussians(&self, particles: &FrameParticles) -> Gaussians {
         match self {
-            Self::Values { scale, spacing } => {
+            Self::ColorMapped { scale, spacing } => {
                 let n = particles.positions.len();
                 Gaussians {
                     positions: particles.positions.iter().map(|p| p.as_vec3().to_array()).collect(),
@@ -56,14 +56,14 @@ impl Paint {
                     sh: scale.harmonics(particles),
                 }
             }
-            Self::Looks(looks) => {
+            Self::Skinned(skins) => {
                 let mut start = 0;
-                let bodies = looks.iter().map(|(n, look)| {
+                let bodies = skins.iter().map(|(n, skin)| {
                     let own = start..start + n;
                     start += n;
-                    look.visible(&particles.positions[own])
+                    skin.visible(&particles.positions[own])
                 });
-                joined(bodies)
+                concatenated(bodies)
             }
         }
     }
@@ -71,16 +71,18 @@ impl Paint {
     pub(super) fn settings(&self) -> RenderSettings {
         match self {
             // The filter of masks: true outlines, no fringe.
-            Self::Values { .. } => RenderSettings { channels: Channels::ColorAlphaDepth, ..RenderSettings::masks() },
+            Self::ColorMapped { .. } => {
+                RenderSettings { channels: Channels::ColorAlphaDepth, ..RenderSettings::masks() }
+            }
             // As the colours were trained.
-            Self::Looks(_) => RenderSettings::default(),
+            Self::Skinned(_) => RenderSettings::default(),
         }
     }
 }
 
 /// The look of every body, from the run folder in which its matter lies.
-pub(crate) fn looks(motion: &Motion) -> Result<Vec<(usize, Look)>> {
-    let no_look = |continuum: &str| ViewError::Usage {
+pub(crate) fn skins(motion: &SimulatedMotion) -> Result<Vec<(usize, SkinnedGaussians)>> {
+    let without_colors = |continuum: &str| ViewError::Usage {
         problem: format!("{continuum} has no colours beside it"),
         hint: Some("colours come with `gic run SCENE -o RUN`; use --color stress, speed or plain without them".into()),
     };
@@ -88,19 +90,19 @@ pub(crate) fn looks(motion: &Motion) -> Result<Vec<(usize, Look)>> {
         .continua()
         .into_iter()
         .map(|(count, continuum)| {
-            let continuum = continuum.ok_or_else(|| no_look("a twin that is a shape"))?;
+            let continuum = continuum.ok_or_else(|| without_colors("a twin that is a shape"))?;
             let path = Path::new(&continuum);
             let rest = read_particles(path)?.positions;
-            let look = Look::load(path.parent().unwrap_or(Path::new("")), &rest)?;
+            let skin = SkinnedGaussians::load(path.parent().unwrap_or(Path::new("")), &rest)?;
             // A look binds to the particles of its run, and the simulated ones are these.
-            let look = look.filter(|_| rest.len() == count).ok_or_else(|| no_look(&continuum))?;
-            Ok((count, look))
+            let skin = skin.filter(|_| rest.len() == count).ok_or_else(|| without_colors(&continuum))?;
+            Ok((count, skin))
         })
         .collect()
 }
 
 /// All Gaussians of several isotropic sets without direction-dependent colours.
-fn joined(sets: impl Iterator<Item = Gaussians>) -> Gaussians {
+fn concatenated(sets: impl Iterator<Item = Gaussians>) -> Gaussians {
     let mut all = Gaussians::colorless(Vec::new(), Vec::new(), Vec::new());
     let mut widths = Vec::new();
     for set in sets {

@@ -4,61 +4,61 @@ use gic_geometry::outward_normals;
 use glam::DVec3;
 
 use crate::error::{Result, ViewError};
-use crate::look::{Look, colors};
-use crate::render::color::Scale;
-use crate::render::frames::{Motion, Particles};
-use crate::render::paint;
+use crate::render::color_scale::ColorScale;
+use crate::render::particle_splats;
+use crate::render::simulated_motion::{FrameParticles, SimulatedMotion};
+use crate::skinned_gaussians::{SkinnedGaussians, colors};
 
 /// Points whose normal is shorter than this in every frame are never at the surface, and are left out.
-const SURFACE_NORMAL: f32 = 0.3;
+const MIN_SURFACE_NORMAL: f32 = 0.3;
 /// Points x frames that a page holds at most; beyond, every second (third, ...) point is left out.
-const MOST: usize = 600_000;
+const MAX_POINT_FRAMES: usize = 600_000;
 /// Colour of matter without a look.
 const PLAIN: [u8; 3] = [204, 148, 107];
 
 /// Points that can be seen, in every frame.
-pub(super) struct Points {
-    frames: Vec<Frame>,
+pub(super) struct PagePoints {
+    frames: Vec<PointFrame>,
     spacing: f64,
-    has_look: bool,
+    has_colors: bool,
 }
 
 /// The points of one frame.
-struct Frame {
+struct PointFrame {
     positions: Vec<[f32; 3]>,
     colors: Vec<[u8; 3]>,
     stress: Vec<f32>,
     speed: Vec<f32>,
 }
 
-impl Points {
+impl PagePoints {
     /// Reads every frame; `tell` hears of each and may stop.
-    pub(super) fn read(motion: &Motion, tell: &mut dyn FnMut(usize) -> bool) -> Result<Self> {
-        let looks = paint::looks(motion).ok();
+    pub(super) fn read(motion: &SimulatedMotion, on_frame: &mut dyn FnMut(usize) -> bool) -> Result<Self> {
+        let skins = particle_splats::skins(motion).ok();
         let mut frames = Vec::new();
         let mut spacing = 0.0;
         let mut at_surface: Vec<bool> = Vec::new();
         for index in 0..motion.trajectory.frames.len() {
             let particles = motion.particles(index)?;
             if index == 0 {
-                spacing = looks.as_ref().map_or_else(|| particles.spacing(), |looks| finest(looks));
+                spacing = skins.as_ref().map_or_else(|| particles.spacing(), |skins| finest(skins));
             }
-            let frame = frame(&particles, looks.as_deref());
+            let frame = frame(&particles, skins.as_deref());
             at_surface.resize(frame.positions.len(), false);
             for (seen, normal) in at_surface.iter_mut().zip(outward_normals(&frame.positions, spacing)) {
-                *seen |= normal.iter().map(|x| x * x).sum::<f32>() > SURFACE_NORMAL * SURFACE_NORMAL;
+                *seen |= normal.iter().map(|x| x * x).sum::<f32>() > MIN_SURFACE_NORMAL * MIN_SURFACE_NORMAL;
             }
             frames.push(frame);
-            if tell(index) {
+            if on_frame(index) {
                 return Err(ViewError::interrupted(String::new()));
             }
         }
         let seen: Vec<usize> = (0..at_surface.len()).filter(|&i| at_surface[i]).collect();
-        let stride = (seen.len() * frames.len()).div_ceil(MOST).max(1);
+        let stride = (seen.len() * frames.len()).div_ceil(MAX_POINT_FRAMES).max(1);
         let kept: Vec<usize> = seen.into_iter().step_by(stride).collect();
         frames.iter_mut().for_each(|frame| frame.keep(&kept));
         // What is left has to cover for what was left out.
-        Ok(Self { frames, spacing: spacing * (stride as f64).sqrt(), has_look: looks.is_some() })
+        Ok(Self { frames, spacing: spacing * (stride as f64).sqrt(), has_colors: skins.is_some() })
     }
 
     /// Points in every frame.
@@ -72,8 +72,8 @@ impl Points {
     }
 
     /// Whether the points have the colours of the video.
-    pub(super) fn has_look(&self) -> bool {
-        self.has_look
+    pub(super) fn has_colors(&self) -> bool {
+        self.has_colors
     }
 
     /// Lowest and highest coordinates [m].
@@ -82,9 +82,9 @@ impl Points {
         points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)))
     }
 
-    /// The bytes that the page's script reads: per frame, positions as fractions of the bounds (3 x u16), colours (3 x u8), stress
-    /// and speed as fractions of their scales (u8).
-    pub(super) fn encode(&self, [stress, speed]: &[Scale; 2]) -> Vec<u8> {
+    /// The bytes that the page's script reads: per frame, positions as fractions of the bounds (3 x u16), colours (3 x
+    /// u8), stress and speed as fractions of their scales (u8).
+    pub(super) fn encode(&self, [stress, speed]: &[ColorScale; 2]) -> Vec<u8> {
         let (low, high) = self.bounds();
         let size = (high - low).max(DVec3::splat(1e-9));
         let mut bytes = Vec::with_capacity(11 * self.len() * self.frames.len());
@@ -103,26 +103,26 @@ impl Points {
 }
 
 /// Smallest spacing of some looks [m].
-fn finest(looks: &[(usize, Look)]) -> f64 {
-    looks.iter().map(|(_, look)| look.spacing()).fold(f64::INFINITY, f64::min)
+fn finest(skins: &[(usize, SkinnedGaussians)]) -> f64 {
+    skins.iter().map(|(_, skin)| skin.spacing()).fold(f64::INFINITY, f64::min)
 }
 
-fn frame(particles: &Particles, looks: Option<&[(usize, Look)]>) -> Frame {
-    let Some(looks) = looks else {
-        return Frame {
+fn frame(particles: &FrameParticles, skins: Option<&[(usize, SkinnedGaussians)]>) -> PointFrame {
+    let Some(skins) = skins else {
+        return PointFrame {
             positions: particles.positions.iter().map(|p| p.as_vec3().to_array()).collect(),
             colors: vec![PLAIN; particles.positions.len()],
             stress: particles.von_mises_pa.clone(),
             speed: particles.speeds.clone(),
         };
     };
-    let mut all = Frame { positions: Vec::new(), colors: Vec::new(), stress: Vec::new(), speed: Vec::new() };
+    let mut all = PointFrame { positions: Vec::new(), colors: Vec::new(), stress: Vec::new(), speed: Vec::new() };
     let mut start = 0;
-    for (count, look) in looks {
-        let drawn = look.at(&particles.positions[start..start + count]);
+    for (count, skin) in skins {
+        let drawn = skin.at(&particles.positions[start..start + count]);
         all.colors.extend(colors(&drawn).map(|c| c.map(|x| (x.clamp(0.0, 1.0) * 255.0).round() as u8)));
         all.positions.extend(drawn.positions);
-        let carriers = || look.parents().iter().map(|&i| start + i as usize);
+        let carriers = || skin.parents().iter().map(|&i| start + i as usize);
         all.stress.extend(carriers().map(|i| particles.von_mises_pa[i]));
         all.speed.extend(carriers().map(|i| particles.speeds[i]));
         start += count;
@@ -130,7 +130,7 @@ fn frame(particles: &Particles, looks: Option<&[(usize, Look)]>) -> Frame {
     all
 }
 
-impl Frame {
+impl PointFrame {
     fn keep(&mut self, kept: &[usize]) {
         self.positions = kept.iter().map(|&i| self.positions[i]).collect();
         self.colors = kept.iter().map(|&i| self.colors[i]).collect();

@@ -2,35 +2,35 @@
 
 use gic_continuum::{Completion, FillSettings, Filling, MaskedView, Symmetry, fill};
 
-use super::source::Source;
-use super::still::Still;
+use super::fill_input::FillInput;
+use super::rigid_frames::RigidFrames;
 use crate::error::{Error, Result};
 
 /// Fills frame by frame.
-pub(super) struct Bodies {
+pub(super) struct FrameFiller {
     /// Whether mirror planes are looked for.
     symmetric: bool,
     /// Planes found in the surface.
     completion: Completion,
     /// Planes found in the outlines, where the surface shows less than three.
-    still: Option<Still>,
+    rigid: Option<RigidFrames>,
 }
 
-impl Bodies {
-    pub(super) fn new(symmetric: bool) -> Bodies {
-        Bodies { symmetric, completion: Completion::default(), still: None }
+impl FrameFiller {
+    pub(super) fn new(symmetric: bool) -> FrameFiller {
+        FrameFiller { symmetric, completion: Completion::default(), rigid: None }
     }
 
     /// The body of the next frame.
     pub(super) fn next(
         &mut self,
-        source: &Source,
+        source: &FillInput,
         frame: usize,
         views: &[MaskedView],
         settings: &FillSettings,
     ) -> Result<Filling> {
-        if let Some(still) = self.still.as_ref().filter(|still| frame < still.frames()) {
-            return still.fill(source, frame, settings);
+        if let Some(rigid) = self.rigid.as_ref().filter(|rigid| frame < rigid.frames()) {
+            return rigid.fill(source, frame, settings);
         }
         let gaussians = source.gaussians.at(source.scene.times[frame]);
         let mut filling = fill(&gaussians, views, settings).map_err(Error::filling(frame))?;
@@ -40,9 +40,9 @@ impl Bodies {
         }
         self.completion.next(&mut filling, views);
         if frame == 0 && self.completion.first().is_none_or(|symmetry| symmetry.planes.len() < 3) {
-            self.still = Still::find(source)?;
-            if let Some(still) = &self.still {
-                return still.fill(source, frame, settings);
+            self.rigid = RigidFrames::find(source)?;
+            if let Some(rigid) = &self.rigid {
+                return rigid.fill(source, frame, settings);
             }
         }
         Ok(filling)
@@ -50,16 +50,16 @@ impl Bodies {
 
     /// The symmetry of the body in the first frame, where it has any.
     pub(super) fn symmetry(&self) -> Option<&Symmetry> {
-        self.still.as_ref().map(Still::symmetry).or(self.completion.first())
+        self.rigid.as_ref().map(RigidFrames::symmetry).or(self.completion.first())
     }
 
     /// Frames whose outlines alone made the body.
     pub(super) fn outline_frames(&self) -> usize {
-        self.still.as_ref().map_or(0, Still::frames)
+        self.rigid.as_ref().map_or(0, RigidFrames::frames)
     }
 
     /// What a person is told of its symmetry.
-    pub(super) fn told(&self, symmetry: &Symmetry) -> String {
+    pub(super) fn symmetry_summary(&self, symmetry: &Symmetry) -> String {
         let (planes, off) = (symmetry.planes.len(), 1e3 * symmetry.misfit());
         let how = match self.outline_frames() {
             0 => "completed by it".to_owned(),
