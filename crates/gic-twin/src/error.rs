@@ -3,6 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use gic_files::WriteError;
 use gic_mpm::SimulationError;
 
 /// A failure around a twin.
@@ -111,6 +112,12 @@ pub type Result<T> = std::result::Result<T, TwinError>;
 
 fn nearest_suffix(nearest: Option<&str>) -> String {
     nearest.map(|n| format!(", did you mean `{n}`?")).unwrap_or_default()
+}
+
+impl From<WriteError> for TwinError {
+    fn from(WriteError { path, source }: WriteError) -> Self {
+        Self::Write { path, source }
+    }
 }
 
 impl TwinError {

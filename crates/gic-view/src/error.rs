@@ -1,8 +1,5 @@
 //! What can go wrong while drawing. Every message names what it is about; [`ViewError::hint`] says the way out.
 
-use std::io;
-use std::path::Path;
-
 use gic_twin::TwinError;
 
 /// A failure of drawing.
@@ -54,10 +51,6 @@ impl ViewError {
         E: Into<Box<dyn std::error::Error + Send + Sync>>,
     {
         move |source| Self::Stage { stage, hint: None, source: source.into() }
-    }
-
-    pub(crate) fn write(path: &Path) -> impl FnOnce(io::Error) -> Self {
-        move |source| TwinError::write(path)(source).into()
     }
 
     /// The user interrupted after a part of the work.

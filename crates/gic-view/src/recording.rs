@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use gic_files::NewFile;
 use gic_scene::{Camera, Mask, Scene};
 use gic_twin::Interrupt;
 use gic_twin::ResourceMeter;
@@ -55,8 +56,8 @@ pub fn record(
 ) -> Result<()> {
     events.send(&Event::StageStarted { stage: STAGE.into(), reason: format!("recording to {}", file.display()) });
     let meter = ResourceMeter::start();
-    let part = file.with_extension("part.rrd");
-    let stream = RecordingStreamBuilder::new("gic").save(&part).map_err(failed)?;
+    let new = NewFile::at(file).map_err(TwinError::from)?;
+    let stream = RecordingStreamBuilder::new("gic").save(new.part()).map_err(failed)?;
     let up = motion.up();
     let coordinates = match up.abs().max_position() {
         0 if up.x > 0.0 => ViewCoordinates::RIGHT_HAND_X_UP(),
@@ -75,7 +76,7 @@ pub fn record(
     stream.flush_blocking().map_err(failed)?;
     // Closes the file.
     drop(stream);
-    std::fs::rename(&part, file).map_err(ViewError::write(file))?;
+    new.finish().map_err(TwinError::from)?;
     events.send(&meter.done(STAGE));
     Ok(())
 }

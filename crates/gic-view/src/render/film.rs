@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use gic_files::NewFile;
 use gic_scene::Picture;
-use gic_twin::atomic;
+use gic_twin::{TwinError, atomic};
 use image::codecs::gif::{GifEncoder, Repeat};
 use image::{Delay, Frame, Rgba, RgbaImage};
 
@@ -71,12 +72,17 @@ impl FilmEncoder {
             FilmFormat::Mp4 => {
                 // H.264 wants even sizes.
                 let even = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2"];
-                let quality = ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "18"];
+                let quality = ["-f", "mp4", "-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "18"];
                 self.ffmpeg(pictures.len(), folder, rate, &[&even[..], &quality].concat())?;
                 "H.264, by ffmpeg"
             }
             FilmFormat::Webp => {
-                self.ffmpeg(pictures.len(), folder, rate, &["-c:v", "libwebp_anim", "-loop", "0", "-quality", "80"])?;
+                self.ffmpeg(
+                    pictures.len(),
+                    folder,
+                    rate,
+                    &["-f", "webp", "-c:v", "libwebp_anim", "-loop", "0", "-quality", "80"],
+                )?;
                 "animated WebP, by ffmpeg"
             }
         };
@@ -99,16 +105,15 @@ impl FilmEncoder {
 
     /// Has ffmpeg encode the first `count` pictures that lie in `folder`.
     fn ffmpeg(&self, count: usize, folder: &Path, rate: f64, codec: &[&str]) -> Result<()> {
-        let ending = self.path.extension().unwrap_or_default().to_string_lossy();
-        let part = self.path.with_extension(format!("part.{ending}"));
+        let film = NewFile::at(&self.path).map_err(TwinError::from)?;
         let output = Command::new("ffmpeg")
             .args(["-y", "-loglevel", "error", "-framerate", &format!("{rate}"), "-i"])
             .arg(folder.join("frame_%04d.png"))
             .args(["-frames:v", &count.to_string()])
             .args(codec)
-            .arg(&part)
+            .arg(film.part())
             .output()
-            .map_err(ViewError::write(&self.path))?;
+            .map_err(TwinError::write(&self.path))?;
         if !output.status.success() {
             let reason = String::from_utf8_lossy(&output.stderr).trim().to_owned();
             return Err(ViewError::Stage {
@@ -117,7 +122,7 @@ impl FilmEncoder {
                 source: format!("ffmpeg could not make {}: {reason}", self.path.display()).into(),
             });
         }
-        std::fs::rename(&part, &self.path).map_err(ViewError::write(&self.path))
+        Ok(film.finish().map_err(TwinError::from)?)
     }
 }
 
