@@ -3,27 +3,27 @@
 use serde::{Deserialize, Serialize};
 
 /// Terms of an irradiance: all polynomials of degree 2 on the sphere.
-pub const TERMS: usize = 9;
+pub const IRRADIANCE_TERMS: usize = 9;
 
 /// How bright a white surface is, by its normal: a polynomial of degree 2 in the normal per colour, which holds 99 % of what any
 /// distant light does to a Lambertian surface (Ramamoorthi and Hanrahan 2001). Constant in time and space.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Light {
     /// Coefficients of 1, x, y, z, xy, yz, zx, x^2 - y^2, z^2 - (x^2 + y^2) / 2, in RGB.
-    pub coefficients: [[f32; 3]; TERMS],
+    pub coefficients: [[f32; 3]; IRRADIANCE_TERMS],
 }
 
 impl Default for Light {
     /// The same from everywhere.
     fn default() -> Self {
-        let mut coefficients = [[0.0; 3]; TERMS];
+        let mut coefficients = [[0.0; 3]; IRRADIANCE_TERMS];
         coefficients[0] = [1.0; 3];
         Light { coefficients }
     }
 }
 
 /// The polynomials at a normal; a normal shorter than 1 (below the surface) feels light from more sides.
-pub(crate) fn terms([x, y, z]: [f32; 3]) -> [f32; TERMS] {
+pub(crate) fn terms([x, y, z]: [f32; 3]) -> [f32; IRRADIANCE_TERMS] {
     [1.0, x, y, z, x * y, y * z, z * x, x * x - y * y, z * z - 0.5 * (x * x + y * y)]
 }
 
@@ -54,7 +54,7 @@ mod tests {
     #[test]
     fn beyond_the_first_the_terms_have_no_mean() {
         // Six directions of an octahedron and eight of a cube integrate polynomials of degree 4 with these weights.
-        let mut mean = [0.0f64; TERMS];
+        let mut mean = [0.0f64; IRRADIANCE_TERMS];
         let mut add = |normal: [f32; 3], weight: f64| {
             for (sum, term) in mean.iter_mut().zip(terms(normal)) {
                 *sum += weight * f64::from(term);

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// How to train the colours of a twin.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct DressSettings {
+pub struct AppearanceFitSettings {
     /// Steps; each draws one frame.
     pub steps: usize,
     /// Views drawn per step.
@@ -25,9 +25,9 @@ pub struct DressSettings {
     pub loss: LossWeights,
 }
 
-impl Default for DressSettings {
+impl Default for AppearanceFitSettings {
     fn default() -> Self {
-        DressSettings {
+        AppearanceFitSettings {
             steps: 300,
             views_per_step: 4,
             albedo: (3.0e-2, 3.0e-3),

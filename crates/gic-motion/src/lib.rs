@@ -23,7 +23,7 @@ mod trainer;
 pub use base::{Affine, BaseMotion, Lattice, Pose};
 pub use error::MotionError;
 pub use evaluate::{ViewScore, evaluate};
-pub use model::{Domain, DynamicGaussians, Motion};
+pub use model::{Displacement, Domain, DynamicGaussians};
 pub use network::{Architecture, Deformation, MotionNetwork, NetworkGradient, Scalar};
 pub use settings::{Capture, DensitySettings, GaussianShape, InitialPoints, LearningRates, LossWeights, TrainSettings};
 pub use trainer::{Phase, Progress, train};

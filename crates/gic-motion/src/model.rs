@@ -43,12 +43,12 @@ pub struct DynamicGaussians {
     /// The canonical Gaussians: mu_0, s_0, and everything that does not change.
     pub canonical: Gaussians,
     /// What moves them; `None` for a static scene.
-    pub motion: Option<Motion>,
+    pub motion: Option<Displacement>,
 }
 
 /// The motion of canonical Gaussians.
 #[derive(Clone, Debug)]
-pub struct Motion {
+pub struct Displacement {
     /// The motion-factorised network.
     pub network: MotionNetwork<f32>,
     /// Its units.
@@ -62,7 +62,7 @@ impl DynamicGaussians {
     /// scale.
     pub fn at(&self, time: f64) -> Gaussians {
         let mut gaussians = self.canonical.clone();
-        let Some(Motion { network, domain, base }) = &self.motion else { return gaussians };
+        let Some(Displacement { network, domain, base }) = &self.motion else { return gaussians };
         let normalised = domain.normalised(&gaussians.positions);
         let residuals = domain.residuals(&network.forward(&normalised, domain.normalised_time(time)).residuals);
         if let Some(base) = base {

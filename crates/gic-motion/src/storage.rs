@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::tensor_file::{self, TensorFile};
-use crate::{Architecture, BaseMotion, Domain, DynamicGaussians, Motion, MotionError, MotionNetwork};
+use crate::{Architecture, BaseMotion, Displacement, Domain, DynamicGaussians, MotionError, MotionNetwork};
 
 const CANONICAL: &str = "canonical.ply";
 const MOTION: &str = "motion.safetensors";
@@ -35,7 +35,7 @@ impl DynamicGaussians {
         let path = folder.join(CANONICAL);
         gic_splat::write_ply(&path, &self.canonical)?;
         let path = folder.join(MOTION);
-        let Some(Motion { network, domain, base }) = &self.motion else {
+        let Some(Displacement { network, domain, base }) = &self.motion else {
             // What a moving scene may have left there must not animate this one.
             return match std::fs::remove_file(&path) {
                 Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(MotionError::file(&path)(error)),
@@ -84,7 +84,10 @@ impl DynamicGaussians {
         }
         let mut network = MotionNetwork::zeros(header.architecture);
         network.parameters = file.numbers_exactly("parameters", network.parameters.len())?;
-        Ok(DynamicGaussians { canonical, motion: Some(Motion { network, domain: header.domain, base: header.base }) })
+        Ok(DynamicGaussians {
+            canonical,
+            motion: Some(Displacement { network, domain: header.domain, base: header.base }),
+        })
     }
 }
 
@@ -118,7 +121,7 @@ mod tests {
         let bends = vec![vec![[0.0; 3]; 64], bend];
         let shades = bends.iter().rev().cloned().collect();
         let base = BaseMotion { origin: [0.1, 0.2, 0.3], times: vec![0.0, 0.5], maps, lattice, bends, shades };
-        DynamicGaussians { canonical, motion: Some(Motion { network, domain, base: Some(base) }) }
+        DynamicGaussians { canonical, motion: Some(Displacement { network, domain, base: Some(base) }) }
     }
 
     #[test]

@@ -96,14 +96,14 @@ pub enum GroundSource {
 }
 
 /// Most views of a static scene or moving camera to carve with.
-const MOST_HULL_VIEWS: usize = 40;
+const MAX_HULL_VIEWS: usize = 40;
 /// Below this overlap of silhouette and mask a camera is looked into.
-const GOOD_IOU: f64 = 0.9;
-const HULL: HullSettings = HullSettings { resolution: 96, tolerated_misses: 0 };
-const COARSE: HullSettings = HullSettings { resolution: 48, tolerated_misses: 0 };
+const MIN_GOOD_IOU: f64 = 0.9;
+const HULL_SETTINGS: HullSettings = HullSettings { resolution: 96, tolerated_misses: 0 };
+const COARSE_HULL_SETTINGS: HullSettings = HullSettings { resolution: 48, tolerated_misses: 0 };
 
-/// What is kept of a view after its pixels were looked at.
-struct Looked {
+/// What is kept of a view after its pixels were read.
+struct ViewCheck {
     area: Result<f64, SceneError>,
     mask: Option<Mask>,
     tile: Option<Picture>,
@@ -117,18 +117,18 @@ struct Looked {
 pub fn inspect(scene: &Scene) -> Result<Inspection, SceneError> {
     let layout = sheet::layout(scene);
     let (hull_views, moving) = choose_hull_views(scene);
-    let ground_frames = if moving { Vec::new() } else { sheet::spread(scene.times.len(), 3) };
+    let ground_frames = if moving { Vec::new() } else { sheet::evenly_spaced(scene.times.len(), 3) };
     let on_sheet: Vec<usize> = layout.iter().flatten().flatten().copied().collect();
-    let looked: Vec<Looked> = (0..scene.views.len())
+    let checked: Vec<ViewCheck> = (0..scene.views.len())
         .into_par_iter()
         .map(|index| {
             let keep = hull_views.contains(&index) || ground_frames.contains(&scene.views[index].frame);
-            look(scene, index, on_sheet.contains(&index), keep)
+            check_view(scene, index, on_sheet.contains(&index), keep)
         })
         .collect();
     let (areas, (masks, tiles)): (Vec<_>, (Vec<_>, Vec<_>)) =
-        looked.into_iter().map(|view| (view.area, (view.mask, view.tile))).unzip();
-    let problems = scene.judge_areas(&areas);
+        checked.into_iter().map(|view| (view.area, (view.mask, view.tile))).unzip();
+    let problems = scene.mask_area_problems(&areas);
     if problems.iter().any(|problem| problem.severity() == crate::Severity::Error) {
         return Err(SceneError::Invalid(problems));
     }
@@ -142,7 +142,8 @@ pub fn inspect(scene: &Scene) -> Result<Inspection, SceneError> {
         })
         .collect();
     // The object moves between the pictures of a moving camera: let a tenth of them disagree.
-    let settings = if moving { HullSettings { tolerated_misses: views.len() / 10, ..HULL } } else { HULL };
+    let settings =
+        if moving { HullSettings { tolerated_misses: views.len() / 10, ..HULL_SETTINGS } } else { HULL_SETTINGS };
     let hull = Hull::carve(&views, &settings);
     let overlaps: Vec<f64> = match &hull {
         Some(hull) => views.par_iter().map(|view| hull.reprojection_iou(view)).collect(),
@@ -190,14 +191,14 @@ pub fn inspect(scene: &Scene) -> Result<Inspection, SceneError> {
     })
 }
 
-fn look(scene: &Scene, index: usize, on_sheet: bool, keep: bool) -> Looked {
+fn check_view(scene: &Scene, index: usize, on_sheet: bool, keep: bool) -> ViewCheck {
     match scene.load(&scene.views[index]) {
-        Ok((picture, mask)) => Looked {
+        Ok((picture, mask)) => ViewCheck {
             area: Ok(mask.area()),
             tile: on_sheet.then(|| sheet::tile(&picture, &mask)),
             mask: keep.then_some(mask),
         },
-        Err(error) => Looked { area: Err(error), mask: None, tile: None },
+        Err(error) => ViewCheck { area: Err(error), mask: None, tile: None },
     }
 }
 
@@ -206,7 +207,7 @@ fn choose_hull_views(scene: &Scene) -> (Vec<usize>, bool) {
     if scene.has_fixed_cameras() {
         return ((0..scene.views_at(0).len()).collect(), false);
     }
-    (sheet::spread(scene.views.len(), MOST_HULL_VIEWS), !scene.is_static())
+    (sheet::evenly_spaced(scene.views.len(), MAX_HULL_VIEWS), !scene.is_static())
 }
 
 fn hull_report(hull: &Hull, overlaps: &[f64]) -> HullReport {
@@ -322,7 +323,7 @@ fn find_ground(
                 Some(HullView { camera: scene.camera_of(view), mask })
             })
             .collect();
-        let hull = if frame == 0 { Some(first.clone()) } else { Hull::carve(&views, &COARSE) };
+        let hull = if frame == 0 { Some(first.clone()) } else { Hull::carve(&views, &COARSE_HULL_SETTINGS) };
         let heights = hull.iter().flat_map(Hull::points).map(|x| up.dot(x)).fold(f64::INFINITY, f64::min);
         lowest = lowest.min(heights);
     }
@@ -338,7 +339,7 @@ type Repair = fn(&Camera) -> Camera;
 /// Warnings about cameras that do not agree: all of them flipped in one way, one of them wrong, one mask too large.
 fn diagnose(views: &[HullView], names: &[&str], overlaps: &[f64]) -> Vec<String> {
     let worst = overlaps.iter().copied().fold(1.0, f64::min);
-    if worst >= GOOD_IOU || views.len() < 2 {
+    if worst >= MIN_GOOD_IOU || views.len() < 2 {
         return Vec::new();
     }
     let now = mean(overlaps);
@@ -355,9 +356,9 @@ fn diagnose(views: &[HullView], names: &[&str], overlaps: &[f64]) -> Vec<String>
         (mean_overlap(&repaired), advice)
     });
     let best = tried.into_iter().fold((0.0, ""), |best, tried| if tried.0 > best.0 { tried } else { best });
-    if best.0 > GOOD_IOU - 0.05 && best.0 > now + 0.05 {
+    if best.0 > MIN_GOOD_IOU - 0.05 && best.0 > now + 0.05 {
         return vec![format!(
-            "the cameras' axes look flipped: silhouettes and masks overlap by {now:.2}, but by {:.2} after this change: {}",
+            "the cameras' axes check_view flipped: silhouettes and masks overlap by {now:.2}, but by {:.2} after this change: {}",
             best.0, best.1
         )];
     }
@@ -372,7 +373,7 @@ fn diagnose(views: &[HullView], names: &[&str], overlaps: &[f64]) -> Vec<String>
             })
             .collect();
         let outlier = (0..views.len()).max_by(|&a, &b| without[a].total_cmp(&without[b])).unwrap_or(0);
-        if without[outlier] > now + 0.03 && without[outlier] > GOOD_IOU - 0.05 {
+        if without[outlier] > now + 0.03 && without[outlier] > MIN_GOOD_IOU - 0.05 {
             return vec![format!(
                 "camera {} disagrees with the others: without it, silhouettes and masks overlap by {:.2} instead of {now:.2}; \
                  check its pose (a flipped axis?) and its masks",
@@ -380,7 +381,7 @@ fn diagnose(views: &[HullView], names: &[&str], overlaps: &[f64]) -> Vec<String>
             )];
         }
     }
-    let low = names.iter().zip(overlaps).filter(|(_, overlap)| **overlap < GOOD_IOU);
+    let low = names.iter().zip(overlaps).filter(|(_, overlap)| **overlap < MIN_GOOD_IOU);
     let listed: Vec<String> = low.map(|(name, overlap)| format!("{name} ({overlap:.2})")).collect();
     vec![format!(
         "the hull's silhouettes and the masks overlap poorly for {} of {} cameras: {}; check poses, intrinsics and masks",
@@ -392,7 +393,7 @@ fn diagnose(views: &[HullView], names: &[&str], overlaps: &[f64]) -> Vec<String>
 
 /// Mean overlap of silhouettes and masks of a coarse hull; 0 when nothing remains.
 fn mean_overlap(views: &[HullView]) -> f64 {
-    let Some(hull) = Hull::carve(views, &COARSE) else { return 0.0 };
+    let Some(hull) = Hull::carve(views, &COARSE_HULL_SETTINGS) else { return 0.0 };
     mean(&views.par_iter().map(|view| hull.reprojection_iou(view)).collect::<Vec<f64>>())
 }
 
@@ -461,8 +462,8 @@ impl fmt::Display for Inspection {
 impl Inspection {
     /// One line a camera; one line in all for moving cameras.
     fn write_cameras(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        const MOST_LINES: usize = 24;
-        if self.cameras.len() > MOST_LINES {
+        const MAX_CAMERA_LINES: usize = 24;
+        if self.cameras.len() > MAX_CAMERA_LINES {
             let coverage = mean(&self.cameras.iter().map(|camera| camera.coverage).collect::<Vec<_>>());
             let sizes = self.cameras.iter().map(|camera| camera.size);
             let (least, most) = (sizes.clone().min().unwrap_or_default(), sizes.max().unwrap_or_default());

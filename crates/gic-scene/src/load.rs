@@ -111,11 +111,11 @@ impl Scene {
     pub fn check_pixels(&self) -> Vec<Problem> {
         let areas: Vec<Result<f64, SceneError>> =
             self.views.par_iter().map(|view| self.load(view).map(|(_, mask)| mask.area())).collect();
-        self.judge_areas(&areas)
+        self.mask_area_problems(&areas)
     }
 
     /// Problems found in the masks' areas [pixels], one entry for each view.
-    pub(crate) fn judge_areas(&self, areas: &[Result<f64, SceneError>]) -> Vec<Problem> {
+    pub(crate) fn mask_area_problems(&self, areas: &[Result<f64, SceneError>]) -> Vec<Problem> {
         let mut problems = Vec::new();
         let mut filled = vec![false; self.times.len()];
         for (view, area) in self.views.iter().zip(areas) {

@@ -32,7 +32,7 @@ pub fn difference_matte(picture: &Picture, background: &Picture) -> Mask {
         .collect();
     let threshold = residual_threshold(&shading);
     let seeds = shading.iter().map(|pixel| pixel.is_object(threshold)).collect();
-    let mut object = Region { width, height, inside: seeds };
+    let mut object = PixelSet { width, height, inside: seeds };
     object.keep_largest();
     object.close(2);
     object.fill_holes(0.01);
@@ -63,10 +63,10 @@ struct Shading {
 }
 
 /// Shades of soft shadows: darker or brighter pixels belong to the object.
-const SHADOW: std::ops::RangeInclusive<f32> = 0.3..=1.05;
+const SHADOW_SHADES: std::ops::RangeInclusive<f32> = 0.3..=1.05;
 /// Smallest residual that seeds the object, in units of full brightness: above the rounding of 8-bit pictures and the coloured
 /// light that an object throws on the floor (0.012 in the measured scenes).
-const SMALLEST_RESIDUAL: f32 = 0.02;
+const MIN_OBJECT_RESIDUAL: f32 = 0.02;
 
 impl Shading {
     fn new(image: [f32; 3], background: [f32; 3]) -> Shading {
@@ -78,7 +78,7 @@ impl Shading {
     }
 
     fn is_object(self, threshold: f32) -> bool {
-        self.residual > threshold || !SHADOW.contains(&self.shade)
+        self.residual > threshold || !SHADOW_SHADES.contains(&self.shade)
     }
 }
 
@@ -87,11 +87,11 @@ impl Shading {
 fn residual_threshold(shading: &[Shading]) -> f32 {
     let mut residuals: Vec<f32> = shading.iter().map(|pixel| pixel.residual).collect();
     if residuals.is_empty() {
-        return SMALLEST_RESIDUAL;
+        return MIN_OBJECT_RESIDUAL;
     }
     let middle = residuals.len() / 2;
     let (_, median, _) = residuals.select_nth_unstable_by(middle, f32::total_cmp);
-    SMALLEST_RESIDUAL.max(6.0 * *median)
+    MIN_OBJECT_RESIDUAL.max(6.0 * *median)
 }
 
 /// What is known on both sides of the object's outline.
@@ -100,9 +100,9 @@ struct Outline<'a> {
     background: &'a Picture,
     shading: &'a [Shading],
     /// Pixels certainly inside.
-    core: &'a Region,
+    core: &'a PixelSet,
     /// Pixels not certainly outside.
-    reach: &'a Region,
+    reach: &'a PixelSet,
 }
 
 impl Outline<'_> {
@@ -145,13 +145,13 @@ impl Outline<'_> {
 }
 
 /// A set of pixels.
-struct Region {
+struct PixelSet {
     width: usize,
     height: usize,
     inside: Vec<bool>,
 }
 
-impl Region {
+impl PixelSet {
     /// Calls `visit(column, row, inside)` for all pixels at most `radius` columns and rows away.
     fn near(&self, x: usize, y: usize, radius: usize, mut visit: impl FnMut(usize, usize, bool)) {
         for row in y.saturating_sub(radius)..(y + radius + 1).min(self.height) {
@@ -162,17 +162,17 @@ impl Region {
     }
 
     /// The region grown by one pixel in all eight directions.
-    fn dilated(&self) -> Region {
+    fn dilated(&self) -> PixelSet {
         self.spread(true)
     }
 
     /// The region shrunk by one pixel in all eight directions; beyond the picture it goes on.
-    fn eroded(&self) -> Region {
+    fn eroded(&self) -> PixelSet {
         self.spread(false)
     }
 
     /// Every pixel with a `value` pixel among its eight neighbours takes `value`.
-    fn spread(&self, value: bool) -> Region {
+    fn spread(&self, value: bool) -> PixelSet {
         let mut inside = self.inside.clone();
         for y in 0..self.height {
             for x in 0..self.width {
@@ -183,12 +183,12 @@ impl Region {
                 }
             }
         }
-        Region { inside, ..*self }
+        PixelSet { inside, ..*self }
     }
 
     /// Closes gaps of up to `2 * radius` pixels.
     fn close(&mut self, radius: usize) {
-        let mut closed = Region { inside: self.inside.clone(), ..*self };
+        let mut closed = PixelSet { inside: self.inside.clone(), ..*self };
         (0..radius).for_each(|_| closed = closed.dilated());
         (0..radius).for_each(|_| closed = closed.eroded());
         self.inside = closed.inside;

@@ -4,30 +4,30 @@ use crate::picture::{Mask, Picture};
 use crate::scene::Scene;
 
 /// Width and height of a tile [pixels].
-const TILE: usize = 160;
+const TILE_SIDE: usize = 160;
 /// Most rows and columns of a sheet.
-const ROWS: usize = 12;
-const COLUMNS: usize = 8;
+const MAX_ROWS: usize = 12;
+const MAX_COLUMNS: usize = 8;
 /// The colour of outlines and of the frame of missing tiles.
-const OUTLINE: [f32; 3] = [1.0, 0.15, 0.55];
-const PAPER: [f32; 3] = [0.12; 3];
+const OUTLINE_COLOUR: [f32; 3] = [1.0, 0.15, 0.55];
+const SHEET_COLOUR: [f32; 3] = [0.12; 3];
 
 /// Which views go on the sheet, as indices into the views of the scene: rows of columns; `None` where a view is missing.
 pub(crate) fn layout(scene: &Scene) -> Vec<Vec<Option<usize>>> {
     if scene.has_fixed_cameras() {
-        let frames = spread(scene.times.len(), COLUMNS);
+        let frames = evenly_spaced(scene.times.len(), MAX_COLUMNS);
         let tile = |camera: usize, frame: usize| {
             scene.views.iter().position(|view| (view.camera, view.frame) == (camera, frame))
         };
         let row = |camera: usize| frames.iter().map(|&frame| tile(camera, frame)).collect();
-        return spread(scene.cameras.len(), ROWS).into_iter().map(row).collect();
+        return evenly_spaced(scene.cameras.len(), MAX_ROWS).into_iter().map(row).collect();
     }
-    let views = spread(scene.views.len(), COLUMNS * ROWS / 2);
-    views.chunks(COLUMNS).map(|row| row.iter().copied().map(Some).collect()).collect()
+    let views = evenly_spaced(scene.views.len(), MAX_COLUMNS * MAX_ROWS / 2);
+    views.chunks(MAX_COLUMNS).map(|row| row.iter().copied().map(Some).collect()).collect()
 }
 
 /// At most `most` of `count` indices, evenly spaced, with the first and the last.
-pub(crate) fn spread(count: usize, most: usize) -> Vec<usize> {
+pub(crate) fn evenly_spaced(count: usize, most: usize) -> Vec<usize> {
     if count <= most {
         return (0..count).collect();
     }
@@ -36,18 +36,18 @@ pub(crate) fn spread(count: usize, most: usize) -> Vec<usize> {
 
 /// A small copy of a picture, centred in a square tile, with the outline of the mask.
 pub(crate) fn tile(picture: &Picture, mask: &Mask) -> Picture {
-    let scale = picture.width.max(picture.height) as f64 / TILE as f64;
+    let scale = picture.width.max(picture.height) as f64 / TILE_SIDE as f64;
     let (width, height) = ((picture.width as f64 / scale) as usize, (picture.height as f64 / scale) as usize);
-    let (left, top) = ((TILE - width.min(TILE)) / 2, (TILE - height.min(TILE)) / 2);
-    let mut tile = Picture { width: TILE, height: TILE, rgb: PAPER.repeat(TILE * TILE) };
+    let (left, top) = ((TILE_SIDE - width.min(TILE_SIDE)) / 2, (TILE_SIDE - height.min(TILE_SIDE)) / 2);
+    let mut tile = Picture { width: TILE_SIDE, height: TILE_SIDE, rgb: SHEET_COLOUR.repeat(TILE_SIDE * TILE_SIDE) };
     let covered = |x: usize, y: usize| mask.sample((x as f64 + 0.5) * scale, (y as f64 + 0.5) * scale) >= 0.5;
-    for y in 0..height.min(TILE) {
-        for x in 0..width.min(TILE) {
+    for y in 0..height.min(TILE_SIDE) {
+        for x in 0..width.min(TILE_SIDE) {
             let beside = [(x.wrapping_sub(1), y), (x + 1, y), (x, y.wrapping_sub(1)), (x, y + 1)];
             let inside = covered(x, y);
             let outline = inside && beside.iter().any(|&(x, y)| x < width && y < height && !covered(x, y));
-            let colour = if outline { OUTLINE } else { average(picture, x, y, scale) };
-            let at = 3 * ((y + top) * TILE + x + left);
+            let colour = if outline { OUTLINE_COLOUR } else { average(picture, x, y, scale) };
+            let at = 3 * ((y + top) * TILE_SIDE + x + left);
             tile.rgb[at..at + 3].copy_from_slice(&colour);
         }
     }
@@ -75,14 +75,15 @@ fn average(picture: &Picture, x: usize, y: usize, scale: f64) -> [f32; 3] {
 pub(crate) fn assemble(layout: &[Vec<Option<usize>>], tiles: &[Option<Picture>]) -> Picture {
     let gap = 4;
     let columns = layout.iter().map(Vec::len).max().unwrap_or(0);
-    let (width, height) = (columns * (TILE + gap) + gap, layout.len() * (TILE + gap) + gap);
-    let mut sheet = Picture { width, height, rgb: PAPER.repeat(width * height) };
+    let (width, height) = (columns * (TILE_SIDE + gap) + gap, layout.len() * (TILE_SIDE + gap) + gap);
+    let mut sheet = Picture { width, height, rgb: SHEET_COLOUR.repeat(width * height) };
     for (row, views) in layout.iter().enumerate() {
         for (column, view) in views.iter().enumerate() {
             let Some(tile) = view.and_then(|view| tiles[view].as_ref()) else { continue };
-            for y in 0..TILE {
-                let to = 3 * ((gap + row * (TILE + gap) + y) * width + gap + column * (TILE + gap));
-                sheet.rgb[to..to + 3 * TILE].copy_from_slice(&tile.rgb[3 * y * TILE..3 * (y + 1) * TILE]);
+            for y in 0..TILE_SIDE {
+                let to = 3 * ((gap + row * (TILE_SIDE + gap) + y) * width + gap + column * (TILE_SIDE + gap));
+                sheet.rgb[to..to + 3 * TILE_SIDE]
+                    .copy_from_slice(&tile.rgb[3 * y * TILE_SIDE..3 * (y + 1) * TILE_SIDE]);
             }
         }
     }

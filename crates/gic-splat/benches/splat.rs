@@ -9,7 +9,7 @@ use criterion::measurement::{Measurement, ValueFormatter, WallTime};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use gic_scene::Camera;
 use gic_simd::Level;
-use gic_splat::twin::{self, Cutoffs, Pictures, Set};
+use gic_splat::twin::{self, Cutoffs, GaussiansF64, PicturesF64};
 use gic_splat::{Channels, Gaussians, ImageGradients, RenderSettings, Shape, alpha_tangents, backward, render};
 use glam::{DMat3, DVec2};
 use mimalloc::MiMalloc;
@@ -148,7 +148,7 @@ fn reference(c: &mut Criterion<ThreadTime>) {
             });
         }
         group.bench_function("forward_backward_twin", |b| {
-            let (set, loss) = (Set::from(&gaussians), Pictures::from(&loss));
+            let (set, loss) = (GaussiansF64::from(&gaussians), PicturesF64::from(&loss));
             b.iter(|| {
                 black_box(twin::render(&set, &camera, &settings, Cutoffs::Hard));
                 black_box(twin::backward(&set, &camera, &settings, Cutoffs::Hard, &loss));

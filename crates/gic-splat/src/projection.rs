@@ -62,10 +62,10 @@ struct Sym2 {
 }
 
 /// A Gaussian with a wider projected standard deviation than this [pixels] is not drawn: f32 pixels could not follow it.
-const EXTENT_MAX: f64 = 1e6;
+const MAX_SIGMA_PX: f64 = 1e6;
 
 /// Colour coefficients and depths [m] beyond this are taken for damage: sums of them and their gradients would leave f32.
-const VALUE_MAX: f64 = 1e9;
+const MAX_VALUE: f64 = 1e9;
 
 impl Sym2 {
     fn determinant(self) -> f64 {
@@ -91,18 +91,18 @@ impl Sym2 {
 
 /// The square root `A` of a covariance in the camera frame, `Sigma = A A^T`.
 #[derive(Clone, Copy, Debug)]
-enum Root {
+enum CovarianceRoot {
     /// `scale` times the identity.
     Isotropic { scale: f64 },
     /// `axes diag(scales)`, where `axes` turns local axes into camera axes.
     Anisotropic { axes: DMat3, scales: DVec3 },
 }
 
-impl Root {
-    fn new(gaussians: &Gaussians, i: usize, to_camera: DMat3) -> Root {
+impl CovarianceRoot {
+    fn new(gaussians: &Gaussians, i: usize, to_camera: DMat3) -> CovarianceRoot {
         match &gaussians.shape {
-            Shape::Isotropic { scales } => Root::Isotropic { scale: scales[i].into() },
-            Shape::Anisotropic { scales, rotations } => Root::Anisotropic {
+            Shape::Isotropic { scales } => CovarianceRoot::Isotropic { scale: scales[i].into() },
+            Shape::Anisotropic { scales, rotations } => CovarianceRoot::Anisotropic {
                 axes: to_camera * DMat3::from_quat(unit_quaternion(rotations[i]).0),
                 scales: DVec3::from_array(scales[i].map(f64::from)),
             },
@@ -112,24 +112,26 @@ impl Root {
     /// `A^T row`: a row of the Jacobian times the root.
     fn apply(self, row: DVec3) -> DVec3 {
         match self {
-            Root::Isotropic { scale } => row * scale,
-            Root::Anisotropic { axes, scales } => (axes.transpose() * row) * scales,
+            CovarianceRoot::Isotropic { scale } => row * scale,
+            CovarianceRoot::Anisotropic { axes, scales } => (axes.transpose() * row) * scales,
         }
     }
 
     /// `A v`.
     fn apply_transposed(self, v: DVec3) -> DVec3 {
         match self {
-            Root::Isotropic { scale } => v * scale,
-            Root::Anisotropic { axes, scales } => axes * (v * scales),
+            CovarianceRoot::Isotropic { scale } => v * scale,
+            CovarianceRoot::Anisotropic { axes, scales } => axes * (v * scales),
         }
     }
 
     /// Whether every standard deviation is a number that is not negative.
     fn is_valid(self) -> bool {
         match self {
-            Root::Isotropic { scale } => scale >= 0.0 && scale.is_finite(),
-            Root::Anisotropic { axes, scales } => scales.min_element() >= 0.0 && scales.is_finite() && axes.is_finite(),
+            CovarianceRoot::Isotropic { scale } => scale >= 0.0 && scale.is_finite(),
+            CovarianceRoot::Anisotropic { axes, scales } => {
+                scales.min_element() >= 0.0 && scales.is_finite() && axes.is_finite()
+            }
         }
     }
 }
@@ -144,7 +146,7 @@ fn unit_quaternion(q: [f32; 4]) -> (DQuat, f64) {
 
 /// One camera's share of the projection, computed once per picture.
 #[derive(Clone, Debug)]
-pub(crate) struct View<'a> {
+pub(crate) struct CameraProjection<'a> {
     camera: &'a Camera,
     settings: &'a RenderSettings,
     to_camera: DMat3,
@@ -156,7 +158,7 @@ pub(crate) struct View<'a> {
 }
 
 /// What became of a Gaussian.
-pub(crate) enum Outcome {
+pub(crate) enum Projected {
     /// It is drawn.
     Drawn(Splat),
     /// It is out of sight.
@@ -172,7 +174,7 @@ struct Geometry {
     /// `uv` inside the limits; slope 0 where it was moved.
     limited: DVec2,
     slope: DVec2,
-    root: Root,
+    root: CovarianceRoot,
     /// `A^T J^T`: the projected covariance is its Gram matrix.
     a: [DVec3; 2],
     bare: Sym2,
@@ -180,10 +182,10 @@ struct Geometry {
     compensation: f64,
 }
 
-impl<'a> View<'a> {
-    pub(crate) fn new(gaussians: &Gaussians, camera: &'a Camera, settings: &'a RenderSettings) -> View<'a> {
+impl<'a> CameraProjection<'a> {
+    pub(crate) fn new(gaussians: &Gaussians, camera: &'a Camera, settings: &'a RenderSettings) -> CameraProjection<'a> {
         let size = DVec2::new(camera.width as f64, camera.height as f64);
-        View {
+        CameraProjection {
             camera,
             settings,
             to_camera: camera.rotation.transpose(),
@@ -198,8 +200,8 @@ impl<'a> View<'a> {
         DVec3::from_array(gaussians.positions[i].map(f64::from))
     }
 
-    fn root(&self, gaussians: &Gaussians, i: usize) -> Root {
-        Root::new(gaussians, i, self.to_camera)
+    fn root(&self, gaussians: &Gaussians, i: usize) -> CovarianceRoot {
+        CovarianceRoot::new(gaussians, i, self.to_camera)
     }
 
     /// The Jacobian's rows without their factor focal / z.
@@ -208,7 +210,7 @@ impl<'a> View<'a> {
     }
 
     /// `None` where the Gaussian cannot be projected: not in front of the near plane, without extent, or boundless.
-    fn geometry(&self, position: DVec3, root: Root) -> Option<Geometry> {
+    fn geometry(&self, position: DVec3, root: CovarianceRoot) -> Option<Geometry> {
         let p = self.to_camera * (position - self.camera.centre);
         let in_front = p.z >= self.settings.near.into() && p.z > 0.0;
         if !in_front {
@@ -225,7 +227,8 @@ impl<'a> View<'a> {
         let dilated = Sym2 { xx: bare.xx + dilation, xy: bare.xy, yy: bare.yy + dilation };
         let determinant = dilated.determinant();
         let conic = dilated.inverse();
-        let regular = determinant > 0.0 && conic.is_finite() && dilated.xx.max(dilated.yy) < EXTENT_MAX * EXTENT_MAX;
+        let regular =
+            determinant > 0.0 && conic.is_finite() && dilated.xx.max(dilated.yy) < MAX_SIGMA_PX * MAX_SIGMA_PX;
         if !regular {
             return None;
         }
@@ -235,33 +238,33 @@ impl<'a> View<'a> {
     }
 
     /// Projects Gaussian `i`.
-    pub(crate) fn project(&self, gaussians: &Gaussians, i: usize) -> Outcome {
+    pub(crate) fn project(&self, gaussians: &Gaussians, i: usize) -> Projected {
         let (position, opacity, root) = (Self::position(gaussians, i), gaussians.opacities[i], self.root(gaussians, i));
         if !(position.is_finite() && opacity >= 0.0 && opacity.is_finite() && root.is_valid()) {
-            return Outcome::Rejected;
+            return Projected::Rejected;
         }
-        let Some(g) = self.geometry(position, root) else { return Outcome::Hidden };
+        let Some(g) = self.geometry(position, root) else { return Projected::Hidden };
         let opacity = f64::from(opacity) * g.compensation;
         // alpha >= 1/255 inside the ellipse d^T conic d <= level; its box has half-sizes sqrt(level * variance).
         let level = 2.0 * (opacity / ALPHA_MIN).ln();
         let reaches = level >= 0.0;
         if !reaches {
-            return Outcome::Hidden;
+            return Projected::Hidden;
         }
         let mean = self.camera.focal * g.uv + self.camera.principal;
         let dilation = f64::from(self.settings.dilation);
         let columns = pixel_range(mean.x, (level * (g.bare.xx + dilation)).sqrt(), self.camera.width);
         let rows = pixel_range(mean.y, (level * (g.bare.yy + dilation)).sqrt(), self.camera.height);
         if columns[0] >= columns[1] || rows[0] >= rows[1] {
-            return Outcome::Hidden;
+            return Projected::Hidden;
         }
         let sum = if self.with_color { self.color_sum(gaussians, i).0 } else { DVec3::ZERO };
         let depth = g.p.z as f32;
-        let reasonable = f64::from(depth) < VALUE_MAX && (!self.with_color || self.has_color(gaussians, i));
+        let reasonable = f64::from(depth) < MAX_VALUE && (!self.with_color || self.has_color(gaussians, i));
         if !reasonable {
-            return Outcome::Rejected;
+            return Projected::Rejected;
         }
-        Outcome::Drawn(Splat {
+        Projected::Drawn(Splat {
             mean: mean.as_vec2().to_array(),
             quadratic: [-0.5 * g.conic.xx, -g.conic.xy, -0.5 * g.conic.yy].map(|v| v as f32),
             log_opacity: opacity.ln() as f32,
@@ -278,7 +281,7 @@ impl<'a> View<'a> {
     fn has_color(&self, gaussians: &Gaussians, i: usize) -> bool {
         let first = i * gaussians.sh_per_gaussian();
         let used = &gaussians.sh[first..first + (self.sh_degree + 1).pow(2)];
-        used.as_flattened().iter().all(|c| f64::from(c.abs()) < VALUE_MAX)
+        used.as_flattened().iter().all(|c| f64::from(c.abs()) < MAX_VALUE)
     }
 
     /// Gradient with respect to the attributes of the Gaussian that was drawn as `splat`.
@@ -335,7 +338,7 @@ impl<'a> View<'a> {
     fn root_backward(&self, gaussians: &Gaussians, i: usize, g: &Geometry, d_a: [DVec3; 2]) -> (DVec3, [f64; 4]) {
         let rows = Self::rows(g.limited);
         match (g.root, &gaussians.shape) {
-            (Root::Anisotropic { axes, scales }, Shape::Anisotropic { rotations, .. }) => {
+            (CovarianceRoot::Anisotropic { axes, scales }, Shape::Anisotropic { rotations, .. }) => {
                 // A^T row = diag(scales) axes^T row
                 let to_local = axes.transpose();
                 let d_scale = d_a[0] * (to_local * rows[0]) + d_a[1] * (to_local * rows[1]);

@@ -1,56 +1,60 @@
 //! One tile, pixel by pixel: blending front to back, and its gradient back to front.
 //!
 //! The kernels run over the splats of a tile and, for each, over the pixels in its box, [`Lanes`] at a time. All that
-//! is known per pixel lives in small arrays ([`Plane`]) in the first-level cache.
+//! is known per pixel lives in small arrays ([`PixelPlane`]) in the first-level cache.
 
 use gic_simd::{Kernel, Lanes, Level, MAX_LANES, dispatch};
 
 use crate::Channels;
 use crate::limits::{ALPHA_MAX, ALPHA_MIN, TRANSMITTANCE_MIN};
 use crate::projection::Splat;
-use crate::tiles::{TILE, Tile};
+use crate::tiles::{TILE_SIDE, Tile};
 
 /// Lanes may start at any pixel of a row, so rows are longer than a tile by the widest lanes; nothing is drawn there.
-const STRIDE: usize = TILE + MAX_LANES;
+const ROW_STRIDE: usize = TILE_SIDE + MAX_LANES;
 /// Pixels of a tile.
-pub(crate) const PIXELS: usize = TILE * TILE;
+pub(crate) const TILE_PIXELS: usize = TILE_SIDE * TILE_SIDE;
 /// After so many splats, rows whose pixels are all finished are taken out.
 const SPLATS_PER_CHECK: usize = 16;
 /// Alpha this low is a logarithm no splat reaches: the way to leave a lane out.
 const UNREACHED_LOG_ALPHA: f64 = -1e30;
 
 /// A number per pixel of a tile.
-pub(crate) type Plane = [[f32; STRIDE]; TILE];
+pub(crate) type PixelPlane = [[f32; ROW_STRIDE]; TILE_SIDE];
 
 /// All zero.
-pub(crate) const NO_PLANE: Plane = [[0.0; STRIDE]; TILE];
+pub(crate) const ZERO_PLANE: PixelPlane = [[0.0; ROW_STRIDE]; TILE_SIDE];
 
 /// A tile after blending; pixels row by row. What is outside the picture has transmittance 0.
 #[derive(Clone, Debug)]
 pub(crate) struct TilePixels {
     /// Transmittance left.
-    pub(crate) transmittance: [f32; PIXELS],
+    pub(crate) transmittance: [f32; TILE_PIXELS],
     /// One more than the position of the last of the tile's entries that counts in the pixel; 0 if none does.
-    pub(crate) last: [f32; PIXELS],
+    pub(crate) last: [f32; TILE_PIXELS],
     /// sum T alpha color, if asked for.
-    pub(crate) color: Option<Box<[[f32; PIXELS]; 3]>>,
+    pub(crate) color: Option<Box<[[f32; TILE_PIXELS]; 3]>>,
     /// sum T alpha depth, if asked for.
-    pub(crate) depth: Option<Box<[f32; PIXELS]>>,
+    pub(crate) depth: Option<Box<[f32; TILE_PIXELS]>>,
 }
 
 /// Derivative of the loss with respect to the pictures in one tile; zero outside the picture.
 #[derive(Clone, Debug)]
 pub(crate) struct TileLoss {
-    pub(crate) color: [[f32; PIXELS]; 3],
-    pub(crate) alpha: [f32; PIXELS],
-    pub(crate) depth: [f32; PIXELS],
+    pub(crate) color: [[f32; TILE_PIXELS]; 3],
+    pub(crate) alpha: [f32; TILE_PIXELS],
+    pub(crate) depth: [f32; TILE_PIXELS],
     /// d loss / d colour times the background: what a pixel gains from what is left of the light.
-    pub(crate) background: [f32; PIXELS],
+    pub(crate) background: [f32; TILE_PIXELS],
 }
 
 impl TileLoss {
-    pub(crate) const ZERO: TileLoss =
-        TileLoss { color: [[0.0; PIXELS]; 3], alpha: [0.0; PIXELS], depth: [0.0; PIXELS], background: [0.0; PIXELS] };
+    pub(crate) const ZERO: TileLoss = TileLoss {
+        color: [[0.0; TILE_PIXELS]; 3],
+        alpha: [0.0; TILE_PIXELS],
+        depth: [0.0; TILE_PIXELS],
+        background: [0.0; TILE_PIXELS],
+    };
 }
 
 /// Sums over the pixels of a tile for one splat: six moments of d loss / d ln alpha (see
@@ -68,25 +72,25 @@ pub(crate) struct TileInput<'a> {
     pub(crate) inside: [usize; 2],
 }
 
-fn widen(pixels: &[f32; PIXELS]) -> Plane {
-    let mut plane = NO_PLANE;
-    for row in 0..TILE {
-        plane[row][..TILE].copy_from_slice(&pixels[row * TILE..(row + 1) * TILE]);
+fn widen(pixels: &[f32; TILE_PIXELS]) -> PixelPlane {
+    let mut plane = ZERO_PLANE;
+    for row in 0..TILE_SIDE {
+        plane[row][..TILE_SIDE].copy_from_slice(&pixels[row * TILE_SIDE..(row + 1) * TILE_SIDE]);
     }
     plane
 }
 
-pub(crate) fn narrow(plane: &Plane) -> [f32; PIXELS] {
-    let mut pixels = [0.0; PIXELS];
-    for row in 0..TILE {
-        pixels[row * TILE..(row + 1) * TILE].copy_from_slice(&plane[row][..TILE]);
+pub(crate) fn narrow(plane: &PixelPlane) -> [f32; TILE_PIXELS] {
+    let mut pixels = [0.0; TILE_PIXELS];
+    for row in 0..TILE_SIDE {
+        pixels[row * TILE_SIDE..(row + 1) * TILE_SIDE].copy_from_slice(&plane[row][..TILE_SIDE]);
     }
     pixels
 }
 
 /// Transmittance before anything is drawn: 1 inside the picture, 0 elsewhere.
-fn open_plane(inside: [usize; 2]) -> Plane {
-    let mut plane = NO_PLANE;
+fn open_plane(inside: [usize; 2]) -> PixelPlane {
+    let mut plane = ZERO_PLANE;
     for row in 0..inside[1] {
         plane[row][..inside[0]].fill(1.0);
     }
@@ -94,7 +98,7 @@ fn open_plane(inside: [usize; 2]) -> Plane {
 }
 
 /// A splat seen from one tile.
-struct Local<L> {
+struct TileSplat<L> {
     rows: [usize; 2],
     columns: [usize; 2],
     /// Pixel centre minus the splat's centre, of the tile's first row, and of the lanes that start in its first column.
@@ -106,13 +110,13 @@ struct Local<L> {
     log_opacity: f32,
 }
 
-impl<L: Lanes<Scalar = f32>> Local<L> {
+impl<L: Lanes<Scalar = f32>> TileSplat<L> {
     #[inline(always)]
-    fn new(s: &Splat, tile: &Tile) -> Local<L> {
+    fn new(s: &Splat, tile: &Tile) -> TileSplat<L> {
         let inside = |range: [u32; 2], origin: u32| {
-            [range[0].saturating_sub(origin) as usize, ((range[1] - origin) as usize).min(TILE)]
+            [range[0].saturating_sub(origin) as usize, ((range[1] - origin) as usize).min(TILE_SIDE)]
         };
-        Local {
+        TileSplat {
             rows: inside(s.rows, tile.origin[1]),
             columns: inside(s.columns, tile.origin[0]),
             dy: tile.origin[1] as f32 + 0.5 - s.mean[1],
@@ -142,7 +146,7 @@ impl<const COLOR: bool, const DEPTH: bool> Kernel for Draw<'_, COLOR, DEPTH> {
 
     #[inline(always)]
     fn run<L: Lanes<Scalar = f32>>(self) -> TilePixels {
-        let mut sums = PictureSums::<COLOR, DEPTH> { last: NO_PLANE, color: [NO_PLANE; 3], depth: NO_PLANE };
+        let mut sums = PictureSums::<COLOR, DEPTH> { last: ZERO_PLANE, color: [ZERO_PLANE; 3], depth: ZERO_PLANE };
         let transmittance = blend::<L, _>(self.0, &mut sums);
         let PictureSums { last, color, depth } = sums;
         TilePixels {
@@ -156,9 +160,9 @@ impl<const COLOR: bool, const DEPTH: bool> Kernel for Draw<'_, COLOR, DEPTH> {
 
 /// What the pictures of a tile add up while its splats are blended.
 struct PictureSums<const COLOR: bool, const DEPTH: bool> {
-    last: Plane,
-    color: [Plane; 3],
-    depth: Plane,
+    last: PixelPlane,
+    color: [PixelPlane; 3],
+    depth: PixelPlane,
 }
 
 /// One splat's part of [`PictureSums`].
@@ -227,10 +231,10 @@ pub(crate) struct Pixels<L: Lanes<Scalar = f32>> {
 /// Blends the splats of a tile front to back (paper eq. 2): T <- T (1 - alpha), until no light is left. Returns the
 /// transmittance T that remains in each pixel.
 #[inline(always)]
-pub(crate) fn blend<L: Lanes<Scalar = f32>, B: Blended<L>>(input: TileInput<'_>, sums: &mut B) -> Plane {
+pub(crate) fn blend<L: Lanes<Scalar = f32>, B: Blended<L>>(input: TileInput<'_>, sums: &mut B) -> PixelPlane {
     let TileInput { splats, entries, tile, inside } = input;
     let mut transmittance = open_plane(inside);
-    let mut open = [true; TILE];
+    let mut open = [true; TILE_SIDE];
     let (log_min, max) = (L::splat(ALPHA_MIN.ln()), L::splat(ALPHA_MAX));
     let (transmittance_min, unreached) = (L::splat(TRANSMITTANCE_MIN), L::splat(UNREACHED_LOG_ALPHA));
 
@@ -239,7 +243,7 @@ pub(crate) fn blend<L: Lanes<Scalar = f32>, B: Blended<L>>(input: TileInput<'_>,
             break;
         }
         let splat = &splats[entry as usize];
-        let local = Local::<L>::new(splat, &tile);
+        let local = TileSplat::<L>::new(splat, &tile);
         let share = sums.share(k, entry as usize, splat);
         for row in local.rows[0]..local.rows[1] {
             if !open[row] {
@@ -272,14 +276,14 @@ pub(crate) fn blend<L: Lanes<Scalar = f32>, B: Blended<L>>(input: TileInput<'_>,
 
 /// Closes the rows whose pixels are all finished; whether any is still open.
 #[inline(always)]
-fn close_rows<L: Lanes<Scalar = f32>>(transmittance: &Plane, open: &mut [bool; TILE]) -> bool {
+fn close_rows<L: Lanes<Scalar = f32>>(transmittance: &PixelPlane, open: &mut [bool; TILE_SIDE]) -> bool {
     let min = L::splat(TRANSMITTANCE_MIN);
     let mut any = false;
-    for row in 0..TILE {
+    for row in 0..TILE_SIDE {
         if open[row] {
             let mut most = L::zero();
             let mut column = 0;
-            while column < TILE {
+            while column < TILE_SIDE {
                 most = most.max(L::load(&transmittance[row][column..]));
                 column += L::LANES;
             }
@@ -336,16 +340,17 @@ impl<const COLOR: bool, const DEPTH: bool> Kernel for DrawBackward<'_, COLOR, DE
         let last = widen(&self.pixels.last);
         let mut transmittance = widen(&self.pixels.transmittance);
         let mut behind = widen(&self.loss.background);
-        let d_color: [Plane; 3] = if COLOR { [0, 1, 2].map(|c| widen(&self.loss.color[c])) } else { [NO_PLANE; 3] };
-        let d_depth: Plane = if DEPTH { widen(&self.loss.depth) } else { NO_PLANE };
+        let d_color: [PixelPlane; 3] =
+            if COLOR { [0, 1, 2].map(|c| widen(&self.loss.color[c])) } else { [ZERO_PLANE; 3] };
+        let d_depth: PixelPlane = if DEPTH { widen(&self.loss.depth) } else { ZERO_PLANE };
         let mut d_alpha = widen(&self.loss.alpha);
         if !replay {
             d_alpha.as_flattened_mut().iter_mut().zip(transmittance.as_flattened()).for_each(|(d, t)| *d *= t);
         }
         // The last entry that counts in each row.
-        let mut row_last = [0usize; TILE];
-        for row in 0..TILE {
-            let most = last[row][..TILE].iter().fold(0.0f32, |m, &v| m.max(v));
+        let mut row_last = [0usize; TILE_SIDE];
+        for row in 0..TILE_SIDE {
+            let most = last[row][..TILE_SIDE].iter().fold(0.0f32, |m, &v| m.max(v));
             row_last[row] = most as usize;
         }
         let end = row_last.iter().copied().max().unwrap_or(0);
@@ -355,7 +360,7 @@ impl<const COLOR: bool, const DEPTH: bool> Kernel for DrawBackward<'_, COLOR, DE
 
         for k in (0..end).rev() {
             let s = &splats[entries[k] as usize];
-            let local = Local::<L>::new(s, &tile);
+            let local = TileSplat::<L>::new(s, &tile);
             let count = L::splat((k + 1) as f64);
             let s_color: [L; 3] = s.color.map(L::of);
             let s_depth: L = L::of(s.depth);

@@ -4,9 +4,9 @@ use gic_scene::Camera;
 use rayon::prelude::*;
 
 use crate::limits::GAUSSIANS_PER_TASK;
-use crate::projection::{AttributeGradient, Outcome, Splat, SplatGradient, View};
+use crate::projection::{AttributeGradient, CameraProjection, Projected, Splat, SplatGradient};
 use crate::raster::{self, EntryGradient, TileInput, TileLoss, TilePixels};
-use crate::tiles::{TILE, Tile, Tiles, front_to_back};
+use crate::tiles::{TILE_SIDE, Tile, Tiles, front_to_back};
 use crate::{GaussianGradients, Gaussians, RenderSettings, Shape};
 
 /// Pictures of one view, row-major from the top left, plus what the backward pass needs.
@@ -22,12 +22,12 @@ pub struct Rendered {
     /// coefficient or depth [m] beyond 1e9. Such a Gaussian gets a zero gradient; [`Gaussians::validate`] names it.
     pub rejected: usize,
     /// What [`backward`] reads again.
-    pub(crate) saved: Saved,
+    pub(crate) saved: ForwardPass,
 }
 
 /// The forward pass as the backward pass needs it.
 #[derive(Clone, Debug)]
-pub(crate) struct Saved {
+pub(crate) struct ForwardPass {
     /// Front to back.
     pub(crate) splats: Vec<Splat>,
     pub(crate) tiles: Tiles,
@@ -69,7 +69,7 @@ pub fn render(gaussians: &Gaussians, camera: &Camera, settings: &RenderSettings)
         alpha: vec![0.0; camera.width * camera.height],
         depth: Vec::new(),
         rejected,
-        saved: Saved { splats, tiles, pixels },
+        saved: ForwardPass { splats, tiles, pixels },
     };
     if settings.channels.color() {
         rendered.color = vec![settings.background; camera.width * camera.height];
@@ -91,13 +91,13 @@ pub(crate) fn splats(gaussians: &Gaussians, camera: &Camera, settings: &RenderSe
         !settings.channels.color() || !colorless,
         "Gaussians without spherical harmonics have no colour to draw: ask for Channels::AlphaDepth or Channels::Alpha"
     );
-    let view = View::new(gaussians, camera, settings);
-    let outcomes: Vec<Outcome> = (0..gaussians.len())
+    let view = CameraProjection::new(gaussians, camera, settings);
+    let outcomes: Vec<Projected> = (0..gaussians.len())
         .into_par_iter()
         .with_min_len(GAUSSIANS_PER_TASK)
         .map(|i| view.project(gaussians, i))
         .collect();
-    let rejected = outcomes.iter().filter(|o| matches!(o, Outcome::Rejected)).count();
+    let rejected = outcomes.iter().filter(|o| matches!(o, Projected::Rejected)).count();
     (front_to_back(&outcomes), rejected)
 }
 
@@ -112,13 +112,13 @@ pub(crate) fn input<'a>(splats: &'a [Splat], tiles: &'a Tiles, tile: &Tile, came
 
 /// Columns and rows of a tile that lie inside the picture.
 fn inside(tile: &Tile, camera: &Camera) -> [usize; 2] {
-    [(camera.width - tile.origin[0] as usize).min(TILE), (camera.height - tile.origin[1] as usize).min(TILE)]
+    [(camera.width - tile.origin[0] as usize).min(TILE_SIDE), (camera.height - tile.origin[1] as usize).min(TILE_SIDE)]
 }
 
 /// For each row of a tile inside the picture: where it starts in the tile, in the picture, and its length.
 pub(crate) fn rows_of(tile: &Tile, camera: &Camera) -> impl Iterator<Item = (usize, usize, usize)> + use<> {
     let ([columns, rows], width, origin) = (inside(tile, camera), camera.width, tile.origin);
-    (0..rows).map(move |row| (row * TILE, (origin[1] as usize + row) * width + origin[0] as usize, columns))
+    (0..rows).map(move |row| (row * TILE_SIDE, (origin[1] as usize + row) * width + origin[0] as usize, columns))
 }
 
 impl Rendered {
@@ -135,8 +135,13 @@ impl Rendered {
 }
 
 /// Puts what `value` finds in each pixel of a tile into a picture, if there is one.
-fn fill<T: Send>(picture: &mut [T], saved: &Saved, camera: &Camera, value: impl Fn(&TilePixels, usize) -> T + Sync) {
-    let row_of_tiles = (TILE * camera.width).max(1);
+fn fill<T: Send>(
+    picture: &mut [T],
+    saved: &ForwardPass,
+    camera: &Camera,
+    value: impl Fn(&TilePixels, usize) -> T + Sync,
+) {
+    let row_of_tiles = (TILE_SIDE * camera.width).max(1);
     picture.par_chunks_mut(row_of_tiles).enumerate().for_each(|(row, picture)| {
         for k in saved.tiles.in_row(row) {
             let pixels = &saved.pixels[k];
@@ -168,7 +173,7 @@ pub fn backward(
         let fits = length == 0 || length == camera.width * camera.height;
         assert!(fits, "a picture's gradient has {length} pixels, the camera {}x{}", camera.width, camera.height);
     }
-    let Saved { splats, tiles, pixels } = &rendered.saved;
+    let ForwardPass { splats, tiles, pixels } = &rendered.saved;
     let mut entries = vec![EntryGradient::default(); tiles.entries.len()];
     // Tiles own neighbouring parts of the entries.
     let mut rest = entries.as_mut_slice();
@@ -214,11 +219,11 @@ fn attributes_backward(
     gaussians: &Gaussians,
     camera: &Camera,
     settings: &RenderSettings,
-    saved: &Saved,
+    saved: &ForwardPass,
     entries: &[EntryGradient],
 ) -> GaussianGradients {
-    let view = View::new(gaussians, camera, settings);
-    let Saved { splats, tiles, .. } = saved;
+    let view = CameraProjection::new(gaussians, camera, settings);
+    let ForwardPass { splats, tiles, .. } = saved;
     let mut out = GaussianGradients::zeros(gaussians);
     // Front to back, the splats' entries lie one after the other in every tile; in any other order, each is a cache miss.
     let attributes: Vec<(AttributeGradient, [f32; 3])> = splats

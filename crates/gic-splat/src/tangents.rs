@@ -8,8 +8,8 @@ use gic_simd::{Kernel, Lanes, dispatch};
 use rayon::prelude::*;
 
 use crate::limits::{ALPHA_MAX, GAUSSIANS_PER_TASK};
-use crate::projection::{LogAlphaTangent, Splat, View};
-use crate::raster::{Blended, NO_PLANE, PIXELS, Pixels, Plane, TileInput, blend, narrow};
+use crate::projection::{CameraProjection, LogAlphaTangent, Splat};
+use crate::raster::{Blended, PixelPlane, Pixels, TILE_PIXELS, TileInput, ZERO_PLANE, blend, narrow};
 use crate::render::{input, rows_of, splats};
 use crate::tiles::Tiles;
 use crate::{Channels, Gaussians, RenderSettings};
@@ -48,7 +48,7 @@ pub fn alpha_tangents(
     let (splats, _) = splats(gaussians, camera, settings);
     let tiles = Tiles::new(&splats, camera.width, camera.height);
     let count = tangents.len();
-    let view = View::new(gaussians, camera, settings);
+    let view = CameraProjection::new(gaussians, camera, settings);
     let mut projected = vec![LogAlphaTangent::default(); splats.len() * count];
     if count > 0 {
         projected.par_chunks_mut(count).with_min_len(GAUSSIANS_PER_TASK).zip(&splats).for_each(|(out, splat)| {
@@ -56,7 +56,7 @@ pub fn alpha_tangents(
             view.project_tangents(gaussians, splat.index as usize, moves, out);
         });
     }
-    let drawn: Vec<([f32; PIXELS], Vec<[f32; PIXELS]>)> = tiles
+    let drawn: Vec<([f32; TILE_PIXELS], Vec<[f32; TILE_PIXELS]>)> = tiles
         .tiles
         .par_iter()
         .map(|tile| {
@@ -86,14 +86,14 @@ struct DrawTangents<'a> {
 }
 
 impl Kernel for DrawTangents<'_> {
-    type Output = ([f32; PIXELS], Vec<[f32; PIXELS]>);
+    type Output = ([f32; TILE_PIXELS], Vec<[f32; TILE_PIXELS]>);
 
     #[inline(always)]
     fn run<L: Lanes<Scalar = f32>>(self) -> Self::Output {
         let DrawTangents { input, tangents, count } = self;
-        let mut sums = TangentSums { tangents, count, planes: vec![NO_PLANE; count] };
+        let mut sums = TangentSums { tangents, count, planes: vec![ZERO_PLANE; count] };
         let left = narrow(&blend::<L, _>(input, &mut sums));
-        let finish = |plane: &Plane| {
+        let finish = |plane: &PixelPlane| {
             let sum = narrow(plane);
             std::array::from_fn(|i| sum[i] * left[i])
         };
@@ -105,7 +105,7 @@ impl Kernel for DrawTangents<'_> {
 struct TangentSums<'a> {
     tangents: &'a [LogAlphaTangent],
     count: usize,
-    planes: Vec<Plane>,
+    planes: Vec<PixelPlane>,
 }
 
 impl<'a, L: Lanes<Scalar = f32>> Blended<L> for TangentSums<'a> {

@@ -5,10 +5,10 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::limits::GAUSSIANS_PER_TASK;
-use crate::projection::{Outcome, Splat};
+use crate::projection::{Projected, Splat};
 
 /// Side of a tile [pixels].
-pub(crate) const TILE: usize = 16;
+pub(crate) const TILE_SIDE: usize = 16;
 
 /// A tile that at least one splat touches.
 #[derive(Clone, Copy, Debug)]
@@ -32,16 +32,16 @@ pub(crate) struct Tiles {
 }
 
 /// The splats among the outcomes, front to back; equal depths by index. Depths are positive, so their bits order as they do.
-pub(crate) fn front_to_back(outcomes: &[Outcome]) -> Vec<Splat> {
-    let key = |(i, outcome): (usize, &Outcome)| match outcome {
-        Outcome::Drawn(splat) => Some(u64::from(splat.depth.to_bits()) << 32 | i as u64),
-        Outcome::Hidden | Outcome::Rejected => None,
+pub(crate) fn front_to_back(outcomes: &[Projected]) -> Vec<Splat> {
+    let key = |(i, outcome): (usize, &Projected)| match outcome {
+        Projected::Drawn(splat) => Some(u64::from(splat.depth.to_bits()) << 32 | i as u64),
+        Projected::Hidden | Projected::Rejected => None,
     };
     let mut keys: Vec<u64> = outcomes.iter().enumerate().filter_map(key).collect();
     keys.sort_unstable();
     let splat = |key: &u64| match &outcomes[*key as u32 as usize] {
-        Outcome::Drawn(splat) => *splat,
-        Outcome::Hidden | Outcome::Rejected => unreachable!("only what is drawn has a key"),
+        Projected::Drawn(splat) => *splat,
+        Projected::Hidden | Projected::Rejected => unreachable!("only what is drawn has a key"),
     };
     keys.par_iter().with_min_len(GAUSSIANS_PER_TASK).map(splat).collect()
 }
@@ -49,14 +49,14 @@ pub(crate) fn front_to_back(outcomes: &[Outcome]) -> Vec<Splat> {
 impl Tiles {
     /// The tiles in a row of tiles.
     pub(crate) fn in_row(&self, row: usize) -> Range<usize> {
-        let end = |row: usize| self.tiles.partition_point(|tile| (tile.origin[1] as usize) < row * TILE);
+        let end = |row: usize| self.tiles.partition_point(|tile| (tile.origin[1] as usize) < row * TILE_SIDE);
         end(row)..end(row + 1)
     }
 
     /// Sorts depth-ordered splats into the tiles of a picture. A counting sort, so the order inside a tile stays.
     pub(crate) fn new(splats: &[Splat], width: usize, height: usize) -> Tiles {
-        let across = width.div_ceil(TILE);
-        let mut counts = vec![0u32; across * height.div_ceil(TILE)];
+        let across = width.div_ceil(TILE_SIDE);
+        let mut counts = vec![0u32; across * height.div_ceil(TILE_SIDE)];
         let mut slot_starts = Vec::with_capacity(splats.len() + 1);
         slot_starts.push(0);
         let mut total = 0u32;
@@ -73,7 +73,7 @@ impl Tiles {
         for (tile, count) in counts.iter_mut().enumerate() {
             let (first, last) = (next, next + *count);
             if first < last {
-                let origin = [(tile % across * TILE) as u32, (tile / across * TILE) as u32];
+                let origin = [(tile % across * TILE_SIDE) as u32, (tile / across * TILE_SIDE) as u32];
                 tiles.push(Tile { origin, first, last });
             }
             next = last;
@@ -93,7 +93,7 @@ impl Tiles {
 }
 
 fn for_each_tile(s: &Splat, across: usize, mut visit: impl FnMut(usize)) {
-    let tile = TILE as u32;
+    let tile = TILE_SIDE as u32;
     for row in s.rows[0] / tile..s.rows[1].div_ceil(tile) {
         for column in s.columns[0] / tile..s.columns[1].div_ceil(tile) {
             visit(row as usize * across + column as usize);

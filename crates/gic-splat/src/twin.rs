@@ -18,7 +18,7 @@ use crate::{GaussianGradients, Gaussians, ImageGradients, RenderSettings, Shape,
 
 /// [`Gaussians`], or a gradient with respect to them, in f64. Isotropic ones have three equal scales.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Set {
+pub struct GaussiansF64 {
     /// Centres [m], shape [n].
     pub positions: Vec<DVec3>,
     /// Opacities, shape [n].
@@ -35,8 +35,8 @@ pub struct Set {
     pub screen: Vec<DVec2>,
 }
 
-impl From<&Gaussians> for Set {
-    fn from(g: &Gaussians) -> Set {
+impl From<&Gaussians> for GaussiansF64 {
+    fn from(g: &Gaussians) -> GaussiansF64 {
         let (scales, rotations) = match &g.shape {
             Shape::Isotropic { scales } => {
                 (scales.iter().map(|&s| DVec3::splat(s.into())).collect(), vec![[1.0, 0.0, 0.0, 0.0]; g.len()])
@@ -45,7 +45,7 @@ impl From<&Gaussians> for Set {
                 (scales.iter().map(to_dvec3).collect(), rotations.iter().map(|q| q.map(f64::from)).collect())
             }
         };
-        Set {
+        GaussiansF64 {
             positions: g.positions.iter().map(to_dvec3).collect(),
             opacities: g.opacities.iter().map(|&o| o.into()).collect(),
             scales,
@@ -57,7 +57,7 @@ impl From<&Gaussians> for Set {
     }
 }
 
-impl Set {
+impl GaussiansF64 {
     /// A gradient of this set as the gradient of `gaussians`: the three lanes of an isotropic scale are added up.
     pub fn to_f32(&self, gaussians: &Gaussians) -> GaussianGradients {
         let array = |v: &DVec3| v.as_vec3().to_array();
@@ -78,9 +78,9 @@ impl Set {
         }
     }
 
-    fn zeros_like(other: &Set) -> Set {
+    fn zeros_like(other: &GaussiansF64) -> GaussiansF64 {
         let n = other.positions.len();
-        Set {
+        GaussiansF64 {
             positions: vec![DVec3::ZERO; n],
             opacities: vec![0.0; n],
             scales: vec![DVec3::ZERO; n],
@@ -98,7 +98,7 @@ fn to_dvec3(v: &[f32; 3]) -> DVec3 {
 
 /// The three pictures, or the derivative of a loss with respect to them (empty: zero). Row-major from the top left.
 #[derive(Clone, Debug, Default)]
-pub struct Pictures {
+pub struct PicturesF64 {
     /// Colour over the background, shape [height * width].
     pub color: Vec<DVec3>,
     /// Alpha, shape [height * width].
@@ -107,10 +107,10 @@ pub struct Pictures {
     pub depth: Vec<f64>,
 }
 
-impl From<&ImageGradients> for Pictures {
-    fn from(g: &ImageGradients) -> Pictures {
+impl From<&ImageGradients> for PicturesF64 {
+    fn from(g: &ImageGradients) -> PicturesF64 {
         let wide = |v: &[f32]| v.iter().map(|&x| x.into()).collect();
-        Pictures { color: g.color.iter().map(to_dvec3).collect(), alpha: wide(&g.alpha), depth: wide(&g.depth) }
+        PicturesF64 { color: g.color.iter().map(to_dvec3).collect(), alpha: wide(&g.alpha), depth: wide(&g.depth) }
     }
 }
 
@@ -236,7 +236,13 @@ struct Projection {
     near: Dual,
 }
 
-fn project(set: &Set, i: usize, camera: &Camera, settings: &RenderSettings, cut: Cutoffs) -> Option<Projection> {
+fn project(
+    set: &GaussiansF64,
+    i: usize,
+    camera: &Camera,
+    settings: &RenderSettings,
+    cut: Cutoffs,
+) -> Option<Projection> {
     let p = camera.to_camera(set.positions[i]);
     let near = cut.step(p.z, settings.near.into());
     if !(p.z > 0.0 && near.0 > 1e-300) {
@@ -266,13 +272,13 @@ fn project(set: &Set, i: usize, camera: &Camera, settings: &RenderSettings, cut:
 
 /// Adds the gradient of the loss with respect to Gaussian `i`, given that with respect to what was projected.
 fn project_backward(
-    set: &Set,
+    set: &GaussiansF64,
     i: usize,
     camera: &Camera,
     settings: &RenderSettings,
     projection: &Projection,
     g: &SplatGradient,
-    out: &mut Set,
+    out: &mut GaussiansF64,
 ) {
     let Projection { p, uv, u, v, jacobian, root, camera_covariance, .. } = projection;
     let f = camera.focal;
@@ -357,7 +363,7 @@ fn rotation_matrix_backward(q: [f64; 4], d_r: DMat3) -> [f64; 4] {
 }
 
 /// Colour towards the camera: max(0, 0.5 + sum_k sh_k Y_k(direction)).
-fn color(set: &Set, i: usize, camera: &Camera, settings: &RenderSettings, cut: Cutoffs) -> DVec3 {
+fn color(set: &GaussiansF64, i: usize, camera: &Camera, settings: &RenderSettings, cut: Cutoffs) -> DVec3 {
     let k = (set.sh_degree + 1).pow(2);
     let direction = (set.positions[i] - camera.centre).normalize();
     let basis = sh::basis(set.sh_degree.min(settings.max_sh_degree), direction.to_array());
@@ -366,13 +372,13 @@ fn color(set: &Set, i: usize, camera: &Camera, settings: &RenderSettings, cut: C
 }
 
 fn color_backward(
-    set: &Set,
+    set: &GaussiansF64,
     i: usize,
     camera: &Camera,
     settings: &RenderSettings,
     cut: Cutoffs,
     d_color: DVec3,
-    out: &mut Set,
+    out: &mut GaussiansF64,
 ) {
     let k = (set.sh_degree + 1).pow(2);
     let degree = set.sh_degree.min(settings.max_sh_degree);
@@ -391,7 +397,7 @@ fn color_backward(
 }
 
 /// The splats of a view, front to back.
-fn splats(set: &Set, camera: &Camera, settings: &RenderSettings, cut: Cutoffs) -> Vec<Splat> {
+fn splats(set: &GaussiansF64, camera: &Camera, settings: &RenderSettings, cut: Cutoffs) -> Vec<Splat> {
     let mut splats: Vec<Splat> = (0..set.positions.len())
         .filter_map(|index| {
             let p = project(set, index, camera, settings, cut)?;
@@ -486,11 +492,11 @@ fn pixel_centres(camera: &Camera) -> impl Iterator<Item = DVec2> + use<> {
 }
 
 /// Draws the set (paper eq. 2).
-pub fn render(set: &Set, camera: &Camera, settings: &RenderSettings, cut: Cutoffs) -> Pictures {
+pub fn render(set: &GaussiansF64, camera: &Camera, settings: &RenderSettings, cut: Cutoffs) -> PicturesF64 {
     let splats = splats(set, camera, settings, cut);
     let lists = pixel_lists(&splats, camera, cut);
     let background = DVec3::from_array(settings.background.map(f64::from));
-    let mut out = Pictures::default();
+    let mut out = PicturesF64::default();
     for (pixel, list) in pixel_centres(camera).zip(&lists) {
         let (steps, left) = walk(&splats, list, pixel, cut);
         let sum = |value: &dyn Fn(&Splat) -> DVec3| -> DVec3 {
@@ -508,7 +514,13 @@ pub fn render(set: &Set, camera: &Camera, settings: &RenderSettings, cut: Cutoff
 }
 
 /// Gradient of a loss on the pictures with respect to every attribute of the set.
-pub fn backward(set: &Set, camera: &Camera, settings: &RenderSettings, cut: Cutoffs, loss: &Pictures) -> Set {
+pub fn backward(
+    set: &GaussiansF64,
+    camera: &Camera,
+    settings: &RenderSettings,
+    cut: Cutoffs,
+    loss: &PicturesF64,
+) -> GaussiansF64 {
     let splats = splats(set, camera, settings, cut);
     let lists = pixel_lists(&splats, camera, cut);
     let background = DVec3::from_array(settings.background.map(f64::from));
@@ -540,7 +552,7 @@ pub fn backward(set: &Set, camera: &Camera, settings: &RenderSettings, cut: Cuto
             g.conic += d_q * DMat2::from_cols(step.offset * step.offset.x, step.offset * step.offset.y);
         }
     }
-    let mut out = Set::zeros_like(set);
+    let mut out = GaussiansF64::zeros_like(set);
     for (s, g) in splats.iter().zip(&gradients) {
         let projection = project(set, s.index, camera, settings, cut).expect("it was projected before");
         project_backward(set, s.index, camera, settings, &projection, g, &mut out);

@@ -2,7 +2,7 @@
 
 use gic_scene::Camera;
 use gic_simd::Level;
-use gic_splat::twin::{self, Cutoffs, Pictures, Set};
+use gic_splat::twin::{self, Cutoffs, GaussiansF64, PicturesF64};
 use gic_splat::{
     Channels, GaussianGradients, Gaussians, ImageGradients, RenderSettings, Rendered, Shape, backward, render,
 };
@@ -96,7 +96,7 @@ fn close(name: &str, fast: impl IntoIterator<Item = f32>, twin: impl IntoIterato
     }
 }
 
-fn same_pictures(name: &str, fast: &Rendered, twin: &Pictures) {
+fn same_pictures(name: &str, fast: &Rendered, twin: &PicturesF64) {
     close(&format!("{name} alpha"), fast.alpha.iter().copied(), twin.alpha.iter().copied(), 2e-5);
     close(&format!("{name} depth"), fast.depth.iter().copied(), twin.depth.iter().copied(), 2e-5);
     let twin_color = twin.color.iter().flat_map(|c| c.to_array());
@@ -129,13 +129,13 @@ fn pictures_and_gradients_match_the_twin_at_every_level() {
     let (camera, loss) = (camera(), image_gradients(9));
     for recipe in RECIPES {
         let gaussians = scene(recipe);
-        let set = Set::from(&gaussians);
+        let set = GaussiansF64::from(&gaussians);
         for settings in settings() {
             for channels in [Channels::ColorAlphaDepth, Channels::ColorAlpha, Channels::AlphaDepth, Channels::Alpha] {
                 let settings = RenderSettings { channels, ..settings.clone() };
                 let pictures = twin::render(&set, &camera, &settings, Cutoffs::Hard);
                 assert!(pictures.alpha.iter().any(|&a| a > 0.1), "the scene is empty");
-                let gradient = twin::backward(&set, &camera, &settings, Cutoffs::Hard, &Pictures::from(&loss));
+                let gradient = twin::backward(&set, &camera, &settings, Cutoffs::Hard, &PicturesF64::from(&loss));
                 let gradient = gradient.to_f32(&gaussians);
                 for level in Level::supported() {
                     let name = format!("seed {} {channels:?} {level}", recipe.seed);

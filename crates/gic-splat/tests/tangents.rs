@@ -2,7 +2,7 @@
 
 use gic_scene::Camera;
 use gic_simd::Level;
-use gic_splat::twin::{self, Cutoffs, Set};
+use gic_splat::twin::{self, Cutoffs, GaussiansF64};
 use gic_splat::{Gaussians, ImageGradients, RenderSettings, Shape, alpha_tangents, backward, render};
 use glam::{DMat3, DVec2, DVec3};
 use rand::{RngExt, SeedableRng};
@@ -44,7 +44,7 @@ fn tangents_match_finite_differences_of_the_twin() {
             let (gaussians, tangents) = scene(isotropic, 40);
             let settings = RenderSettings { channels: gic_splat::Channels::Alpha, ..settings };
             let at = |tangent: &[[f32; 3]], h: f64| {
-                let mut set = Set::from(&gaussians);
+                let mut set = GaussiansF64::from(&gaussians);
                 for (p, t) in set.positions.iter_mut().zip(tangent) {
                     *p += DVec3::from_array(t.map(f64::from)) * h;
                 }

@@ -4,7 +4,7 @@
 //! alpha limits, at the end of the transmittance and with clamped colours are all part of the check.
 
 use gic_scene::Camera;
-use gic_splat::twin::{self, Cutoffs, Pictures, Set};
+use gic_splat::twin::{self, Cutoffs, GaussiansF64, PicturesF64};
 use gic_splat::{Channels, RenderSettings};
 use glam::{DMat3, DVec2, DVec3};
 use rand::{RngExt, SeedableRng};
@@ -24,10 +24,10 @@ fn camera() -> Camera {
 }
 
 /// Gaussians all over the view and some beyond its edges and at the near plane.
-fn scene(n: usize, seed: u64) -> Set {
+fn scene(n: usize, seed: u64) -> GaussiansF64 {
     let camera = camera();
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut set = Set { sh_degree: 3, ..Set::default() };
+    let mut set = GaussiansF64 { sh_degree: 3, ..GaussiansF64::default() };
     for i in 0..n {
         let mut u = |low: f64, high: f64| low + (high - low) * rng.random::<f64>();
         let depth = if i % 5 == 0 { u(0.18, 0.3) } else { u(0.5, 2.0) };
@@ -44,11 +44,11 @@ fn settings(compensate: bool) -> RenderSettings {
     RenderSettings { background: [0.2, 0.5, 0.9], near: 0.2, compensate, ..RenderSettings::default() }
 }
 
-fn weights(seed: u64) -> Pictures {
+fn weights(seed: u64) -> PicturesF64 {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut u = || rng.random::<f64>() * 2.0 - 1.0;
     let n = camera().width * camera().height;
-    Pictures {
+    PicturesF64 {
         color: (0..n).map(|_| DVec3::new(u(), u(), u())).collect(),
         alpha: (0..n).map(|_| u()).collect(),
         depth: (0..n).map(|_| u()).collect(),
@@ -56,14 +56,20 @@ fn weights(seed: u64) -> Pictures {
 }
 
 /// A fixed linear functional of the three pictures.
-fn loss(pictures: &Pictures, weights: &Pictures) -> f64 {
+fn loss(pictures: &PicturesF64, weights: &PicturesF64) -> f64 {
     let color: f64 = pictures.color.iter().zip(&weights.color).map(|(a, b)| a.dot(*b)).sum();
     let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
     color + dot(&pictures.alpha, &weights.alpha) + dot(&pictures.depth, &weights.depth)
 }
 
 /// Compares one lane of the gradient with a central difference; `lane` reaches the number to move.
-fn check(name: &str, analytic: f64, set: &Set, settings: &RenderSettings, lane: impl Fn(&mut Set) -> &mut f64) {
+fn check(
+    name: &str,
+    analytic: f64,
+    set: &GaussiansF64,
+    settings: &RenderSettings,
+    lane: impl Fn(&mut GaussiansF64) -> &mut f64,
+) {
     let weights = weights(7);
     let at = |h: f64| {
         let mut moved = set.clone();
@@ -176,7 +182,7 @@ fn one_gaussian_in_closed_form() {
         centre: DVec3::ZERO,
     };
     let (depth, scale, opacity) = (2.0, 0.15, 0.8);
-    let set = Set {
+    let set = GaussiansF64 {
         positions: vec![DVec3::new(0.0, 0.0, depth)],
         opacities: vec![opacity],
         scales: vec![DVec3::splat(scale)],

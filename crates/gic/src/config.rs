@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use gic_appearance::{DressSettings, RegisterSettings};
+use gic_appearance::{AppearanceFitSettings, RegisterSettings};
 use gic_motion::TrainSettings;
 use gic_twin::atomic;
 use serde::{Deserialize, Serialize};
@@ -197,12 +197,12 @@ pub struct AppearanceConfig {
     /// Whether `gic run` makes them.
     pub enabled: bool,
     /// How they are trained.
-    pub train: DressSettings,
+    pub train: AppearanceFitSettings,
 }
 
 impl Default for AppearanceConfig {
     fn default() -> Self {
-        Self { enabled: true, train: DressSettings::default() }
+        Self { enabled: true, train: AppearanceFitSettings::default() }
     }
 }
 

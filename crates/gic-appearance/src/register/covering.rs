@@ -6,7 +6,7 @@ use glam::DQuat;
 
 /// `count` rotations on a spiral over the sphere of quaternions (Alexa, "Super-Fibonacci Spirals: Fast, Low-Discrepancy Sampling
 /// of SO(3)", CVPR 2022, algorithm 1). For 4,000 the farthest rotation is about 16 degrees from its nearest one.
-pub(crate) fn rotations(count: usize) -> Vec<DQuat> {
+pub(crate) fn super_fibonacci_rotations(count: usize) -> Vec<DQuat> {
     let first = std::f64::consts::SQRT_2;
     // The positive root of x^4 = x + 4.
     let second = 1.533_751_168_755_204_3;
@@ -34,7 +34,7 @@ mod tests {
 
     #[test]
     fn no_rotation_is_far_from_the_covering() {
-        let all = rotations(4_000);
+        let all = super_fibonacci_rotations(4_000);
         assert!(all.iter().all(|q| (q.length() - 1.0).abs() < 1e-12));
         let mut rng = ChaCha8Rng::seed_from_u64(4);
         let mut farthest = 0.0f64;

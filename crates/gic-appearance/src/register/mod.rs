@@ -19,23 +19,23 @@ use rayon::prelude::*;
 
 use crate::{AppearanceError, RegisterSettings};
 use covering::angle;
-use outline::{Outline, settle};
+use outline::{Outline, align_outlines};
 use placement::Placement;
-use refine::{Judged, Pace, judge, refine};
+use refine::{DescentSchedule, PlacementScore, refine, score_placement};
 
 /// At most this many points of the scan are drawn for an outline.
-const POINTS: usize = 2_500;
+const MAX_OUTLINE_POINTS: usize = 2_500;
 /// Gaussians of less opacity are no part of the outline.
-const OPAQUE: f32 = 0.3;
+const MIN_OUTLINE_OPACITY: f32 = 0.3;
 /// Starts nearer than this to a better one lead to the same place.
-const APART_RAD: f64 = 25.0 * RADIANS;
+const START_SEPARATION_RAD: f64 = 25.0 * RADIANS_PER_DEGREE;
 /// Fits nearer than this are the same.
-const SAME_RAD: f64 = 8.0 * RADIANS;
-const RADIANS: f64 = std::f64::consts::PI / 180.0;
+const SAME_PLACEMENT_RAD: f64 = 8.0 * RADIANS_PER_DEGREE;
+const RADIANS_PER_DEGREE: f64 = std::f64::consts::PI / 180.0;
 /// Rays to the object closer together than this do not tell its size from its distance.
-const LEAST_BASELINE_RAD: f64 = 3.0 * RADIANS;
+const MIN_BASELINE_RAD: f64 = 3.0 * RADIANS_PER_DEGREE;
 /// Pictures of the first fits are this wide across the object, at most [pixels].
-const SMALL: f64 = 90.0;
+const COARSE_OBJECT_PX: f64 = 90.0;
 /// Fits of the second round.
 const FINALISTS: usize = 3;
 
@@ -88,37 +88,37 @@ pub fn register(
     let mut views = pictures::first_frame(video)?;
     let ball = object(&views, video)?;
     views.retain(|view| view.area > 0.0);
-    let body = Body::new(scan)?;
+    let body = ScanPoints::new(scan)?;
     let weights = LossWeights { color: settings.color, ssim: 0.0, mask: 1.0, ..LossWeights::default() };
     let starts = starts(&body, &views, &ball, settings);
     let small: Vec<Target> = views.iter().map(shrunk).collect();
     let (first, of) = (starts.len(), starts.len() + FINALISTS.min(starts.len()));
-    let mut fits: Vec<(Placement, Judged)> = Vec::new();
+    let mut fits: Vec<(Placement, PlacementScore)> = Vec::new();
     for start in starts {
-        let pace = Pace { steps: settings.steps, rates: (3e-2, 3e-3) };
-        let placement = refine((scan, body.radius), &small, start, pace, &weights)?;
-        fits.push((placement, judge(scan, &small, &placement, &weights)?));
+        let schedule = DescentSchedule { steps: settings.steps, rates: (3e-2, 3e-3) };
+        let placement = refine((scan, body.radius), &small, start, schedule, &weights)?;
+        fits.push((placement, score_placement(scan, &small, &placement, &weights)?));
         if callback(fits.len(), of).is_break() {
             break;
         }
     }
     let mut fits = distinct(fits);
     for (done, (placement, _)) in fits.iter_mut().enumerate().take(FINALISTS) {
-        let pace = Pace { steps: settings.final_steps, rates: (6e-3, 1e-4) };
-        *placement = refine((scan, body.radius), &views, *placement, pace, &weights)?;
+        let schedule = DescentSchedule { steps: settings.final_steps, rates: (6e-3, 1e-4) };
+        *placement = refine((scan, body.radius), &views, *placement, schedule, &weights)?;
         if callback(first + done + 1, of).is_break() {
             break;
         }
     }
-    for (placement, judged) in &mut fits {
-        *judged = judge(scan, &views, placement, &weights)?;
+    for (placement, score) in &mut fits {
+        *score = score_placement(scan, &views, placement, &weights)?;
     }
     let fits = distinct(fits);
     let best = fits[0].0.rotation;
-    let candidate = |(placement, judged): (Placement, Judged)| Candidate {
+    let candidate = |(placement, score): (Placement, PlacementScore)| Candidate {
         similarity: placement.similarity(),
-        iou: judged.iou,
-        loss: judged.loss,
+        iou: score.iou,
+        loss: score.loss,
         apart_rad: angle(placement.rotation, best),
     };
     Ok(Registration {
@@ -165,7 +165,7 @@ fn object(views: &[Target], video: &Scene) -> Result<Ball, AppearanceError> {
     };
     let direction = |view: &Target| (ball.centre - view.camera.centre).normalize();
     let widest = seen.iter().map(|view| direction(view).angle_between(direction(seen[0]))).fold(0.0, f64::max);
-    if widest < LEAST_BASELINE_RAD {
+    if widest < MIN_BASELINE_RAD {
         return unregistrable(format!(
             "the cameras look at the object from directions only {:.1} degrees apart, which cannot tell its size from its distance",
             widest.to_degrees()
@@ -187,7 +187,7 @@ fn object(views: &[Target], video: &Scene) -> Result<Ball, AppearanceError> {
 }
 
 /// The scan's body.
-struct Body {
+struct ScanPoints {
     centre: DVec3,
     /// Points about the centre.
     points: Vec<DVec3>,
@@ -195,10 +195,10 @@ struct Body {
     radius: f64,
 }
 
-impl Body {
-    fn new(scan: &Gaussians) -> Result<Body, AppearanceError> {
+impl ScanPoints {
+    fn new(scan: &Gaussians) -> Result<ScanPoints, AppearanceError> {
         let opaque: Vec<DVec3> = (0..scan.len())
-            .filter(|&i| scan.opacities[i] >= OPAQUE)
+            .filter(|&i| scan.opacities[i] >= MIN_OUTLINE_OPACITY)
             .map(|i| DVec3::from_array(scan.positions[i].map(f64::from)))
             .collect();
         if opaque.len() < 100 {
@@ -207,21 +207,25 @@ impl Body {
             return Err(AppearanceError::Unregistrable(reason));
         }
         let centre = opaque.iter().sum::<DVec3>() / opaque.len() as f64;
-        let stride = opaque.len().div_ceil(POINTS);
+        let stride = opaque.len().div_ceil(MAX_OUTLINE_POINTS);
         let points: Vec<DVec3> = opaque.iter().step_by(stride).map(|x| *x - centre).collect();
         let radius = (points.iter().map(|x| x.length_squared()).sum::<f64>() / points.len() as f64).sqrt();
-        Ok(Body { centre, points, radius })
+        Ok(ScanPoints { centre, points, radius })
     }
 }
 
 /// The placements to fit to the pictures: the best outlines from all starting rotations, well apart.
-fn starts(body: &Body, views: &[Target], ball: &Ball, settings: &RegisterSettings) -> Vec<Placement> {
+fn starts(body: &ScanPoints, views: &[Target], ball: &Ball, settings: &RegisterSettings) -> Vec<Placement> {
     let outlines: Vec<Outline> = views.iter().map(Outline::new).collect();
-    let mut scored: Vec<(Placement, f64)> = covering::rotations(settings.starts)
+    let mut scored: Vec<(Placement, f64)> = covering::super_fibonacci_rotations(settings.starts)
         .into_par_iter()
         .map(|rotation| {
             let scale = 0.7 * ball.radius / body.radius;
-            settle(&body.points, &outlines, Placement { pivot: body.centre, scale, rotation, place: ball.centre })
+            align_outlines(
+                &body.points,
+                &outlines,
+                Placement { pivot: body.centre, scale, rotation, place: ball.centre },
+            )
         })
         .collect();
     scored.sort_by(|a, b| b.1.total_cmp(&a.1));
@@ -230,7 +234,7 @@ fn starts(body: &Body, views: &[Target], ball: &Ball, settings: &RegisterSetting
         if chosen.len() == settings.candidates {
             break;
         }
-        if chosen.iter().all(|other| angle(other.rotation, placement.rotation) > APART_RAD) {
+        if chosen.iter().all(|other| angle(other.rotation, placement.rotation) > START_SEPARATION_RAD) {
             chosen.push(placement);
         }
     }
@@ -238,11 +242,11 @@ fn starts(body: &Body, views: &[Target], ball: &Ball, settings: &RegisterSetting
 }
 
 /// Fits by loss, without those that a better one is near to.
-fn distinct(mut fits: Vec<(Placement, Judged)>) -> Vec<(Placement, Judged)> {
+fn distinct(mut fits: Vec<(Placement, PlacementScore)>) -> Vec<(Placement, PlacementScore)> {
     fits.sort_by(|a, b| a.1.loss.total_cmp(&b.1.loss));
-    let mut kept: Vec<(Placement, Judged)> = Vec::new();
+    let mut kept: Vec<(Placement, PlacementScore)> = Vec::new();
     for fit in fits {
-        if kept.iter().all(|other| angle(other.0.rotation, fit.0.rotation) > SAME_RAD) {
+        if kept.iter().all(|other| angle(other.0.rotation, fit.0.rotation) > SAME_PLACEMENT_RAD) {
             kept.push(fit);
         }
     }
@@ -252,7 +256,7 @@ fn distinct(mut fits: Vec<(Placement, Judged)>) -> Vec<(Placement, Judged)> {
 /// The picture halved until the object is small.
 fn shrunk(target: &Target) -> Target {
     let mut small = target.clone();
-    while small.area.sqrt() > SMALL {
+    while small.area.sqrt() > COARSE_OBJECT_PX {
         small = small.halved();
     }
     small

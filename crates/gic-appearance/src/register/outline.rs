@@ -7,11 +7,11 @@ use glam::{DMat3, DVec2, DVec3};
 use super::placement::Placement;
 
 /// Side of a square with the mask's area, in cells of the outline: fine enough for limbs, coarse enough that the points leave no holes.
-const CELLS_ACROSS: f64 = 20.0;
+const CELLS_ACROSS_MASK: f64 = 20.0;
 /// Air around the mask, in sizes of the mask.
-const AIR: f64 = 0.5;
+const OUTLINE_MARGIN: f64 = 0.5;
 /// Rounds of moving and growing a start so that its outlines lie on the masks'.
-const ROUNDS: usize = 4;
+const ALIGNMENT_ROUNDS: usize = 4;
 
 /// A mask as bits.
 pub(crate) struct Outline {
@@ -40,14 +40,14 @@ impl Moments {
 
 impl Outline {
     pub(crate) fn new(target: &Target) -> Outline {
-        let cell = (target.area.sqrt() / CELLS_ACROSS).round().max(1.0) as usize;
+        let cell = (target.area.sqrt() / CELLS_ACROSS_MASK).round().max(1.0) as usize;
         let b = target.bounds;
-        let air = |size: usize| (AIR * size as f64) as usize + 1;
+        let margin = |size: usize| (OUTLINE_MARGIN * size as f64) as usize + 1;
         let window = Bounds {
-            x0: b.x0.saturating_sub(air(b.width())),
-            y0: b.y0.saturating_sub(air(b.height())),
-            x1: (b.x1 + air(b.width())).min(target.camera.width),
-            y1: (b.y1 + air(b.height())).min(target.camera.height),
+            x0: b.x0.saturating_sub(margin(b.width())),
+            y0: b.y0.saturating_sub(margin(b.height())),
+            x1: (b.x1 + margin(b.width())).min(target.camera.width),
+            y1: (b.y1 + margin(b.height())).min(target.camera.height),
         };
         let mut camera = windowed(&target.camera, window);
         camera.focal /= cell as f64;
@@ -96,11 +96,11 @@ impl Outline {
 /// Moves and grows a placement, its rotation given, until the outlines lie on the masks'; returns the mean overlap.
 ///
 /// `points` are relative to the placement's pivot, in units of the scan.
-pub(crate) fn settle(points: &[DVec3], outlines: &[Outline], start: Placement) -> (Placement, f64) {
+pub(crate) fn align_outlines(points: &[DVec3], outlines: &[Outline], start: Placement) -> (Placement, f64) {
     let mut placement = start;
     for round in 0.. {
         let drawn: Vec<Vec<bool>> = outlines.iter().map(|outline| outline.draw(points, &placement)).collect();
-        if round == ROUNDS {
+        if round == ALIGNMENT_ROUNDS {
             let sum: f64 = outlines.iter().zip(&drawn).map(|(outline, drawn)| outline.overlap(drawn)).sum();
             return (placement, sum / outlines.len() as f64);
         }

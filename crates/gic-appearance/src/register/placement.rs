@@ -121,17 +121,17 @@ fn ellipsoid(positions: &[[f32; 3]], shape: &Shape, i: usize) -> Ellipsoid {
 mod tests {
     use gic_scene::Camera;
     use gic_splat::RenderSettings;
-    use gic_splat::twin::{self, Cutoffs, Pictures, Set};
+    use gic_splat::twin::{self, Cutoffs, GaussiansF64, PicturesF64};
     use glam::DVec2;
 
     use super::*;
 
     const SMOOTH: Cutoffs = Cutoffs::Smooth { width: 0.3 };
 
-    fn scan() -> Set {
+    fn scan() -> GaussiansF64 {
         let wave = |i: usize, k: f64| (i as f64 * k + k * k).sin();
         let n = 6;
-        Set {
+        GaussiansF64 {
             positions: (0..n).map(|i| DVec3::new(wave(i, 1.1), wave(i, 2.3), wave(i, 3.7))).collect(),
             opacities: (0..n).map(|i| 0.5 + 0.3 * wave(i, 5.0)).collect(),
             scales: (0..n).map(|i| DVec3::new(0.3 + 0.1 * wave(i, 2.0), 0.2, 0.4 + 0.1 * wave(i, 4.0))).collect(),
@@ -162,11 +162,11 @@ mod tests {
         }
     }
 
-    fn row(set: &Set, i: usize) -> Ellipsoid {
+    fn row(set: &GaussiansF64, i: usize) -> Ellipsoid {
         Ellipsoid { position: set.positions[i], scales: set.scales[i], rotation: set.rotations[i] }
     }
 
-    fn placed(placement: &Placement) -> Set {
+    fn placed(placement: &Placement) -> GaussiansF64 {
         let mut set = scan();
         for i in 0..set.positions.len() {
             let moved = placement.moved(&row(&set, i));
@@ -176,10 +176,10 @@ mod tests {
     }
 
     /// Weights of a linear loss on the pictures.
-    fn weights() -> Pictures {
+    fn weights() -> PicturesF64 {
         let count = camera().width * camera().height;
         let wave = |i: usize, k: f64| (i as f64 * k).sin();
-        Pictures {
+        PicturesF64 {
             color: (0..count).map(|i| DVec3::new(wave(i, 0.13), wave(i, 0.29), wave(i, 0.41))).collect(),
             alpha: (0..count).map(|i| wave(i, 0.19)).collect(),
             depth: Vec::new(),

@@ -12,13 +12,13 @@ use crate::AppearanceError;
 
 /// Length of a step: turn [rad], and shift in radii of the object. The size changes half as fast.
 #[derive(Clone, Copy)]
-pub(crate) struct Pace {
+pub(crate) struct DescentSchedule {
     pub(crate) steps: usize,
     pub(crate) rates: (f64, f64),
 }
 
 /// A placement against the pictures.
-pub(crate) struct Judged {
+pub(crate) struct PlacementScore {
     /// Mean loss over the views.
     pub(crate) loss: f64,
     /// Overlap of alpha and mask in each view.
@@ -30,16 +30,16 @@ pub(crate) fn refine(
     (scan, radius): (&Gaussians, f64),
     views: &[Target],
     start: Placement,
-    pace: Pace,
+    schedule: DescentSchedule,
     weights: &LossWeights,
 ) -> Result<Placement, AppearanceError> {
     let mut placement = start;
     let mut moments = Moments::zeros(UNKNOWNS);
-    for step in 0..pace.steps {
+    for step in 0..schedule.steps {
         let moved = placement.gaussians(scan);
-        let compared = compare(&moved, views, weights)?;
+        let comparisons = compare(&moved, views, weights)?;
         let mut gradient = [0.0; UNKNOWNS];
-        for view in &compared {
+        for view in &comparisons {
             let one = placement.pull_back_all(&moved, &view.slope);
             gradient.iter_mut().zip(one).for_each(|(s, d)| *s += d);
         }
@@ -48,7 +48,7 @@ pub(crate) fn refine(
         // In these units the seven numbers move the pictures alike.
         let gradient: Vec<f32> = gradient.iter().zip(units).map(|(g, unit)| (g * unit) as f32).collect();
         let mut change = [0.0f32; UNKNOWNS];
-        let rate = decayed(pace.rates, step as f64 / pace.steps as f64);
+        let rate = decayed(schedule.rates, step as f64 / schedule.steps as f64);
         moments.update(&mut change, &gradient, rate, step + 1);
         placement = placement.stepped(&std::array::from_fn(|k| f64::from(change[k]) * units[k]));
     }
@@ -56,48 +56,56 @@ pub(crate) fn refine(
 }
 
 /// Compares a placement with the pictures.
-pub(crate) fn judge(
+pub(crate) fn score_placement(
     scan: &Gaussians,
     views: &[Target],
     placement: &Placement,
     weights: &LossWeights,
-) -> Result<Judged, AppearanceError> {
-    let compared = compare(&placement.gaussians(scan), views, weights)?;
-    let loss = compared.iter().map(|view| view.loss).sum::<f64>() / views.len() as f64;
-    Ok(Judged { loss, iou: compared.into_iter().map(|view| view.iou).collect() })
+) -> Result<PlacementScore, AppearanceError> {
+    let comparisons = compare(&placement.gaussians(scan), views, weights)?;
+    let loss = comparisons.iter().map(|view| view.loss).sum::<f64>() / views.len() as f64;
+    Ok(PlacementScore { loss, iou: comparisons.into_iter().map(|view| view.iou).collect() })
 }
 
-struct Compared {
+struct ViewComparison {
     loss: f64,
     iou: f64,
     slope: GaussianGradients,
 }
 
-fn compare(gaussians: &Gaussians, views: &[Target], weights: &LossWeights) -> Result<Vec<Compared>, AppearanceError> {
+fn compare(
+    gaussians: &Gaussians,
+    views: &[Target],
+    weights: &LossWeights,
+) -> Result<Vec<ViewComparison>, AppearanceError> {
     views.par_iter().map(|view| compare_view(gaussians, view, weights)).collect()
 }
 
-fn compare_view(gaussians: &Gaussians, target: &Target, weights: &LossWeights) -> Result<Compared, AppearanceError> {
+fn compare_view(
+    gaussians: &Gaussians,
+    target: &Target,
+    weights: &LossWeights,
+) -> Result<ViewComparison, AppearanceError> {
     let window = drawn_bounds(gaussians, &target.camera).union(target.bounds);
     let camera = windowed(&target.camera, window);
     let mut settings = RenderSettings { max_sh_degree: 0, ..RenderSettings::pictures() };
     settings.dilation /= target.pixel.powi(2) as f32;
     let mut rendered = render(gaussians, &camera, &settings);
     let (color, mask) = target.crop(window);
-    let gains = gains(&rendered.color, &color);
+    let channel_gains = channel_gains(&rendered.color, &color);
     for c in &mut rendered.color {
-        *c = std::array::from_fn(|k| c[k] * gains[k]);
+        *c = std::array::from_fn(|k| c[k] * channel_gains[k]);
     }
     let mut loss = picture_loss(&rendered, (&color, &mask), (camera.width, camera.height), target.area, weights)?;
     for d in &mut loss.gradient.color {
-        *d = std::array::from_fn(|k| d[k] * gains[k]);
+        *d = std::array::from_fn(|k| d[k] * channel_gains[k]);
     }
     let slope = backward(gaussians, &camera, &settings, &rendered, &loss.gradient);
-    Ok(Compared { loss: loss.value, iou: mask_iou(&rendered.alpha, &mask)?, slope })
+    Ok(ViewComparison { loss: loss.value, iou: mask_iou(&rendered.alpha, &mask)?, slope })
 }
 
 /// The factor per colour that brings `drawn` nearest to `wanted`: photographs and video have lights and white balances of their own.
-fn gains(drawn: &[[f32; 3]], wanted: &[[f32; 3]]) -> [f32; 3] {
+fn channel_gains(drawn: &[[f32; 3]], wanted: &[[f32; 3]]) -> [f32; 3] {
     std::array::from_fn(|k| {
         let (mut both, mut own) = (0.0, 0.0);
         for (d, w) in drawn.iter().zip(wanted) {

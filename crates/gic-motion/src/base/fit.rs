@@ -2,15 +2,15 @@
 
 use gic_optimize::Moments;
 
-use crate::base::{BaseMotion, Lattice, PoseSlope};
-use crate::gaussians::smoothing::Neighbourhood;
+use crate::base::{BaseMotion, Lattice, PoseGradient};
+use crate::gaussians::smoothing::NeighbourGraph;
 
 /// Neighbouring nodes of the lattice share their pull over about this many cells.
-const REACH: f64 = 1.0;
+const LATTICE_SMOOTHING_CELLS: f64 = 1.0;
 
 /// Adam's state of one pose.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct PoseFit {
+pub(crate) struct PoseMoments {
     /// Of the map's twelve numbers, the shift counted in widths of the object.
     pub(crate) map: Moments,
     pub(crate) map_steps: usize,
@@ -32,18 +32,18 @@ pub(crate) enum Freedom {
 
 /// A base motion while it is trained.
 #[derive(Clone, Debug)]
-pub(crate) struct Base {
+pub(crate) struct BaseFit {
     pub(crate) motion: BaseMotion,
-    pub(crate) fits: Vec<PoseFit>,
+    pub(crate) fits: Vec<PoseMoments>,
     /// The first so many frames look as the canonical Gaussians do when they are only mapped.
     pub(crate) explained: usize,
-    nodes: Neighbourhood,
+    nodes: NeighbourGraph,
 }
 
-impl PoseFit {
-    pub(crate) fn new(lattice: &Lattice) -> PoseFit {
+impl PoseMoments {
+    pub(crate) fn new(lattice: &Lattice) -> PoseMoments {
         let field = Moments::zeros(3 * lattice.nodes());
-        PoseFit {
+        PoseMoments {
             map: Moments::zeros(12),
             map_steps: 0,
             bend: field.clone(),
@@ -54,10 +54,10 @@ impl PoseFit {
     }
 }
 
-impl Base {
-    pub(crate) fn new(motion: BaseMotion, fits: Vec<PoseFit>, explained: usize) -> Base {
-        let nodes = Neighbourhood::new(&motion.lattice.positions(), motion.lattice.cell);
-        Base { motion, fits, explained, nodes }
+impl BaseFit {
+    pub(crate) fn new(motion: BaseMotion, fits: Vec<PoseMoments>, explained: usize) -> BaseFit {
+        let nodes = NeighbourGraph::new(&motion.lattice.positions(), motion.lattice.cell);
+        BaseFit { motion, fits, explained, nodes }
     }
 
     /// Adds a frame that starts from the pose to which the last two lead, shifted to where its pictures show it [m].
@@ -67,13 +67,13 @@ impl Base {
         self.motion.maps.push(last.map.extrapolated(&before.map, shift));
         self.motion.bends.push(last.bend);
         self.motion.shades.push(last.shade);
-        self.fits.push(PoseFit::new(&self.motion.lattice));
+        self.fits.push(PoseMoments::new(&self.motion.lattice));
     }
 
     /// One step of the pose of `frame` down `slope`; the object is `size` metres wide, which is what one unit of the rate stands
     /// for. While there are only maps, the first frame's stays: the canonical Gaussians are what is seen there. Once everything bends, no
     /// frame is better than another, and the canonical Gaussians need not serve the first at the others' cost.
-    pub(crate) fn update(&mut self, frame: usize, mut slope: PoseSlope, freedom: Freedom, (rate, size): (f64, f64)) {
+    pub(crate) fn update(&mut self, frame: usize, mut slope: PoseGradient, freedom: Freedom, (rate, size): (f64, f64)) {
         if frame == 0 && freedom == Freedom::Map {
             return;
         }
@@ -89,7 +89,7 @@ impl Base {
         map.matrix.iter_mut().zip(&step[..9]).for_each(|(m, s)| *m += f64::from(*s));
         map.shift.iter_mut().zip(&step[9..]).for_each(|(m, s)| *m += f64::from(*s) * size);
         if freedom == Freedom::MapAndBend {
-            self.nodes.smooth(REACH, &mut slope.bend);
+            self.nodes.smooth(LATTICE_SMOOTHING_CELLS, &mut slope.bend);
             let bend = self.motion.bends[frame].as_flattened_mut();
             fit.bend_steps += 1;
             fit.bend.update_alike(bend, slope.bend.as_flattened(), rate * size, fit.bend_steps);
@@ -99,7 +99,7 @@ impl Base {
     /// One step of the shade of `frame` down `slope`.
     pub(crate) fn update_shade(&mut self, frame: usize, mut slope: Vec<[f32; 3]>, rate: f64) {
         let fit = &mut self.fits[frame];
-        self.nodes.smooth(REACH, &mut slope);
+        self.nodes.smooth(LATTICE_SMOOTHING_CELLS, &mut slope);
         fit.shade_steps += 1;
         let shade = self.motion.shades[frame].as_flattened_mut();
         fit.shade.update_alike(shade, slope.as_flattened(), rate, fit.shade_steps);
@@ -123,10 +123,11 @@ mod tests {
     fn fitted(truth: &dyn Fn([f32; 3]) -> [f32; 3], freedom: Freedom) -> f32 {
         let points = points();
         let motion = BaseMotion::still(DVec3::new(0.02, 0.0, 0.01), vec![0.0, 1.0], Lattice::around(&points));
-        let first = PoseFit::new(&motion.lattice);
-        let mut base = Base::new(motion, vec![first], 1);
+        let first = PoseMoments::new(&motion.lattice);
+        let mut base = BaseFit::new(motion, vec![first], 1);
         base.push(DVec3::ZERO);
-        let moved = |base: &Base, pose: &Pose| points.iter().map(|&x| base.motion.moved(pose, x)).collect::<Vec<_>>();
+        let moved =
+            |base: &BaseFit, pose: &Pose| points.iter().map(|&x| base.motion.moved(pose, x)).collect::<Vec<_>>();
         for step in 0..400 {
             let pose = base.motion.pose(1);
             let difference = |(is, &x): (&[f32; 3], &[f32; 3])| {
@@ -171,8 +172,8 @@ mod tests {
             shade: Vec::new(),
         };
         let still = motion.pose(0);
-        let first = PoseFit::new(&motion.lattice);
-        let mut base = Base::new(motion, vec![first], 1);
+        let first = PoseMoments::new(&motion.lattice);
+        let mut base = BaseFit::new(motion, vec![first], 1);
         base.push(DVec3::ZERO);
         for frame in 0..2 {
             base.update(frame, slope.clone(), Freedom::Map, (0.1, 1.0));

@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// Cells along the longest side of the points' box.
-const CELLS: f64 = 10.0;
+const CELLS_ALONG_LONGEST_SIDE: f64 = 10.0;
 
 /// A regular lattice around the canonical points; values in between are trilinear, beyond it those of its faces.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -35,9 +35,10 @@ impl Lattice {
             }
         }
         let widest = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
-        let cell = if widest > 0.0 && widest.is_finite() { widest / CELLS } else { 1.0 };
-        let size =
-            core::array::from_fn(|axis| ((high[axis] - low[axis]).max(0.0) / cell).ceil().min(CELLS) as usize + 2);
+        let cell = if widest > 0.0 && widest.is_finite() { widest / CELLS_ALONG_LONGEST_SIDE } else { 1.0 };
+        let size = core::array::from_fn(|axis| {
+            ((high[axis] - low[axis]).max(0.0) / cell).ceil().min(CELLS_ALONG_LONGEST_SIDE) as usize + 2
+        });
         // Half a cell of room on average on both sides.
         let low = core::array::from_fn(|axis| {
             let middle = 0.5 * (low[axis] + high[axis]);

@@ -6,5 +6,5 @@ mod motion;
 mod shade;
 
 pub use lattice::Lattice;
-pub(crate) use motion::PoseSlope;
+pub(crate) use motion::PoseGradient;
 pub use motion::{Affine, BaseMotion, Pose};

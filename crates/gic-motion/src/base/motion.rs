@@ -39,7 +39,7 @@ pub struct Pose {
 }
 
 /// Derivative of a loss with respect to a [`Pose`].
-pub(crate) type PoseSlope = Pose;
+pub(crate) type PoseGradient = Pose;
 
 /// The map `x -> matrix (x - origin) + origin + shift`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -150,7 +150,7 @@ impl BaseMotion {
         points: &[[f32; 3]],
         slope: &[[f32; 4]],
         d_points: &mut [[f32; 3]],
-    ) -> PoseSlope {
+    ) -> PoseGradient {
         let origin = DVec3::from_array(self.origin);
         let back = pose.map.linear().transpose();
         let (mut d_matrix, mut d_shift) = (DMat3::ZERO, DVec3::ZERO);

@@ -4,7 +4,7 @@
 //! colours that are the same at all times then pull the Gaussians out of place. Each frame multiplies them by a smooth field.
 
 use super::{BaseMotion, Pose};
-use crate::gaussians::parameters::{Gradient, Parameters, details_per_gaussian};
+use crate::gaussians::parameters::{ParameterGradient, Parameters, rest_per_gaussian};
 
 /// Value of the degree-0 harmonic: colour = 0.5 + this * coefficient.
 const SH0: f32 = gic_splat::sh::C0 as f32;
@@ -28,17 +28,17 @@ impl BaseMotion {
 
     /// Turns the gradient with respect to shaded colours in `gradient` into that of the colours themselves, adds the positions'
     /// part, and returns that of the pose's shade.
-    pub(crate) fn shade_back(&self, pose: &Pose, p: &Parameters, gradient: &mut Gradient) -> Vec<[f32; 3]> {
-        let details = details_per_gaussian(p.sh_degree);
+    pub(crate) fn shade_back(&self, pose: &Pose, p: &Parameters, gradient: &mut ParameterGradient) -> Vec<[f32; 3]> {
+        let sh_rest = rest_per_gaussian(p.sh_degree);
         let mut d_shade = vec![[0.0; 3]; pose.shade.len()];
         for (i, &x) in p.positions.iter().enumerate() {
             let shade = self.lattice.value(&pose.shade, x);
-            let sh = &mut gradient.sh[i * (details + 1)..(i + 1) * (details + 1)];
+            let sh = &mut gradient.sh[i * (sh_rest + 1)..(i + 1) * (sh_rest + 1)];
             let mut d = [0.0; 3];
             for c in 0..3 {
-                d[c] = sh[0][c] * (p.features[i][c] + 0.5 / SH0);
+                d[c] = sh[0][c] * (p.sh_dc[i][c] + 0.5 / SH0);
                 sh[0][c] *= 1.0 + shade[c];
-                for (slope, detail) in sh[1..].iter_mut().zip(&p.details[i * details..(i + 1) * details]) {
+                for (slope, detail) in sh[1..].iter_mut().zip(&p.sh_rest[i * sh_rest..(i + 1) * sh_rest]) {
                     d[c] += slope[c] * detail[c];
                     slope[c] *= 1.0 + shade[c];
                 }
@@ -62,8 +62,8 @@ mod tests {
         let n = 5;
         let mut p = Parameters {
             positions: (0..n).map(|i| core::array::from_fn(|k| 0.5 * wave(3 * i + k, 0.7))).collect(),
-            features: (0..n).map(|i| core::array::from_fn(|k| wave(3 * i + k, 1.3))).collect(),
-            details: (0..3 * n).map(|i| core::array::from_fn(|k| wave(3 * i + k, 2.1))).collect(),
+            sh_dc: (0..n).map(|i| core::array::from_fn(|k| wave(3 * i + k, 1.3))).collect(),
+            sh_rest: (0..3 * n).map(|i| core::array::from_fn(|k| wave(3 * i + k, 2.1))).collect(),
             log_scales: vec![0.0; n],
             rotations: Vec::new(),
             opacity_logits: vec![0.0; n],
@@ -89,7 +89,7 @@ mod tests {
             let sh = drawn(p, pose);
             sh.iter().flatten().zip(slopes.iter().flatten()).map(|(a, b)| f64::from(*a) * f64::from(*b)).sum()
         };
-        let mut gradient = Gradient::zeros(&p);
+        let mut gradient = ParameterGradient::zeros(&p);
         gradient.sh.clone_from(&slopes);
         let d_shade = motion.shade_back(&pose, &p, &mut gradient);
 
@@ -115,8 +115,8 @@ mod tests {
                 value
             };
             let position: fn(&mut Parameters, usize) -> &mut f32 = |p, i| &mut p.positions[i][1];
-            let feature: fn(&mut Parameters, usize) -> &mut f32 = |p, i| &mut p.features[i][0];
-            let detail: fn(&mut Parameters, usize) -> &mut f32 = |p, i| &mut p.details[3 * i + 1][2];
+            let feature: fn(&mut Parameters, usize) -> &mut f32 = |p, i| &mut p.sh_dc[i][0];
+            let detail: fn(&mut Parameters, usize) -> &mut f32 = |p, i| &mut p.sh_rest[3 * i + 1][2];
             agree(gradient.positions[i][1], at(position, h), at(position, -h));
             agree(gradient.sh[4 * i][0], at(feature, h), at(feature, -h));
             agree(gradient.sh[4 * i + 2][2], at(detail, h), at(detail, -h));

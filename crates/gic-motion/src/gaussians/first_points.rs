@@ -8,13 +8,13 @@ use rayon::prelude::*;
 use crate::pictures::{Ball, Target};
 
 /// Cells along the hull for the first, coarse carving.
-const COARSE: usize = 40;
+const COARSE_HULL_RESOLUTION: usize = 40;
 /// The hull is carved from at most this many pictures, evenly spread.
 const MAX_HULL_VIEWS: usize = 64;
 
 /// Points with colours, all the same size.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Points {
+pub(crate) struct FirstPoints {
     pub(crate) positions: Vec<[f32; 3]>,
     pub(crate) colors: Vec<[f32; 3]>,
     /// Distance between neighbours [m].
@@ -22,11 +22,11 @@ pub(crate) struct Points {
 }
 
 /// The scene's sparse points near the object: those that most masks show.
-pub(crate) fn sparse(scene: &Scene, targets: &[&Target]) -> Points {
+pub(crate) fn sparse(scene: &Scene, targets: &[&Target]) -> FirstPoints {
     let points: Vec<_> = scene.points.iter().filter(|p| share(targets, p.position) > 0.9).collect();
     let positions: Vec<[f32; 3]> = points.iter().map(|p| p.position.as_vec3().to_array()).collect();
     let spacing = mean_spacing(&positions);
-    Points { colors: points.iter().map(|p| p.rgb).collect(), positions, spacing }
+    FirstPoints { colors: points.iter().map(|p| p.rgb).collect(), positions, spacing }
 }
 
 /// Share of the pictures looking at `x` whose mask shows it.
@@ -48,13 +48,14 @@ fn share(targets: &[&Target], x: DVec3) -> f64 {
 
 /// About `count` points on the surface of the visual hull of `targets`, coloured by the pictures that see them.
 ///
-/// The hull is what at most the share `misses` of the masks does not show. Points are the surface cells of a grid as fine as `count` asks for, moved at random within them.
+/// The hull is what at most the share `misses` of the masks does not show. Points are the surface cells of a grid as fine as
+/// `count` asks for, moved at random within them.
 pub(crate) fn hull_surface(
     targets: &[&Target],
     misses: f64,
     (count, inset): (usize, f64),
     rng: &mut impl Rng,
-) -> Option<Points> {
+) -> Option<FirstPoints> {
     let stride = targets.len().div_ceil(MAX_HULL_VIEWS);
     let views: Vec<(&Target, Mask, Picture)> =
         targets.par_iter().step_by(stride).map(|&target| (target, target.mask(), target.picture())).collect();
@@ -62,10 +63,10 @@ pub(crate) fn hull_surface(
         views.iter().map(|(target, mask, _)| HullView { camera: &target.camera, mask }).collect();
     let tolerated_misses = (misses * views.len() as f64) as usize;
     let carve = |resolution| Hull::carve(&carving, &HullSettings { resolution, tolerated_misses });
-    let coarse = carve(COARSE)?;
+    let coarse = carve(COARSE_HULL_RESOLUTION)?;
     // The number of surface cells grows with the square of the resolution.
     let factor = (count as f64 / coarse.surface().len().max(1) as f64).sqrt();
-    let hull = carve(((COARSE as f64 * factor).round() as usize).clamp(8, 400))?;
+    let hull = carve(((COARSE_HULL_RESOLUTION as f64 * factor).round() as usize).clamp(8, 400))?;
     let surface = hull.surface();
     let pictures: Vec<(&Camera, &Picture)> =
         views.iter().map(|(target, _, picture)| (&target.camera, picture)).collect();
@@ -75,11 +76,11 @@ pub(crate) fn hull_surface(
         .iter()
         .map(|point| (point.position + hull.cell * (jitter() - inset * point.normal)).as_vec3().to_array())
         .collect();
-    Some(Points { positions, colors, spacing: hull.cell })
+    Some(FirstPoints { positions, colors, spacing: hull.cell })
 }
 
 /// `count` points drawn uniformly in the box around the ball, grey: the paper's start.
-pub(crate) fn random(ball: &Ball, count: usize, rng: &mut impl Rng) -> Points {
+pub(crate) fn random(ball: &Ball, count: usize, rng: &mut impl Rng) -> FirstPoints {
     let positions = (0..count)
         .map(|_| {
             let offset: [f64; 3] = core::array::from_fn(|_| rng.random_range(-1.0..1.0));
@@ -87,7 +88,7 @@ pub(crate) fn random(ball: &Ball, count: usize, rng: &mut impl Rng) -> Points {
         })
         .collect();
     let spacing = 2.0 * ball.radius / (count as f64).cbrt();
-    Points { positions, colors: vec![[0.5; 3]; count], spacing }
+    FirstPoints { positions, colors: vec![[0.5; 3]; count], spacing }
 }
 
 /// Median distance to the nearest neighbour among a sample of the points.

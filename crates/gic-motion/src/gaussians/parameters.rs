@@ -11,9 +11,9 @@ use rayon::prelude::*;
 use crate::{DensitySettings, LearningRates};
 
 /// Gaussians per parallel task, at least.
-const PER_TASK: usize = 1024;
+const GAUSSIANS_PER_TASK: usize = 1024;
 /// Coefficients per parallel task.
-const SPAN: usize = 1 << 14;
+const COEFFICIENTS_PER_TASK: usize = 1 << 14;
 
 /// Gaussians with opacity as a logit and scales as logarithms.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -26,16 +26,16 @@ pub(crate) struct Parameters {
     pub(crate) rotations: Vec<[f32; 4]>,
     pub(crate) opacity_logits: Vec<f32>,
     /// Degree-0 coefficients.
-    pub(crate) features: Vec<[f32; 3]>,
+    pub(crate) sh_dc: Vec<[f32; 3]>,
     /// Coefficients of degree 1 and above, [n, (degree + 1)^2 - 1, 3].
-    pub(crate) details: Vec<[f32; 3]>,
-    /// The degree that `details` has room for.
+    pub(crate) sh_rest: Vec<[f32; 3]>,
+    /// The degree that `sh_rest` has room for.
     pub(crate) sh_degree: usize,
 }
 
-/// Gradient with respect to [`Parameters`], same shapes; features and details lie together as in [`Gaussians::sh`].
+/// Gradient with respect to [`Parameters`], same shapes; `sh_dc` and `sh_rest` lie together as in [`Gaussians::sh`].
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Gradient {
+pub(crate) struct ParameterGradient {
     pub(crate) positions: Vec<[f32; 3]>,
     pub(crate) log_scales: Vec<f32>,
     pub(crate) rotations: Vec<[f32; 4]>,
@@ -45,13 +45,13 @@ pub(crate) struct Gradient {
 }
 
 /// Coefficients beyond the first, per Gaussian.
-pub(crate) fn details_per_gaussian(sh_degree: usize) -> usize {
+pub(crate) fn rest_per_gaussian(sh_degree: usize) -> usize {
     (sh_degree + 1) * (sh_degree + 1) - 1
 }
 
 /// One attribute of all Gaussians, in parallel.
 fn each<T: Sync>(attribute: &[T]) -> impl IndexedParallelIterator<Item = (usize, &T)> {
-    attribute.par_iter().with_min_len(PER_TASK).enumerate()
+    attribute.par_iter().with_min_len(GAUSSIANS_PER_TASK).enumerate()
 }
 
 impl Parameters {
@@ -74,11 +74,11 @@ impl Parameters {
     /// The Gaussians to draw, displaced by `residuals` (metres, and added to the logarithm of the scale) if given.
     pub(crate) fn gaussians(&self, residuals: Option<&[[f32; 4]]>) -> Gaussians {
         let residual = |i: usize| residuals.map_or([0.0; 4], |r| r[i]);
-        let details = details_per_gaussian(self.sh_degree);
-        let mut sh = vec![[0.0; 3]; self.len() * (details + 1)];
-        sh.par_chunks_mut(details + 1).with_min_len(PER_TASK).enumerate().for_each(|(i, sh)| {
-            sh[0] = self.features[i];
-            sh[1..].copy_from_slice(&self.details[i * details..(i + 1) * details]);
+        let sh_rest = rest_per_gaussian(self.sh_degree);
+        let mut sh = vec![[0.0; 3]; self.len() * (sh_rest + 1)];
+        sh.par_chunks_mut(sh_rest + 1).with_min_len(GAUSSIANS_PER_TASK).enumerate().for_each(|(i, sh)| {
+            sh[0] = self.sh_dc[i];
+            sh[1..].copy_from_slice(&self.sh_rest[i * sh_rest..(i + 1) * sh_rest]);
         });
         Gaussians {
             positions: each(&self.positions)
@@ -96,7 +96,7 @@ impl Parameters {
         if self.rotations.is_empty() {
             return Shape::Isotropic { scales: each(&self.log_scales).map(|(i, &s)| scale(i, s)).collect() };
         }
-        let scales = self.log_scales.par_chunks_exact(3).with_min_len(PER_TASK).enumerate();
+        let scales = self.log_scales.par_chunks_exact(3).with_min_len(GAUSSIANS_PER_TASK).enumerate();
         Shape::Anisotropic {
             scales: scales.map(|(i, s)| core::array::from_fn(|axis| scale(i, s[axis]))).collect(),
             rotations: self.rotations.clone(),
@@ -110,7 +110,7 @@ impl Parameters {
         &self,
         drawn: &Gaussians,
         slope: &mut GaussianGradients,
-        gradient: &mut Gradient,
+        gradient: &mut ParameterGradient,
         d_residuals: &mut [[f32; 4]],
     ) {
         let (scales, d_scales) = (drawn.shape.flat_scales(), slope.shape.flat_scales());
@@ -120,22 +120,25 @@ impl Parameters {
         }
         let axes = self.axes();
         let sums = (gradient.log_scales.par_chunks_mut(axes), d_residuals.par_iter_mut(), &mut gradient.opacity_logits);
-        sums.into_par_iter().with_min_len(PER_TASK).enumerate().for_each(|(i, (log_scales, residual, logit))| {
-            for (axis, sum) in log_scales.iter_mut().enumerate() {
-                let d_log_scale = d_scales[i * axes + axis] * scales[i * axes + axis];
-                *sum += d_log_scale;
-                residual[3] += d_log_scale;
-            }
-            for axis in 0..3 {
-                residual[axis] += slope.positions[i][axis];
-            }
-            let opacity = drawn.opacities[i];
-            *logit += slope.opacities[i] * opacity * (1.0 - opacity);
-        });
+        sums.into_par_iter().with_min_len(GAUSSIANS_PER_TASK).enumerate().for_each(
+            |(i, (log_scales, residual, logit))| {
+                for (axis, sum) in log_scales.iter_mut().enumerate() {
+                    let d_log_scale = d_scales[i * axes + axis] * scales[i * axes + axis];
+                    *sum += d_log_scale;
+                    residual[3] += d_log_scale;
+                }
+                for axis in 0..3 {
+                    residual[axis] += slope.positions[i][axis];
+                }
+                let opacity = drawn.opacities[i];
+                *logit += slope.opacities[i] * opacity * (1.0 - opacity);
+            },
+        );
         if gradient.sh.is_empty() {
             gradient.sh = mem::take(&mut slope.sh);
         } else {
-            let pairs = gradient.sh.par_chunks_mut(SPAN).zip(slope.sh.par_chunks(SPAN));
+            let pairs =
+                gradient.sh.par_chunks_mut(COEFFICIENTS_PER_TASK).zip(slope.sh.par_chunks(COEFFICIENTS_PER_TASK));
             pairs.for_each(|(sums, d)| {
                 sums.as_flattened_mut().iter_mut().zip(d.as_flattened()).for_each(|(sum, d)| *sum += d);
             });
@@ -143,21 +146,21 @@ impl Parameters {
     }
 
     fn select(&mut self, rows: &[usize]) {
-        let (details, axes) = (details_per_gaussian(self.sh_degree), self.axes());
+        let (sh_rest, axes) = (rest_per_gaussian(self.sh_degree), self.axes());
         self.positions = rows.iter().map(|&i| self.positions[i]).collect();
         self.log_scales = rows.iter().flat_map(|&i| &self.log_scales[i * axes..(i + 1) * axes]).copied().collect();
         if !self.rotations.is_empty() {
             self.rotations = rows.iter().map(|&i| self.rotations[i]).collect();
         }
         self.opacity_logits = rows.iter().map(|&i| self.opacity_logits[i]).collect();
-        self.features = rows.iter().map(|&i| self.features[i]).collect();
-        self.details = rows.iter().flat_map(|&i| &self.details[i * details..(i + 1) * details]).copied().collect();
+        self.sh_dc = rows.iter().map(|&i| self.sh_dc[i]).collect();
+        self.sh_rest = rows.iter().flat_map(|&i| &self.sh_rest[i * sh_rest..(i + 1) * sh_rest]).copied().collect();
     }
 }
 
-impl Gradient {
-    pub(crate) fn zeros(p: &Parameters) -> Gradient {
-        Gradient {
+impl ParameterGradient {
+    pub(crate) fn zeros(p: &Parameters) -> ParameterGradient {
+        ParameterGradient {
             positions: vec![[0.0; 3]; p.len()],
             log_scales: vec![0.0; p.log_scales.len()],
             rotations: vec![[0.0; 4]; p.rotations.len()],
@@ -174,8 +177,8 @@ pub(crate) struct ParameterMoments {
     pub(crate) log_scales: Moments,
     pub(crate) rotations: Moments,
     pub(crate) opacity_logits: Moments,
-    pub(crate) features: Moments,
-    pub(crate) details: Moments,
+    pub(crate) sh_dc: Moments,
+    pub(crate) sh_rest: Moments,
 }
 
 impl ParameterMoments {
@@ -185,8 +188,8 @@ impl ParameterMoments {
             log_scales: Moments::zeros(p.log_scales.len()),
             rotations: Moments::zeros(4 * p.rotations.len()),
             opacity_logits: Moments::zeros(p.len()),
-            features: Moments::zeros(3 * p.len()),
-            details: Moments::zeros(3 * p.details.len()),
+            sh_dc: Moments::zeros(3 * p.len()),
+            sh_rest: Moments::zeros(3 * p.sh_rest.len()),
         }
     }
 
@@ -195,7 +198,7 @@ impl ParameterMoments {
     pub(crate) fn update(
         &mut self,
         p: &mut Parameters,
-        g: &Gradient,
+        g: &ParameterGradient,
         rates: &LearningRates,
         (step, fraction): (usize, f64),
         (extent, alike): (f64, bool),
@@ -213,9 +216,9 @@ impl ParameterMoments {
         let (rotations, d_rotations) = (p.rotations.as_flattened_mut(), g.rotations.as_flattened());
         self.rotations.update(rotations, d_rotations, rate(rates.rotation), step);
         self.opacity_logits.update(&mut p.opacity_logits, &g.opacity_logits, rate(rates.opacity), step);
-        let (sh, width) = (g.sh.as_flattened(), 3 * (details_per_gaussian(p.sh_degree) + 1));
-        self.features.update_columns(p.features.as_flattened_mut(), (sh, width), 0..3, feature, step);
-        self.details.update_columns(p.details.as_flattened_mut(), (sh, width), 3..width, feature / 20.0, step);
+        let (sh, width) = (g.sh.as_flattened(), 3 * (rest_per_gaussian(p.sh_degree) + 1));
+        self.sh_dc.update_columns(p.sh_dc.as_flattened_mut(), (sh, width), 0..3, feature, step);
+        self.sh_rest.update_columns(p.sh_rest.as_flattened_mut(), (sh, width), 3..width, feature / 20.0, step);
     }
 
     /// The history of `rows` of parameters that have `axes` scales and the degree `sh_degree`.
@@ -226,8 +229,8 @@ impl ParameterMoments {
             self.rotations.select(rows, 4);
         }
         self.opacity_logits.select(rows, 1);
-        self.features.select(rows, 3);
-        self.details.select(rows, 3 * details_per_gaussian(sh_degree));
+        self.sh_dc.select(rows, 3);
+        self.sh_rest.select(rows, 3 * rest_per_gaussian(sh_degree));
     }
 }
 
@@ -349,8 +352,8 @@ mod tests {
                 .map(|_| core::array::from_fn(|_| number(-1.0, 1.0)))
                 .collect(),
             opacity_logits: (0..n).map(|_| number(-2.0, 2.0)).collect(),
-            features: (0..n).map(|_| core::array::from_fn(|_| number(-1.0, 1.0))).collect(),
-            details: (0..n * details_per_gaussian(sh_degree))
+            sh_dc: (0..n).map(|_| core::array::from_fn(|_| number(-1.0, 1.0))).collect(),
+            sh_rest: (0..n * rest_per_gaussian(sh_degree))
                 .map(|_| core::array::from_fn(|_| number(-1.0, 1.0)))
                 .collect(),
             sh_degree,
@@ -396,12 +399,12 @@ mod tests {
                 + dot(&turns(&g.shape), &turns(&slope.shape))
                 + dot(g.sh.as_flattened(), slope.sh.as_flattened())
         };
-        let (mut gradient, mut d_residuals) = (Gradient::zeros(&p), vec![[0.0; 4]; n]);
+        let (mut gradient, mut d_residuals) = (ParameterGradient::zeros(&p), vec![[0.0; 4]; n]);
         p.pull_back(&drawn, &mut slope.clone(), &mut gradient, &mut d_residuals);
         let mut twice = gradient.clone();
         p.pull_back(&drawn, &mut slope.clone(), &mut twice, &mut d_residuals.clone());
         assert!(twice.sh.iter().flatten().zip(gradient.sh.iter().flatten()).all(|(twice, once)| *twice == 2.0 * once));
-        let width = details_per_gaussian(p.sh_degree) + 1;
+        let width = rest_per_gaussian(p.sh_degree) + 1;
         let h = 1e-2f32;
         let mut check = |got: &[f32], name: &str, field: &Nudge| {
             for (i, got) in got.iter().enumerate() {
@@ -417,10 +420,10 @@ mod tests {
         check(&gradient.log_scales, "scale", &|p, _, i, h| p.log_scales[i] += h);
         check(gradient.rotations.as_flattened(), "rotation", &|p, _, i, h| p.rotations.as_flattened_mut()[i] += h);
         check(&gradient.opacity_logits, "opacity", &|p, _, i, h| p.opacity_logits[i] += h);
-        let features: Vec<[f32; 3]> = gradient.sh.iter().copied().step_by(width).collect();
-        let details: Vec<[f32; 3]> = gradient.sh.chunks_exact(width).flat_map(|sh| &sh[1..]).copied().collect();
-        check(features.as_flattened(), "feature", &|p, _, i, h| p.features.as_flattened_mut()[i] += h);
-        check(details.as_flattened(), "detail", &|p, _, i, h| p.details.as_flattened_mut()[i] += h);
+        let sh_dc: Vec<[f32; 3]> = gradient.sh.iter().copied().step_by(width).collect();
+        let sh_rest: Vec<[f32; 3]> = gradient.sh.chunks_exact(width).flat_map(|sh| &sh[1..]).copied().collect();
+        check(sh_dc.as_flattened(), "feature", &|p, _, i, h| p.sh_dc.as_flattened_mut()[i] += h);
+        check(sh_rest.as_flattened(), "detail", &|p, _, i, h| p.sh_rest.as_flattened_mut()[i] += h);
         check(d_residuals.as_flattened(), "residual", &|_, r, i, h| r.as_flattened_mut()[i] += h);
     }
 
@@ -487,6 +490,6 @@ mod tests {
         let change = control_density(&mut p, &mut moments, &screen, &settings, (1.0, 7), &mut rng);
         assert_eq!((change.cloned, p.len()), (2, 7));
         assert_eq!(p.positions[5..], [before.positions[3], before.positions[4]]);
-        assert_eq!(p.details.len(), 7 * 3);
+        assert_eq!(p.sh_rest.len(), 7 * 3);
     }
 }

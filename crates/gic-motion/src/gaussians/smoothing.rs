@@ -10,23 +10,23 @@ use rayon::prelude::*;
 /// Neighbours of each point before the relation is made symmetric.
 const NEIGHBOURS: usize = 8;
 /// The search for neighbours looks this many spacings far at least.
-const REACH: f64 = 2.0;
+const SEARCH_RADIUS_SPACINGS: f64 = 2.0;
 /// Conjugate gradients stop at this residual, relative to the right-hand side: a preconditioner need not be exact.
-const TOLERANCE: f64 = 1e-2;
+const RESIDUAL_TOLERANCE: f64 = 1e-2;
 const MAX_ITERATIONS: usize = 60;
 
 /// Which points are neighbours; symmetric.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Neighbourhood {
+pub(crate) struct NeighbourGraph {
     /// The neighbours of point i are `others[starts[i]..starts[i + 1]]`.
     starts: Vec<usize>,
     others: Vec<u32>,
 }
 
-impl Neighbourhood {
+impl NeighbourGraph {
     /// Connects each point with its nearest ones within about twice `spacing` [m].
-    pub(crate) fn new(positions: &[[f32; 3]], spacing: f64) -> Neighbourhood {
-        let grid = Grid::new(positions, REACH * spacing);
+    pub(crate) fn new(positions: &[[f32; 3]], spacing: f64) -> NeighbourGraph {
+        let grid = Grid::new(positions, SEARCH_RADIUS_SPACINGS * spacing);
         let nearest: Vec<Vec<u32>> = (0..positions.len()).into_par_iter().map(|i| grid.nearest(positions, i)).collect();
         let mut pairs: Vec<(u32, u32)> = Vec::with_capacity(2 * NEIGHBOURS * positions.len());
         for (i, list) in nearest.iter().enumerate() {
@@ -44,7 +44,7 @@ impl Neighbourhood {
         for i in 0..positions.len() {
             starts[i + 1] += starts[i];
         }
-        Neighbourhood { starts, others: pairs.into_iter().map(|(_, j)| j).collect() }
+        NeighbourGraph { starts, others: pairs.into_iter().map(|(_, j)| j).collect() }
     }
 
     /// How many points it was made for.
@@ -101,7 +101,7 @@ impl Neighbourhood {
         let mut direction = residual.clone();
         let mut image = vec![0.0f32; right.len()];
         let mut size = dot(&residual, &residual);
-        let enough = TOLERANCE * TOLERANCE * size;
+        let enough = RESIDUAL_TOLERANCE * RESIDUAL_TOLERANCE * size;
         for _ in 0..MAX_ITERATIONS {
             if size <= enough {
                 break;
@@ -123,24 +123,24 @@ impl Neighbourhood {
     }
 }
 
-/// The points whose neighbourhood is in use, as they were when it was made; a checkpoint holds them.
+/// A graph of neighbours, and the points as they were when it was made; a checkpoint holds them.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Anchors {
+pub(crate) struct SmoothingGraph {
     positions: Vec<[f32; 3]>,
-    neighbourhood: Neighbourhood,
+    graph: NeighbourGraph,
 }
 
-impl Anchors {
-    pub(crate) fn new(positions: Vec<[f32; 3]>, spacing: f64) -> Anchors {
-        Anchors { neighbourhood: Neighbourhood::new(&positions, spacing), positions }
+impl SmoothingGraph {
+    pub(crate) fn new(positions: Vec<[f32; 3]>, spacing: f64) -> SmoothingGraph {
+        SmoothingGraph { graph: NeighbourGraph::new(&positions, spacing), positions }
     }
 
     pub(crate) fn positions(&self) -> &[[f32; 3]] {
         &self.positions
     }
 
-    pub(crate) fn neighbourhood(&self) -> &Neighbourhood {
-        &self.neighbourhood
+    pub(crate) fn graph(&self) -> &NeighbourGraph {
+        &self.graph
     }
 }
 
@@ -205,9 +205,9 @@ mod tests {
     fn neighbours_are_the_nearest_and_mutual() {
         let positions = cloud(400);
         let reach = 0.4;
-        let neighbourhood = Neighbourhood::new(&positions, reach / REACH);
+        let graph = NeighbourGraph::new(&positions, reach / SEARCH_RADIUS_SPACINGS);
         let distance = |i: usize, j: usize| (0..3).map(|k| (positions[i][k] - positions[j][k]).powi(2)).sum::<f32>();
-        let list = |i: usize| &neighbourhood.others[neighbourhood.starts[i]..neighbourhood.starts[i + 1]];
+        let list = |i: usize| &graph.others[graph.starts[i]..graph.starts[i + 1]];
         for i in 0..positions.len() {
             let mut others: Vec<usize> = (0..positions.len()).filter(|&j| j != i).collect();
             others.sort_by(|&a, &b| distance(i, a).total_cmp(&distance(i, b)));
@@ -224,34 +224,34 @@ mod tests {
     #[test]
     fn smoothing_solves_its_equation_keeps_the_sum_and_lessens_differences() {
         let positions = cloud(500);
-        let neighbourhood = Neighbourhood::new(&positions, 0.2);
+        let graph = NeighbourGraph::new(&positions, 0.2);
         let mut rng = ChaCha8Rng::seed_from_u64(4);
         let values: Vec<[f32; 3]> = (0..500).map(|_| core::array::from_fn(|_| rng.random_range(-1.0..1.0))).collect();
         let mut smoothed = values.clone();
-        neighbourhood.smooth(3.0, &mut smoothed);
+        graph.smooth(3.0, &mut smoothed);
         for axis in 0..3 {
             let column = |v: &[[f32; 3]]| v.iter().map(|v| v[axis]).collect::<Vec<f32>>();
             let (right, x) = (column(&values), column(&smoothed));
             let mut image = vec![0.0; 500];
-            neighbourhood.apply(9.0, &x, &mut image);
+            graph.apply(9.0, &x, &mut image);
             let norm = |v: &[f32]| v.iter().map(|x| x * x).sum::<f32>().sqrt();
             let error: Vec<f32> = image.iter().zip(&right).map(|(a, b)| a - b).collect();
-            assert!(norm(&error) < 2.0 * TOLERANCE as f32 * norm(&right));
+            assert!(norm(&error) < 2.0 * RESIDUAL_TOLERANCE as f32 * norm(&right));
             assert!(norm(&x) < 0.5 * norm(&right), "noise averages out");
         }
         // A common pull stays what it is: L of a constant is zero.
         let mut pull = vec![[1.0f32, -2.0, 0.5]; 500];
-        neighbourhood.smooth(3.0, &mut pull);
+        graph.smooth(3.0, &mut pull);
         assert!(pull.iter().all(|v| (v[0] - 1.0).abs() < 1e-3 && (v[1] + 2.0).abs() < 1e-3));
     }
 
     #[test]
     fn tension_agrees_with_finite_differences() {
         let positions = cloud(60);
-        let neighbourhood = Neighbourhood::new(&positions, 0.4);
-        let value = |p: &[[f32; 3]]| neighbourhood.tension(7.0, p, 0.4, &mut vec![[0.0; 3]; 60]);
+        let graph = NeighbourGraph::new(&positions, 0.4);
+        let value = |p: &[[f32; 3]]| graph.tension(7.0, p, 0.4, &mut vec![[0.0; 3]; 60]);
         let mut slope = vec![[1.0f32; 3]; 60];
-        neighbourhood.tension(7.0, &positions, 0.4, &mut slope);
+        graph.tension(7.0, &positions, 0.4, &mut slope);
         for (i, axis) in [(0, 0), (13, 1), (59, 2)] {
             let nudged = |h: f32| {
                 let mut p = positions.clone();
@@ -267,11 +267,11 @@ mod tests {
     #[test]
     fn odd_positions_do_no_harm() {
         let positions = [[f32::NAN; 3], [f32::INFINITY, 0.0, 0.0], [0.0; 3], [0.0; 3], [1e30; 3]];
-        let neighbourhood = Neighbourhood::new(&positions, 0.1);
-        assert_eq!(neighbourhood.len(), 5);
+        let graph = NeighbourGraph::new(&positions, 0.1);
+        assert_eq!(graph.len(), 5);
         let mut values = [[1.0f32; 3]; 5];
-        neighbourhood.smooth(2.0, &mut values);
+        graph.smooth(2.0, &mut values);
         assert!(values.iter().flatten().all(|v| v.is_finite()));
-        Neighbourhood::new(&[], 0.1).smooth(1.0, &mut []);
+        NeighbourGraph::new(&[], 0.1).smooth(1.0, &mut []);
     }
 }

@@ -230,9 +230,9 @@ impl<T: Scalar> MotionNetwork<T> {
         }
         // The blocks are added in their order for every parameter, whatever thread adds them.
         let first = self.backbone.end();
-        const SPAN: usize = 16384;
-        gradient[first..].par_chunks_mut(SPAN).enumerate().for_each(|(i, span)| {
-            let start = i * SPAN;
+        const PARAMETERS_PER_TASK: usize = 16384;
+        gradient[first..].par_chunks_mut(PARAMETERS_PER_TASK).enumerate().for_each(|(i, span)| {
+            let start = i * PARAMETERS_PER_TASK;
             for part in &parts {
                 add(span, &part.parameters[start..start + span.len()]);
             }

@@ -7,9 +7,9 @@ use rayon::prelude::*;
 use crate::LossWeights;
 
 /// Smallest area that picture terms are divided by, as a fraction of the window: an almost empty mask must not dominate.
-const MIN_AREA: f64 = 0.02;
+const MIN_AREA_SHARE: f64 = 0.02;
 /// Pixels per parallel task.
-const SPAN: usize = 1 << 13;
+const PIXELS_PER_TASK: usize = 1 << 13;
 
 /// Loss of one picture.
 pub struct PictureLoss {
@@ -33,13 +33,13 @@ pub fn picture_loss(
     weights: &LossWeights,
 ) -> Result<PictureLoss, MetricError> {
     let pixels = width * height;
-    let area = area.max(MIN_AREA * pixels as f64).max(1.0);
+    let area = area.max(MIN_AREA_SHARE * pixels as f64).max(1.0);
     let step = (weights.color / (3.0 * area)) as f32;
     let mut d_color = vec![[0.0f32; 3]; pixels];
     let sums: Vec<(f64, f64)> = d_color
-        .par_chunks_mut(SPAN)
-        .zip(rendered.color.par_chunks(SPAN))
-        .zip(color.par_chunks(SPAN))
+        .par_chunks_mut(PIXELS_PER_TASK)
+        .zip(rendered.color.par_chunks(PIXELS_PER_TASK))
+        .zip(color.par_chunks(PIXELS_PER_TASK))
         .map(|((slopes, got), wanted)| {
             let mut sums = (0.0, 0.0);
             for ((slope, got), wanted) in slopes.iter_mut().zip(got).zip(wanted) {
@@ -58,7 +58,7 @@ pub fn picture_loss(
         // The metric is a mean over the window; ours is a sum over its pixels divided by the object's area.
         let scale = weights.ssim * pixels as f64 / area;
         value += scale * (1.0 - ssim);
-        d_color.par_chunks_mut(SPAN).zip(d_ssim.par_chunks(SPAN)).for_each(|(d, s)| {
+        d_color.par_chunks_mut(PIXELS_PER_TASK).zip(d_ssim.par_chunks(PIXELS_PER_TASK)).for_each(|(d, s)| {
             let pairs = d.as_flattened_mut().iter_mut().zip(s.as_flattened());
             pairs.for_each(|(d, s)| *d -= scale as f32 * s);
         });
@@ -66,9 +66,9 @@ pub fn picture_loss(
     let step = (weights.mask / area) as f32;
     let mut d_alpha = vec![0.0f32; pixels];
     let sums: Vec<f64> = d_alpha
-        .par_chunks_mut(SPAN)
-        .zip(rendered.alpha.par_chunks(SPAN))
-        .zip(mask.par_chunks(SPAN))
+        .par_chunks_mut(PIXELS_PER_TASK)
+        .zip(rendered.alpha.par_chunks(PIXELS_PER_TASK))
+        .zip(mask.par_chunks(PIXELS_PER_TASK))
         .map(|((slopes, got), wanted)| {
             let mut sum = 0.0;
             for ((slope, got), wanted) in slopes.iter_mut().zip(got).zip(wanted) {

@@ -6,9 +6,9 @@ use gic_optimize::Moments;
 use serde::{Deserialize, Serialize};
 
 use super::state::{Best, State};
-use crate::base::fit::{Base, PoseFit};
-use crate::gaussians::parameters::{ParameterMoments, Parameters, ScreenGradients, details_per_gaussian};
-use crate::gaussians::smoothing::Anchors;
+use crate::base::fit::{BaseFit, PoseMoments};
+use crate::gaussians::parameters::{ParameterMoments, Parameters, ScreenGradients, rest_per_gaussian};
+use crate::gaussians::smoothing::SmoothingGraph;
 use crate::tensor_file::{self, TensorFile};
 use crate::{BaseMotion, Domain, GaussianShape, MotionError, MotionNetwork, TrainSettings};
 
@@ -33,7 +33,7 @@ struct Header {
     best_base: Option<BaseMotion>,
 }
 
-/// What of [`Base`] is no tensor.
+/// What of [`BaseFit`] is no tensor.
 #[derive(Serialize, Deserialize)]
 struct BaseHeader {
     motion: BaseMotion,
@@ -57,7 +57,7 @@ pub(crate) fn save(folder: &Path, state: &State, settings: &TrainSettings, seed:
             explained: base.explained,
             steps: base.fits.iter().map(|fit| [fit.map_steps, fit.bend_steps, fit.shade_steps]).collect(),
         }),
-        anchors: state.anchors.positions().len(),
+        anchors: state.smoothing_graph.positions().len(),
         mean_loss: state.mean_loss.is_finite().then_some(state.mean_loss),
         lowest_loss: state.lowest_loss,
         stale: state.stale,
@@ -90,9 +90,9 @@ pub(crate) fn save(folder: &Path, state: &State, settings: &TrainSettings, seed:
     push_moments(&mut tensors, "log_scales", &state.moments.log_scales);
     push_moments(&mut tensors, "rotations", &state.moments.rotations);
     push_moments(&mut tensors, "opacity_logits", &state.moments.opacity_logits);
-    push_moments(&mut tensors, "features", &state.moments.features);
-    push_moments(&mut tensors, "details", &state.moments.details);
-    tensors.push(("anchors".into(), 3, state.anchors.positions().as_flattened()));
+    push_moments(&mut tensors, "features", &state.moments.sh_dc);
+    push_moments(&mut tensors, "details", &state.moments.sh_rest);
+    tensors.push(("anchors".into(), 3, state.smoothing_graph.positions().as_flattened()));
     tensors.push(("screen.sum".into(), 1, &state.screen.sum));
     tensors.push(("screen.views".into(), 1, &state.screen.views));
     if let Some(best) = &state.best {
@@ -127,7 +127,7 @@ pub(crate) fn load(
     let weights = network.parameters.len();
     network.parameters = file.numbers_exactly("network", weights)?;
     let n = header.gaussians;
-    let details = n * details_per_gaussian(sh_degree);
+    let details = n * rest_per_gaussian(sh_degree);
     let (axes, turned) = axes_and_rotations(settings.shape);
     let kind = (sh_degree, settings.shape);
     let base = header.base.map(|base| restored(&file, base)).transpose()?;
@@ -157,8 +157,8 @@ pub(crate) fn load(
             log_scales: moments(&file, "log_scales", axes * n)?,
             rotations: moments(&file, "rotations", 4 * turned * n)?,
             opacity_logits: moments(&file, "opacity_logits", n)?,
-            features: moments(&file, "features", 3 * n)?,
-            details: moments(&file, "details", 3 * details)?,
+            sh_dc: moments(&file, "features", 3 * n)?,
+            sh_rest: moments(&file, "details", 3 * details)?,
         },
         network,
         network_moments: moments(&file, "network", weights)?,
@@ -168,7 +168,7 @@ pub(crate) fn load(
             views: file.numbers_exactly("screen.views", n)?,
         },
         base,
-        anchors: Anchors::new(file.triples("anchors", header.anchors)?, header.spacing),
+        smoothing_graph: SmoothingGraph::new(file.triples("anchors", header.anchors)?, header.spacing),
         mean_loss: header.mean_loss.unwrap_or(f64::NAN),
         lowest_loss: header.lowest_loss,
         best,
@@ -176,17 +176,17 @@ pub(crate) fn load(
     }))
 }
 
-fn restored(file: &TensorFile, header: BaseHeader) -> Result<Base, MotionError> {
+fn restored(file: &TensorFile, header: BaseHeader) -> Result<BaseFit, MotionError> {
     let BaseHeader { mut motion, explained, steps } = header;
     file.fields("", &mut motion)?;
     let fit = |(frame, &[map_steps, bend_steps, shade_steps]): (usize, &[usize; 3])| {
         let map = moments(file, &format!("map.{frame}"), 12)?;
         let bend = moments(file, &format!("bend.{frame}"), 3 * motion.lattice.nodes())?;
         let shade = moments(file, &format!("shade.{frame}"), 3 * motion.lattice.nodes())?;
-        Ok(PoseFit { map, map_steps, bend, bend_steps, shade, shade_steps })
+        Ok(PoseMoments { map, map_steps, bend, bend_steps, shade, shade_steps })
     };
     let fits = steps.iter().enumerate().map(fit).collect::<Result<_, MotionError>>()?;
-    Ok(Base::new(motion, fits, explained))
+    Ok(BaseFit::new(motion, fits, explained))
 }
 
 fn push_parameters<'a>(tensors: &mut Vec<(String, usize, &'a [f32])>, prefix: &str, p: &'a Parameters) {
@@ -195,8 +195,8 @@ fn push_parameters<'a>(tensors: &mut Vec<(String, usize, &'a [f32])>, prefix: &s
     push("log_scales", 1, p.log_scales.as_slice());
     push("rotations", 4, p.rotations.as_flattened());
     push("opacity_logits", 1, p.opacity_logits.as_slice());
-    push("features", 3, p.features.as_flattened());
-    push("details", 3, p.details.as_flattened());
+    push("features", 3, p.sh_dc.as_flattened());
+    push("details", 3, p.sh_rest.as_flattened());
 }
 
 /// Scales and rotations per Gaussian.
@@ -221,8 +221,8 @@ fn parameters(
         log_scales: file.numbers_exactly(&name("log_scales"), axes * n)?,
         rotations: rotations.as_chunks().0.to_vec(),
         opacity_logits: file.numbers_exactly(&name("opacity_logits"), n)?,
-        features: file.triples(&name("features"), n)?,
-        details: file.triples(&name("details"), n * details_per_gaussian(sh_degree))?,
+        sh_dc: file.triples(&name("features"), n)?,
+        sh_rest: file.triples(&name("details"), n * rest_per_gaussian(sh_degree))?,
         sh_degree,
     })
 }

@@ -1,13 +1,17 @@
 //! Training: static Gaussians first, then the base motion, then the network (paper section 4.1, A.1).
 //!
-//! [`train`] runs the steps. Each file adds one part to them: `start` the first state, `schedule` what takes part in a step,
-//! `follow` the first base motion, `view_gradient` one picture, `regularise` what holds Gaussians together, `judge` when it is
-//! good enough. `training` holds what stays the same, `state` what changes, `checkpoint` writes it to disk.
+//! [`train`] runs the steps. `training` holds what stays the same, `state` what changes, `checkpoint` writes it to disk.
+//! Each other file adds a part:
+//!
+//! - `start`: the state before the first step.
+//! - `schedule`: what is trained in a step, and on which pictures.
+//! - `track_base`: the first base motion, from frame to frame.
+//! - `step`: one step; `view_gradient` is one picture of it, `regularise` what holds the Gaussians together.
+//! - `early_stopping`: when training is good enough.
 
 mod check;
 mod checkpoint;
-mod follow;
-mod judge;
+mod early_stopping;
 mod progress;
 mod regularise;
 mod run;
@@ -15,6 +19,7 @@ mod schedule;
 mod start;
 mod state;
 mod step;
+mod track_base;
 mod training;
 mod view_gradient;
 

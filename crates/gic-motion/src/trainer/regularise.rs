@@ -5,25 +5,25 @@ use rand::Rng;
 
 use super::state::State;
 use super::training::Training;
-use crate::gaussians::parameters::{self, Gradient, ScreenGradients, control_density};
-use crate::gaussians::smoothing::Anchors;
+use crate::gaussians::parameters::{self, ParameterGradient, ScreenGradients, control_density};
+use crate::gaussians::smoothing::SmoothingGraph;
 
 impl Training<'_> {
     /// Shares the pull on each point with its neighbours; false when that is over.
-    pub(super) fn smooth(&self, state: &mut State, gradient: &mut Gradient, views: usize) -> bool {
+    pub(super) fn smooth(&self, state: &mut State, gradient: &mut ParameterGradient, views: usize) -> bool {
         let (first, last) = self.settings.smoothing;
         let over = state.step as f64 / self.network_start().max(1) as f64;
         let reach = first + (last - first) * over.min(1.0);
         if reach <= 0.0 {
             return false;
         }
-        if state.anchors.positions().len() != state.parameters.len() {
-            state.anchors = Anchors::new(state.parameters.positions.clone(), state.spacing);
+        if state.smoothing_graph.positions().len() != state.parameters.len() {
+            state.smoothing_graph = SmoothingGraph::new(state.parameters.positions.clone(), state.spacing);
         }
-        let neighbourhood = state.anchors.neighbourhood();
+        let graph = state.smoothing_graph.graph();
         let weight = self.settings.loss.tension * views as f64;
-        neighbourhood.tension(weight, &state.parameters.positions, state.spacing, &mut gradient.positions);
-        neighbourhood.smooth(reach, &mut gradient.positions);
+        graph.tension(weight, &state.parameters.positions, state.spacing, &mut gradient.positions);
+        graph.smooth(reach, &mut gradient.positions);
         true
     }
 
@@ -33,7 +33,7 @@ impl Training<'_> {
         state: &State,
         gaussians: &Gaussians,
         views: usize,
-        gradient: &mut Gradient,
+        gradient: &mut ParameterGradient,
         d_residuals: &mut [[f32; 4]],
     ) -> f64 {
         let (scales, axes) = (gaussians.shape.flat_scales(), state.parameters.axes());
@@ -53,7 +53,7 @@ impl Training<'_> {
         let d = &self.settings.density;
         let until = (d.until * self.settings.steps as f64) as usize;
         // A followed surface was sampled densely from its hull, and its points' neighbourhoods are what holds it together.
-        if self.follows
+        if self.tracks
             || d.every == 0
             || state.step < d.from
             || state.step > until

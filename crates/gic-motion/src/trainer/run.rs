@@ -9,7 +9,7 @@ use gic_scene::Scene;
 use super::check::check;
 use super::checkpoint;
 use super::progress::{Phase, Progress};
-use super::schedule::Stage;
+use super::schedule::Trained;
 use super::state::State;
 use super::training::Training;
 use crate::{DynamicGaussians, MotionError, TrainSettings};
@@ -56,10 +56,14 @@ impl Training<'_> {
         while state.step < steps {
             // As one of the pool's own threads: from outside, each of the dozens of parallel loops of a step would put this thread to sleep.
             let psnr = rayon::scope(|_| self.step(state))?;
-            let held_out = self.judge(state)?;
+            let held_out = self.evaluate_if_due(state)?;
             let seconds = started.elapsed().as_secs_f64();
             let progress = Progress {
-                phase: if self.stage(state.step - 1) == Stage::Still { Phase::WarmUp } else { Phase::Motion },
+                phase: if self.trained_in(state.step - 1) == Trained::Gaussians {
+                    Phase::WarmUp
+                } else {
+                    Phase::Motion
+                },
                 step: state.step,
                 steps,
                 loss: state.mean_loss,
@@ -69,7 +73,7 @@ impl Training<'_> {
                 seconds,
                 seconds_left: seconds / (state.step - first) as f64 * (steps - state.step) as f64,
             };
-            let stop = callback(&progress).is_break() || self.is_stale(state);
+            let stop = callback(&progress).is_break() || self.out_of_patience(state);
             if let Some(folder) = checkpoint
                 && (stop || state.step == steps || saved.elapsed().as_secs_f64() > self.settings.checkpoint_seconds)
             {

@@ -8,49 +8,49 @@ use crate::pictures::Target;
 
 /// What takes part in a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Stage {
+pub(super) enum Trained {
     /// The Gaussians alone.
-    Still,
+    Gaussians,
     /// Gaussians and affine maps, on the frames that these explain.
-    Mapped,
+    Maps,
     /// Gaussians and the whole base motion, on all frames.
-    Bent,
+    BaseMotion,
     /// Everything.
-    Network,
+    Everything,
 }
 
 impl Training<'_> {
     /// What takes part in `step` (counted from 0).
-    pub(super) fn stage(&self, step: usize) -> Stage {
+    pub(super) fn trained_in(&self, step: usize) -> Trained {
         if self.is_static || step < self.settings.warm_up_steps {
-            Stage::Still
-        } else if self.follows && step < self.settings.warm_up_steps + self.settings.mapped_steps {
-            Stage::Mapped
+            Trained::Gaussians
+        } else if self.tracks && step < self.settings.warm_up_steps + self.settings.mapped_steps {
+            Trained::Maps
         } else if step < self.network_start() {
-            Stage::Bent
+            Trained::BaseMotion
         } else {
-            Stage::Network
+            Trained::Everything
         }
     }
 
     /// The first step in which the network takes part.
     pub(super) fn network_start(&self) -> usize {
-        let base_steps = if self.follows { self.settings.mapped_steps + self.settings.bent_steps } else { 0 };
+        let base_steps = if self.tracks { self.settings.mapped_steps + self.settings.bent_steps } else { 0 };
         self.settings.warm_up_steps + base_steps
     }
 
     /// Views of one step: of one frame (which is told when the step knows motion), a few cameras.
     pub(super) fn draw_views(&self, state: &State, rng: &mut impl Rng) -> (usize, Vec<&Target>) {
         let explained = state.base.as_ref().map_or(1, |base| base.explained);
-        let frames = match self.stage(state.step) {
-            Stage::Still if !self.synchronous => {
+        let frames = match self.trained_in(state.step) {
+            Trained::Gaussians if !self.synchronous => {
                 return (0, self.choose(state.step, self.frames.concat(), rng, self.settings.views_per_step));
             }
-            Stage::Still => 1,
-            Stage::Mapped => explained,
-            Stage::Bent => self.frames.len(),
-            Stage::Network if state.base.is_some() => self.frames.len(),
-            Stage::Network => {
+            Trained::Gaussians => 1,
+            Trained::Maps => explained,
+            Trained::BaseMotion => self.frames.len(),
+            Trained::Everything if state.base.is_some() => self.frames.len(),
+            Trained::Everything => {
                 let grown = (state.step - self.network_start() + 1) as f64 / self.settings.growth_steps.max(1) as f64;
                 (grown * self.frames.len() as f64).ceil() as usize
             }

@@ -6,17 +6,17 @@ use gic_splat::{coefficient_of_color, logit};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::state::{EXTENT_RADII, State};
+use super::state::{NETWORK_UNIT_RADII, State};
 use super::training::{MIN_GAUSSIANS, Training};
-use crate::gaussians::first_points::{self, Points};
-use crate::gaussians::parameters::{ParameterMoments, Parameters, ScreenGradients, details_per_gaussian};
-use crate::gaussians::smoothing::Anchors;
+use crate::gaussians::first_points::{self, FirstPoints};
+use crate::gaussians::parameters::{ParameterMoments, Parameters, ScreenGradients, rest_per_gaussian};
+use crate::gaussians::smoothing::SmoothingGraph;
 use crate::pictures::{self, Ball, Target};
 use crate::{Domain, GaussianShape, InitialPoints, MotionError, MotionNetwork};
 
 /// A point belongs to the hull of a moving object seen by one camera at a time unless more than this share of the pictures
 /// miss it.
-const MISSES_OVER_TIME: f64 = 0.3;
+const TOLERATED_MISS_SHARE: f64 = 0.3;
 
 impl Training<'_> {
     /// The state before the first step.
@@ -36,7 +36,7 @@ impl Training<'_> {
         let (start, end) = times.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(t), b.max(t)));
         let domain = Domain {
             centre: ball.centre.to_array(),
-            extent: EXTENT_RADII * ball.radius,
+            extent: NETWORK_UNIT_RADII * ball.radius,
             start,
             duration: if end > start { end - start } else { 1.0 },
         };
@@ -48,7 +48,7 @@ impl Training<'_> {
             spacing,
             moments: ParameterMoments::zeros(&parameters),
             screen: ScreenGradients::zeros(parameters.len()),
-            anchors: Anchors::default(),
+            smoothing_graph: SmoothingGraph::default(),
             base: None,
             parameters,
             network_moments: Moments::zeros(network.parameters.len()),
@@ -70,7 +70,7 @@ impl Training<'_> {
     }
 
     /// Round Gaussians, all alike, at coloured points.
-    fn first_parameters(&self, points: Points) -> Parameters {
+    fn first_parameters(&self, points: FirstPoints) -> Parameters {
         let n = points.positions.len();
         let (axes, turned) = match self.settings.shape {
             GaussianShape::Isotropic => (1, 0),
@@ -80,8 +80,8 @@ impl Training<'_> {
             log_scales: vec![(self.settings.first_scale * points.spacing).ln() as f32; axes * n],
             rotations: vec![[1.0, 0.0, 0.0, 0.0]; turned * n],
             opacity_logits: vec![logit(self.settings.first_opacity) as f32; n],
-            features: points.colors.iter().map(|c| c.map(coefficient_of_color)).collect(),
-            details: vec![[0.0; 3]; n * details_per_gaussian(self.sh_degree)],
+            sh_dc: points.colors.iter().map(|c| c.map(coefficient_of_color)).collect(),
+            sh_rest: vec![[0.0; 3]; n * rest_per_gaussian(self.sh_degree)],
             positions: points.positions,
             sh_degree: self.sh_degree,
         }
@@ -93,7 +93,7 @@ impl Training<'_> {
         seen: &[&Target],
         ball: &Ball,
         rng: &mut impl Rng,
-    ) -> Result<Points, MotionError> {
+    ) -> Result<FirstPoints, MotionError> {
         let count = self.first_count(seen);
         match self.settings.initial {
             InitialPoints::Random => return Ok(first_points::random(ball, count, rng)),
@@ -106,7 +106,7 @@ impl Training<'_> {
             _ => {}
         }
         let inset = self.settings.initial_inset;
-        let misses = if self.synchronous || self.is_static { 0.0 } else { MISSES_OVER_TIME };
+        let misses = if self.synchronous || self.is_static { 0.0 } else { TOLERATED_MISS_SHARE };
         first_points::hull_surface(seen, misses, (count, inset), rng).ok_or_else(|| {
             let reason = "the masks have no common visual hull: a camera's pose or axes are wrong (see `gic inspect`)";
             MotionError::NothingToTrain(reason.into())

@@ -3,13 +3,13 @@
 use gic_optimize::Moments;
 use gic_splat::Gaussians;
 
-use crate::base::fit::Base;
+use crate::base::fit::BaseFit;
 use crate::gaussians::parameters::{ParameterMoments, Parameters, ScreenGradients};
-use crate::gaussians::smoothing::Anchors;
+use crate::gaussians::smoothing::SmoothingGraph;
 use crate::{BaseMotion, Deformation, Domain, MotionNetwork, Pose};
 
 /// Length of the network's unit, in radii of the object's ball at the first frame.
-pub(super) const EXTENT_RADII: f64 = 2.0;
+pub(super) const NETWORK_UNIT_RADII: f64 = 2.0;
 
 /// Everything that changes during training; what a checkpoint holds.
 #[derive(Clone, Debug)]
@@ -25,8 +25,8 @@ pub(crate) struct State {
     pub(crate) network_steps: usize,
     pub(crate) screen: ScreenGradients,
     /// What smoothing goes by.
-    pub(crate) anchors: Anchors,
-    pub(crate) base: Option<Base>,
+    pub(crate) smoothing_graph: SmoothingGraph,
+    pub(crate) base: Option<BaseFit>,
     pub(crate) mean_loss: f64,
     pub(crate) lowest_loss: Option<f64>,
     pub(crate) best: Option<Best>,
@@ -46,7 +46,7 @@ pub(crate) struct Best {
 impl State {
     /// Width of the object at the first frame [m]: its ball's diameter.
     pub(super) fn object_size(&self) -> f64 {
-        2.0 * self.domain.extent / EXTENT_RADII
+        2.0 * self.domain.extent / NETWORK_UNIT_RADII
     }
 
     /// Displacements [m] and changes of the logarithm of the scale; `None` where nothing moves.

@@ -3,12 +3,12 @@
 use gic_optimize::decayed;
 use rayon::prelude::*;
 
-use super::schedule::Stage;
+use super::schedule::Trained;
 use super::state::State;
 use super::training::Training;
 use super::view_gradient::ViewGradient;
 use crate::base::fit::Freedom;
-use crate::gaussians::parameters::Gradient;
+use crate::gaussians::parameters::ParameterGradient;
 use crate::{Deformation, MotionError};
 
 /// Weight of the newest step in the moving average of the loss.
@@ -20,16 +20,16 @@ impl Training<'_> {
     /// One step of training; returns the PSNR of what it rendered.
     pub(super) fn step(&self, state: &mut State) -> Result<f64, MotionError> {
         let mut rng = self.rng(state.step);
-        let stage = self.stage(state.step);
-        if stage != Stage::Still && self.follows && state.base.is_none() {
-            state.base = Some(self.follow(state, &mut rng)?);
+        let trained = self.trained_in(state.step);
+        if trained != Trained::Gaussians && self.tracks && state.base.is_none() {
+            state.base = Some(self.track_base(state, &mut rng)?);
         }
         let (frame, views) = self.draw_views(state, &mut rng);
-        let pose = match stage {
-            Stage::Still => None,
+        let pose = match trained {
+            Trained::Gaussians => None,
             _ => state.base.as_ref().map(|base| base.motion.pose(frame)),
         };
-        let deformation = (stage == Stage::Network).then(|| {
+        let deformation = (trained == Trained::Everything).then(|| {
             let time = state.domain.normalised_time(views[0].time);
             state.network.forward(&state.domain.normalised(&state.parameters.positions), time)
         });
@@ -42,7 +42,7 @@ impl Training<'_> {
 
         let mut rendered: Vec<ViewGradient> =
             views.par_iter().map(|view| self.view_gradient(view, &gaussians, degree)).collect::<Result<_, _>>()?;
-        let mut gradient = Gradient::zeros(&state.parameters);
+        let mut gradient = ParameterGradient::zeros(&state.parameters);
         let mut d_residuals = vec![[0.0f32; 4]; gaussians.len()];
         let (mut loss, mut squared) = (0.0, (0.0, 0));
         for view in &mut rendered {
@@ -67,7 +67,7 @@ impl Training<'_> {
         let positions = &state.parameters.positions;
         if let (Some(base), Some(pose)) = (&mut state.base, pose) {
             let slope = base.motion.pull_back(&pose, positions, &d_residuals, &mut gradient.positions);
-            let freedom = if stage == Stage::Mapped { Freedom::Map } else { Freedom::MapAndBend };
+            let freedom = if trained == Trained::Maps { Freedom::Map } else { Freedom::MapAndBend };
             base.update(frame, slope, freedom, (decayed(self.settings.rates.base, fraction), size));
             let slope = base.motion.shade_back(&pose, &state.parameters, &mut gradient);
             base.update_shade(frame, slope, decayed(self.settings.rates.shade, fraction));
@@ -92,7 +92,7 @@ impl Training<'_> {
         state: &mut State,
         deformation: &Deformation<f32>,
         d_residuals: &mut [[f32; 4]],
-        gradient: &mut Gradient,
+        gradient: &mut ParameterGradient,
         fraction: f64,
     ) {
         let extent = state.domain.extent as f32;

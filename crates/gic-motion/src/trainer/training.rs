@@ -31,7 +31,7 @@ pub(super) struct Training<'a> {
     /// The warm-up uses the first frame (several cameras see it), not all of them (one moving camera).
     pub(super) synchronous: bool,
     /// There will be a base motion.
-    pub(super) follows: bool,
+    pub(super) tracks: bool,
 }
 
 impl<'a> Training<'a> {
@@ -80,11 +80,11 @@ impl<'a> Training<'a> {
             max_gaussians,
             sh_degree,
             synchronous,
-            follows: false,
+            tracks: false,
         };
         let time = |frame: &Vec<usize>| training.targets[frame[0]].time;
         let ascending = training.frames.windows(2).all(|pair| time(&pair[0]) < time(&pair[1]));
-        training.follows = !is_static && ascending && settings.affine_steps > 0 && training.centres().is_some();
+        training.tracks = !is_static && ascending && settings.affine_steps > 0 && training.centres().is_some();
         Ok(training)
     }
 

@@ -12,7 +12,7 @@ use crate::camera::Camera;
 use crate::picture::{Mask, PixelBox};
 
 /// Cells along the side of a block, the largest cube of the hierarchy.
-const BLOCK: usize = 8;
+const BLOCK_CELLS: usize = 8;
 /// Cells along the longest side of the grids that search for the bounding box.
 const SEARCH_RESOLUTION: usize = 32;
 
@@ -20,7 +20,7 @@ impl Hull {
     /// Carves the hull of the object in `views`. `None` when nothing remains: masks are empty, or no point of space
     /// projects into all of them (which wrong camera poses cause).
     pub fn carve(views: &[HullView], settings: &HullSettings) -> Option<Hull> {
-        let tables: Vec<ViewTable> = views.iter().map(ViewTable::new).collect();
+        let tables: Vec<MaskTable> = views.iter().map(MaskTable::new).collect();
         let (mut low, mut high) = first_box(views)?;
         // The first box is a guess: grow it while the hull reaches its walls, then shrink it around the hull.
         for _ in 0..12 {
@@ -30,7 +30,7 @@ impl Hull {
             let extent = high - low;
             let touches = (0..3).any(|axis| first[axis] == 0 || last[axis] + 1 == size[axis] as i32);
             let (new_low, new_high) = (low + first.as_dvec3() * cell, low + (last + IVec3::ONE).as_dvec3() * cell);
-            if touches && extent.max_element() < 64.0 * reach(views) {
+            if touches && extent.max_element() < 64.0 * scene_scale(views) {
                 (low, high) = (new_low - extent / 2.0, new_high + extent / 2.0);
                 continue;
             }
@@ -55,7 +55,7 @@ fn grid_shape(extent: DVec3, resolution: usize) -> (f64, [usize; 3]) {
 }
 
 /// The largest distance between cameras, or from the world's origin for a single one: the scale of the scene.
-fn reach(views: &[HullView]) -> f64 {
+fn scene_scale(views: &[HullView]) -> f64 {
     let first = views[0].camera.centre;
     let spread = views.iter().map(|view| (view.camera.centre - first).length()).fold(0.0, f64::max);
     if spread > 0.0 { spread } else { first.length().max(1.0) }
@@ -89,14 +89,14 @@ fn first_box(views: &[HullView]) -> Option<(DVec3, DVec3)> {
 
 /// What a view says about a cube of space.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Verdict {
+enum Containment {
     Outside,
     Mixed,
     Inside,
 }
 
 /// A view with the summed-area table of its mask.
-pub(super) struct ViewTable<'a> {
+pub(super) struct MaskTable<'a> {
     camera: &'a Camera,
     mask: &'a Mask,
     to_camera: DMat3,
@@ -106,8 +106,8 @@ pub(super) struct ViewTable<'a> {
     cropped: bool,
 }
 
-impl<'a> ViewTable<'a> {
-    pub(super) fn new(view: &HullView<'a>) -> ViewTable<'a> {
+impl<'a> MaskTable<'a> {
+    pub(super) fn new(view: &HullView<'a>) -> MaskTable<'a> {
         let HullView { camera, mask } = *view;
         let stride = mask.width + 1;
         let mut sums = vec![0; stride * (mask.height + 1)];
@@ -118,7 +118,7 @@ impl<'a> ViewTable<'a> {
                 sums[(row + 1) * stride + column + 1] = sums[row * stride + column + 1] + along;
             }
         }
-        ViewTable { camera, mask, to_camera: camera.rotation.transpose(), sums, cropped: mask.touches_border() }
+        MaskTable { camera, mask, to_camera: camera.rotation.transpose(), sums, cropped: mask.touches_border() }
     }
 
     /// Mask pixels in columns `x0..x1`, rows `y0..y1`.
@@ -128,13 +128,13 @@ impl<'a> ViewTable<'a> {
     }
 
     /// Judges all points of the ball around `centre`.
-    fn judge_ball(&self, centre: DVec3, radius: f64) -> Verdict {
+    fn classify_ball(&self, centre: DVec3, radius: f64) -> Containment {
         let c = self.to_camera * (centre - self.camera.centre);
         if c.z + radius <= 0.0 {
-            return Verdict::Outside;
+            return Containment::Outside;
         }
         if c.z - radius < 1e-3 * radius {
-            return Verdict::Mixed;
+            return Containment::Mixed;
         }
         // |x/z - X/Z| <= r sqrt(X^2 + Z^2) / (Z (Z - r)) for every point (x, z) of the ball.
         let scale = radius / (c.z * (c.z - radius));
@@ -145,22 +145,22 @@ impl<'a> ViewTable<'a> {
         let (width, height) = (self.mask.width as f64, self.mask.height as f64);
         let within = low.x >= 0.0 && low.y >= 0.0 && high.x <= width && high.y <= height;
         if high.x <= 0.0 || high.y <= 0.0 || low.x >= width || low.y >= height {
-            return if self.cropped { Verdict::Inside } else { Verdict::Outside };
+            return if self.cropped { Containment::Inside } else { Containment::Outside };
         }
         let (x0, y0) = (low.x.max(0.0).floor() as usize, low.y.max(0.0).floor() as usize);
         let (x1, y1) = (high.x.min(width).ceil() as usize, high.y.min(height).ceil() as usize);
         let count = self.count(x0, y0, x1, y1);
         if count == 0 && (within || !self.cropped) {
-            Verdict::Outside
+            Containment::Outside
         } else if within && count as usize == (x1 - x0) * (y1 - y0) {
-            Verdict::Inside
+            Containment::Inside
         } else {
-            Verdict::Mixed
+            Containment::Mixed
         }
     }
 
     /// Judges one point.
-    pub(super) fn holds(&self, x: DVec3) -> bool {
+    pub(super) fn contains_point(&self, x: DVec3) -> bool {
         let c = self.to_camera * (x - self.camera.centre);
         if c.z <= 0.0 {
             return false;
@@ -173,47 +173,47 @@ impl<'a> ViewTable<'a> {
 }
 
 /// The views' common verdict on the cube with lower corner `low` and side `side`.
-fn judge_cube(tables: &[ViewTable], low: DVec3, side: f64, tolerated: usize) -> Verdict {
+fn classify_cube(tables: &[MaskTable], low: DVec3, side: f64, tolerated: usize) -> Containment {
     let (centre, radius) = (low + DVec3::splat(side / 2.0), side * 0.5 * 3.0_f64.sqrt());
     let (mut outside, mut all_inside) = (0, true);
     for table in tables {
-        match table.judge_ball(centre, radius) {
-            Verdict::Outside => {
+        match table.classify_ball(centre, radius) {
+            Containment::Outside => {
                 outside += 1;
                 all_inside = false;
                 if outside > tolerated {
-                    return Verdict::Outside;
+                    return Containment::Outside;
                 }
             }
-            Verdict::Mixed => all_inside = false,
-            Verdict::Inside => {}
+            Containment::Mixed => all_inside = false,
+            Containment::Inside => {}
         }
     }
-    if all_inside { Verdict::Inside } else { Verdict::Mixed }
+    if all_inside { Containment::Inside } else { Containment::Mixed }
 }
 
 /// Cells of a coarse grid that may hold a part of the hull.
-fn search_grid(tables: &[ViewTable], low: DVec3, cell: f64, size: [usize; 3], tolerated: usize) -> Vec<bool> {
+fn search_grid(tables: &[MaskTable], low: DVec3, cell: f64, size: [usize; 3], tolerated: usize) -> Vec<bool> {
     let [nx, ny, nz] = size;
     (0..nx * ny * nz)
         .into_par_iter()
         .map(|i| {
             let corner = low + DVec3::new((i % nx) as f64, (i / nx % ny) as f64, (i / (nx * ny)) as f64) * cell;
-            judge_cube(tables, corner, cell, tolerated) != Verdict::Outside
+            classify_cube(tables, corner, cell, tolerated) != Containment::Outside
         })
         .collect()
 }
 
 /// The cells of a grid whose centres belong to the hull.
-pub(super) fn carve_grid(tables: &[ViewTable], low: DVec3, cell: f64, size: [usize; 3], tolerated: usize) -> Vec<bool> {
-    let blocks = size.map(|cells| cells.div_ceil(BLOCK));
-    let carved: Vec<Box<[bool; BLOCK * BLOCK * BLOCK]>> = (0..blocks[0] * blocks[1] * blocks[2])
+pub(super) fn carve_grid(tables: &[MaskTable], low: DVec3, cell: f64, size: [usize; 3], tolerated: usize) -> Vec<bool> {
+    let blocks = size.map(|cells| cells.div_ceil(BLOCK_CELLS));
+    let carved: Vec<Box<[bool; BLOCK_CELLS * BLOCK_CELLS * BLOCK_CELLS]>> = (0..blocks[0] * blocks[1] * blocks[2])
         .into_par_iter()
         .map(|i| {
             let first = [i % blocks[0], i / blocks[0] % blocks[1], i / (blocks[0] * blocks[1])];
-            let corner = low + DVec3::from_array(first.map(|block| (block * BLOCK) as f64)) * cell;
-            let mut cells = Box::new([false; BLOCK * BLOCK * BLOCK]);
-            carve_cube(tables, corner, cell, tolerated, [0; 3], BLOCK, &mut cells);
+            let corner = low + DVec3::from_array(first.map(|block| (block * BLOCK_CELLS) as f64)) * cell;
+            let mut cells = Box::new([false; BLOCK_CELLS * BLOCK_CELLS * BLOCK_CELLS]);
+            carve_cube(tables, corner, cell, tolerated, [0; 3], BLOCK_CELLS, &mut cells);
             cells
         })
         .collect();
@@ -221,8 +221,8 @@ pub(super) fn carve_grid(tables: &[ViewTable], low: DVec3, cell: f64, size: [usi
     for (row, cells) in occupied.chunks_mut(size[0]).enumerate() {
         let (y, z) = (row % size[1], row / size[1]);
         for (x, cell) in cells.iter_mut().enumerate() {
-            let block = ((z / BLOCK) * blocks[1] + y / BLOCK) * blocks[0] + x / BLOCK;
-            *cell = carved[block][((z % BLOCK) * BLOCK + y % BLOCK) * BLOCK + x % BLOCK];
+            let block = ((z / BLOCK_CELLS) * blocks[1] + y / BLOCK_CELLS) * blocks[0] + x / BLOCK_CELLS;
+            *cell = carved[block][((z % BLOCK_CELLS) * BLOCK_CELLS + y % BLOCK_CELLS) * BLOCK_CELLS + x % BLOCK_CELLS];
         }
     }
     occupied
@@ -230,32 +230,32 @@ pub(super) fn carve_grid(tables: &[ViewTable], low: DVec3, cell: f64, size: [usi
 
 /// Carves the cube of `side` cells at cell `first` of the block at `corner`.
 fn carve_cube(
-    tables: &[ViewTable],
+    tables: &[MaskTable],
     corner: DVec3,
     cell: f64,
     tolerated: usize,
     first: [usize; 3],
     side: usize,
-    cells: &mut [bool; BLOCK * BLOCK * BLOCK],
+    cells: &mut [bool; BLOCK_CELLS * BLOCK_CELLS * BLOCK_CELLS],
 ) {
     let low = corner + DVec3::from_array(first.map(|index| index as f64)) * cell;
     if side == 1 {
         let centre = low + DVec3::splat(cell / 2.0);
-        let misses = tables.iter().filter(|table| !table.holds(centre)).take(tolerated + 1).count();
-        cells[(first[2] * BLOCK + first[1]) * BLOCK + first[0]] = misses <= tolerated;
+        let misses = tables.iter().filter(|table| !table.contains_point(centre)).take(tolerated + 1).count();
+        cells[(first[2] * BLOCK_CELLS + first[1]) * BLOCK_CELLS + first[0]] = misses <= tolerated;
         return;
     }
-    match judge_cube(tables, low, side as f64 * cell, tolerated) {
-        Verdict::Outside => {}
-        Verdict::Inside => {
+    match classify_cube(tables, low, side as f64 * cell, tolerated) {
+        Containment::Outside => {}
+        Containment::Inside => {
             for z in first[2]..first[2] + side {
                 for y in first[1]..first[1] + side {
-                    let start = (z * BLOCK + y) * BLOCK + first[0];
+                    let start = (z * BLOCK_CELLS + y) * BLOCK_CELLS + first[0];
                     cells[start..start + side].fill(true);
                 }
             }
         }
-        Verdict::Mixed => {
+        Containment::Mixed => {
             let half = side / 2;
             for octant in 0..8 {
                 let first = [0, 1, 2].map(|axis| first[axis] + if octant >> axis & 1 == 1 { half } else { 0 });

@@ -4,7 +4,7 @@ use proptest::prelude::*;
 
 use glam::{DMat3, DVec2};
 
-use super::carve::{ViewTable, carve_grid};
+use super::carve::{MaskTable, carve_grid};
 use super::*;
 use crate::picture::Picture;
 
@@ -141,14 +141,14 @@ proptest! {
             .collect();
         let views: Vec<HullView> =
             cameras.iter().zip(&masks).map(|(camera, mask)| HullView { camera, mask }).collect();
-        let tables: Vec<ViewTable> = views.iter().map(ViewTable::new).collect();
+        let tables: Vec<MaskTable> = views.iter().map(MaskTable::new).collect();
         // A grid that reaches behind the cameras.
         let (low, cell, size) = (DVec3::splat(-1.2), 0.1, [24, 22, 20]);
         let carved = carve_grid(&tables, low, cell, size, tolerated);
         for (i, &occupied) in carved.iter().enumerate() {
             let index = DVec3::new((i % 24) as f64, (i / 24 % 22) as f64, (i / (24 * 22)) as f64);
             let centre = low + (index + 0.5) * cell;
-            let misses = tables.iter().filter(|table| !table.holds(centre)).count();
+            let misses = tables.iter().filter(|table| !table.contains_point(centre)).count();
             prop_assert_eq!(occupied, misses <= tolerated, "at {}", centre);
         }
     }

@@ -16,7 +16,7 @@ use crate::scene::Scene;
 use crate::view::{MaskSource, View};
 
 /// Two times closer than this [s, or the unit of the format] are the same frame.
-const SAME_TIME: f64 = 1e-6;
+const SAME_FRAME_TOLERANCE: f64 = 1e-6;
 
 /// Checks files and sizes, sorts, and builds the scene; lists every problem at once.
 pub(crate) fn finish(mut draft: Draft, root: &Path, options: &OpenOptions) -> Result<Scene, SceneError> {
@@ -34,7 +34,7 @@ pub(crate) fn finish(mut draft: Draft, root: &Path, options: &OpenOptions) -> Re
         Masks::Network(path) => Some(Network::open(path)?),
         _ => None,
     };
-    let cameras = settle_cameras(&draft, &headers, &backgrounds, &mut problems);
+    let cameras = resolve_cameras(&draft, &headers, &backgrounds, &mut problems);
     check_mask_sizes(&draft, &headers, &mut problems);
 
     let (mut times, frames) = number_frames(&draft.views);
@@ -137,7 +137,7 @@ fn choose_masks(draft: &mut Draft, headers: &[Option<Header>], options: &OpenOpt
 }
 
 /// Gives each camera the size of its pictures, and reports pictures of another size.
-fn settle_cameras(
+fn resolve_cameras(
     draft: &Draft,
     headers: &[Option<Header>],
     backgrounds: &[Option<(usize, usize)>],
@@ -171,7 +171,7 @@ fn settle_cameras(
             let (path, reference) = (path.clone(), reference.clone());
             problems.push(Problem::WrongSize { path, found, expected: size, reference });
         }
-        match settle_camera(camera, size) {
+        match resolve_camera(camera, size) {
             Ok(camera) => cameras.push(camera),
             Err(expected) => problems.push(Problem::WrongSize {
                 path: reference.clone(),
@@ -185,7 +185,7 @@ fn settle_cameras(
 }
 
 /// The pinhole for pictures of `size`; the stated size when the pictures are not that one scaled.
-fn settle_camera(camera: &DraftCamera, (width, height): (usize, usize)) -> Result<Camera, (usize, usize)> {
+fn resolve_camera(camera: &DraftCamera, (width, height): (usize, usize)) -> Result<Camera, (usize, usize)> {
     let (w, h) = (width as f64, height as f64);
     let (focal, principal) = match camera.intrinsics {
         Intrinsics::HorizontalAngle(angle) => {
@@ -235,7 +235,7 @@ fn check_mask_sizes(draft: &Draft, headers: &[Option<Header>], problems: &mut Ve
 fn number_frames(views: &[DraftView]) -> (Vec<f64>, Vec<usize>) {
     let mut times: Vec<f64> = views.iter().map(|view| view.time).collect();
     times.sort_by(f64::total_cmp);
-    times.dedup_by(|later, earlier| *later - *earlier <= SAME_TIME);
+    times.dedup_by(|later, earlier| *later - *earlier <= SAME_FRAME_TOLERANCE);
     let frames = views.iter().map(|view| times.partition_point(|&t| t <= view.time).saturating_sub(1)).collect();
     (times, frames)
 }

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use gic_appearance::{DressProgress, Posture, dress};
+use gic_appearance::{AppearanceProgress, PosedPoints, fit_appearance};
 use gic_continuum::{Appearance, informed_gaussians};
 use gic_geometry::outward_normals;
 use gic_twin::matter::read_particles;
@@ -21,18 +21,18 @@ impl Run<'_> {
         let (drawing, drawn) = self.drawing(&self.continuum()?)?;
         let spacing = drawing.particles.spacing;
         let to_f32 = |points: Vec<DVec3>| points.iter().map(|p| p.as_vec3().to_array()).collect::<Vec<[f32; 3]>>();
-        let mut postures = Vec::new();
+        let mut posed = Vec::new();
         for frame in 0..self.scene.times.len() {
             let positions = to_f32(drawing.positions(&self.predicted(frame)?));
-            postures.push(Posture { frame, normals: outward_normals(&positions, spacing), positions });
+            posed.push(PosedPoints { frame, normals: outward_normals(&positions, spacing), positions });
         }
         let rest = drawing.positions(&read_particles(&self.path(TWIN_MATTER))?.positions);
         let drawn = Appearance { scale: self.identified()?.splat_factor * drawn.scale, ..drawn };
         let bare = informed_gaussians(&rest, &drawing.particles, &drawn);
         let settings = &self.config.appearance.train;
-        let mut tell = |progress: &DressProgress| self.report_dressing(progress, settings.steps);
+        let mut tell = |progress: &AppearanceProgress| self.report_appearance(progress, settings.steps);
         let held_out = &self.config.reconstruct.held_out;
-        let lit = dress(&self.scene, held_out, &bare, &postures, (settings, self.config.seed), &mut tell)
+        let lit = fit_appearance(&self.scene, held_out, &bare, &posed, (settings, self.config.seed), &mut tell)
             .map_err(Error::stage("training the twin's colours"))?;
         if self.interrupt.requested() {
             return Err(self.interrupted("the prediction"));
@@ -48,7 +48,7 @@ impl Run<'_> {
         Ok(read_particles(&self.path(prediction_file(simulated_frame(&self.video, frame))))?.positions)
     }
 
-    fn report_dressing(&self, progress: &DressProgress, steps: usize) -> ControlFlow<()> {
+    fn report_appearance(&self, progress: &AppearanceProgress, steps: usize) -> ControlFlow<()> {
         if progress.step.is_multiple_of(EVENT_EVERY) || progress.step == steps {
             let values = [("loss", progress.loss), ("psnr_db", progress.psnr)];
             self.events.step(Stage::Appearance.name(), "", progress.step as u64, Some(steps as u64), &values);

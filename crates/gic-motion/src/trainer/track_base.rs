@@ -7,39 +7,41 @@ use rayon::prelude::*;
 use super::state::State;
 use super::training::Training;
 use super::view_gradient::ViewGradient;
-use crate::base::fit::{Base, Freedom, PoseFit};
+use crate::base::fit::{BaseFit, Freedom, PoseMoments};
 use crate::{BaseMotion, Lattice, MotionError};
 
 /// Learning rate of the first fit of a frame's affine map, first and last step; shifts in units of the object's size.
-const MAP_RATE: (f64, f64) = (1.5e-2, 1.5e-3);
+const TRACKING_MAP_RATE: (f64, f64) = (1.5e-2, 1.5e-3);
 /// The same of its bend.
-const BEND_RATE: (f64, f64) = (4.0e-3, 8.0e-4);
+const TRACKING_BEND_RATE: (f64, f64) = (4.0e-3, 8.0e-4);
 /// Views per step of these fits.
-const FOLLOW_VIEWS: usize = 4;
+const TRACKING_VIEWS_PER_STEP: usize = 4;
 /// An affine map explains a frame whose loss is at most this many times the first frame's.
-const EXPLAINED: f64 = 1.5;
+const EXPLAINED_LOSS_RATIO: f64 = 1.5;
 
 impl Training<'_> {
     /// The first base motion: the pose of every frame, each fitted from where the last two lead. Frames bend from the first one
     /// on that no affine map explains.
-    pub(super) fn follow(&self, state: &State, rng: &mut impl Rng) -> Result<Base, MotionError> {
+    pub(super) fn track_base(&self, state: &State, rng: &mut impl Rng) -> Result<BaseFit, MotionError> {
         let Some(centres) = self.centres() else { unreachable!("only a scene with centres is followed") };
         let times = self.frames.iter().map(|frame| self.targets[frame[0]].time).collect();
         let lattice = Lattice::around(&state.parameters.positions);
         let first_loss = self.posed_loss(state, &BaseMotion::still(centres[0], Vec::new(), lattice), 0)?;
-        let first = PoseFit::new(&lattice);
-        let mut base = Base::new(BaseMotion::still(centres[0], times, lattice), vec![first], 1);
+        let first = PoseMoments::new(&lattice);
+        let mut base = BaseFit::new(BaseMotion::still(centres[0], times, lattice), vec![first], 1);
         for frame in 1..self.frames.len() {
             base.push(centres[frame] - centres[0]);
             self.fit_pose(state, &mut base, frame, Freedom::Map, rng)?;
-            if base.explained == frame && self.posed_loss(state, &base.motion, frame)? <= EXPLAINED * first_loss {
+            if base.explained == frame
+                && self.posed_loss(state, &base.motion, frame)? <= EXPLAINED_LOSS_RATIO * first_loss
+            {
                 base.explained += 1;
             } else {
                 self.fit_pose(state, &mut base, frame, Freedom::MapAndBend, rng)?;
             }
         }
         // The history of these fits, at other rates and with other Gaussians, is no guide from here on.
-        base.fits = vec![PoseFit::new(&lattice); self.frames.len()];
+        base.fits = vec![PoseMoments::new(&lattice); self.frames.len()];
         Ok(base)
     }
 
@@ -47,20 +49,20 @@ impl Training<'_> {
     fn fit_pose(
         &self,
         state: &State,
-        base: &mut Base,
+        base: &mut BaseFit,
         frame: usize,
         freedom: Freedom,
         rng: &mut impl Rng,
     ) -> Result<(), MotionError> {
         let size = state.object_size();
         let (steps, rates) = match freedom {
-            Freedom::Map => (self.settings.affine_steps, MAP_RATE),
-            Freedom::MapAndBend => (self.settings.bend_steps, BEND_RATE),
+            Freedom::Map => (self.settings.affine_steps, TRACKING_MAP_RATE),
+            Freedom::MapAndBend => (self.settings.bend_steps, TRACKING_BEND_RATE),
         };
         for step in 0..steps {
             let pose = base.motion.pose(frame);
             let gaussians = state.posed(&base.motion, &pose);
-            let views = self.choose(state.step, self.frames[frame].clone(), rng, FOLLOW_VIEWS);
+            let views = self.choose(state.step, self.frames[frame].clone(), rng, TRACKING_VIEWS_PER_STEP);
             let rendered: Vec<ViewGradient> =
                 views.par_iter().map(|view| self.view_gradient(view, &gaussians, 0)).collect::<Result<_, _>>()?;
             let mut slope = vec![[0.0f32; 4]; gaussians.len()];

@@ -16,13 +16,13 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use crate::light::{Light, TERMS, terms};
-use crate::{AppearanceError, DressSettings};
+use crate::light::{IRRADIANCE_TERMS, Light, terms};
+use crate::{AppearanceError, AppearanceFitSettings};
 
 /// Pixels around the mask in which what is drawn counts.
-const MARGIN: usize = 12;
+const WINDOW_MARGIN_PX: usize = 12;
 /// Opacities stay below this, so that their logits stay finite.
-const MOST_OPAQUE: f64 = 0.99;
+const MAX_OPACITY: f64 = 0.99;
 
 /// Gaussians that know their albedo instead of their colour, and the light that they are in.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,7 +52,7 @@ impl LitGaussians {
 
 /// Where the Gaussians are in one frame.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Posture {
+pub struct PosedPoints {
     /// Number of the frame in the scene.
     pub frame: usize,
     /// Positions [m], shape [n, 3].
@@ -63,7 +63,7 @@ pub struct Posture {
 
 /// One step of training, told to the callback.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct DressProgress {
+pub struct AppearanceProgress {
     /// Steps done.
     pub step: usize,
     /// Loss of this step.
@@ -72,24 +72,24 @@ pub struct DressProgress {
     pub psnr: f64,
 }
 
-/// Trains the look of Gaussians on the scene's pictures of the frames in `postures`, those of the cameras `held_out` excepted.
+/// Trains the look of Gaussians on the scene's pictures of the frames in `posed`, those of the cameras `held_out` excepted.
 ///
 /// `bare` gives the scales (isotropic) and opacities to start from; its colours are not looked at. The same input gives the same
 /// bits, whatever the number of threads. `callback` may end training early; what was reached is returned.
 ///
 /// # Errors
 /// Unreadable pictures, no picture of these frames, a loss that is not finite.
-pub fn dress(
+pub fn fit_appearance(
     scene: &Scene,
     held_out: &[usize],
     bare: &Gaussians,
-    postures: &[Posture],
-    (settings, seed): (&DressSettings, u64),
-    callback: &mut dyn FnMut(&DressProgress) -> ControlFlow<()>,
+    posed: &[PosedPoints],
+    (settings, seed): (&AppearanceFitSettings, u64),
+    callback: &mut dyn FnMut(&AppearanceProgress) -> ControlFlow<()>,
 ) -> Result<LitGaussians, AppearanceError> {
     let targets = pictures::training(scene, held_out)?;
-    // Each posture with its pictures.
-    let frames: Vec<(&Posture, Vec<&Target>)> = postures
+    // Each frame with its pictures.
+    let frames: Vec<(&PosedPoints, Vec<&Target>)> = posed
         .iter()
         .map(|p| (p, targets.iter().filter(|t| t.frame == p.frame && !t.bounds.is_empty()).collect::<Vec<_>>()))
         .filter(|(_, seen)| !seen.is_empty())
@@ -97,26 +97,26 @@ pub fn dress(
     if frames.is_empty() {
         return Err(AppearanceError::NothingToTrain("no picture shows the object in these frames".into()));
     }
-    let mut wardrobe = Wardrobe::new(bare, settings);
+    let mut fit = AppearanceFit::new(bare, settings);
     for step in 0..settings.steps {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(step as u64);
-        let (posture, seen) = &frames[rng.random_range(0..frames.len())];
+        let (posed, seen) = &frames[rng.random_range(0..frames.len())];
         let mut views = seen.clone();
         while views.len() > settings.views_per_step.max(1) {
             views.swap_remove(rng.random_range(0..views.len()));
         }
-        let progress = wardrobe.step(posture, &views, step)?;
+        let progress = fit.step(posed, &views, step)?;
         if callback(&progress).is_break() {
             break;
         }
     }
-    Ok(wardrobe.lit(&postures[0].positions))
+    Ok(fit.lit(&posed[0].positions))
 }
 
 /// What is being trained.
-struct Wardrobe<'a> {
-    settings: &'a DressSettings,
+struct AppearanceFit<'a> {
+    settings: &'a AppearanceFitSettings,
     first_log_scales: Vec<f32>,
     albedo: Vec<[f32; 3]>,
     opacity_logits: Vec<f32>,
@@ -126,15 +126,15 @@ struct Wardrobe<'a> {
 }
 
 /// Gradient with respect to the trained numbers.
-struct Slope {
+struct AppearanceGradient {
     albedo: Vec<[f32; 3]>,
     opacity_logits: Vec<f32>,
     log_scales: Vec<f32>,
-    light: [[f32; 3]; TERMS],
+    light: [[f32; 3]; IRRADIANCE_TERMS],
 }
 
-impl<'a> Wardrobe<'a> {
-    fn new(bare: &Gaussians, settings: &'a DressSettings) -> Self {
+impl<'a> AppearanceFit<'a> {
+    fn new(bare: &Gaussians, settings: &'a AppearanceFitSettings) -> Self {
         let n = bare.len();
         let log_scales: Vec<f32> = match &bare.shape {
             Shape::Isotropic { scales } => scales.iter().map(|s| s.ln()).collect(),
@@ -142,15 +142,15 @@ impl<'a> Wardrobe<'a> {
                 scales.iter().map(|s| s.iter().map(|s| s.ln()).sum::<f32>() / 3.0).collect()
             }
         };
-        let opacity = |&o: &f32| logit(f64::from(o).clamp(1.0 - MOST_OPAQUE, MOST_OPAQUE)) as f32;
-        Wardrobe {
+        let opacity = |&o: &f32| logit(f64::from(o).clamp(1.0 - MAX_OPACITY, MAX_OPACITY)) as f32;
+        AppearanceFit {
             settings,
             first_log_scales: log_scales.clone(),
             albedo: vec![[0.5; 3]; n],
             opacity_logits: bare.opacities.iter().map(opacity).collect(),
             log_scales,
             light: Light::default(),
-            moments: [3 * n, n, n, 3 * TERMS].map(Moments::zeros),
+            moments: [3 * n, n, n, 3 * IRRADIANCE_TERMS].map(Moments::zeros),
         }
     }
 
@@ -165,8 +165,13 @@ impl<'a> Wardrobe<'a> {
         LitGaussians { gaussians, light: self.light }
     }
 
-    fn step(&mut self, posture: &Posture, views: &[&Target], step: usize) -> Result<DressProgress, AppearanceError> {
-        let drawn = self.lit(&posture.positions).at(posture.positions.clone(), &posture.normals);
+    fn step(
+        &mut self,
+        posed: &PosedPoints,
+        views: &[&Target],
+        step: usize,
+    ) -> Result<AppearanceProgress, AppearanceError> {
+        let drawn = self.lit(&posed.positions).at(posed.positions.clone(), &posed.normals);
         let slopes: Vec<(f64, (f64, usize), GaussianGradients)> =
             views.par_iter().map(|view| self.compare(view, &drawn)).collect::<Result<_, _>>()?;
         let loss = slopes.iter().map(|(loss, ..)| loss).sum::<f64>() / slopes.len() as f64;
@@ -174,9 +179,9 @@ impl<'a> Wardrobe<'a> {
             return Err(AppearanceError::Diverged { step });
         }
         let squared = slopes.iter().fold((0.0, 0), |sum, (_, s, _)| (sum.0 + s.0, sum.1 + s.1));
-        let slope = self.pull_back(&drawn, &posture.normals, slopes.iter().map(|(.., slope)| slope));
+        let slope = self.pull_back(&drawn, &posed.normals, slopes.iter().map(|(.., slope)| slope));
         self.descend(&slope, step);
-        Ok(DressProgress { step: step + 1, loss, psnr: -10.0 * (squared.0 / squared.1.max(1) as f64).log10() })
+        Ok(AppearanceProgress { step: step + 1, loss, psnr: -10.0 * (squared.0 / squared.1.max(1) as f64).log10() })
     }
 
     /// Loss, sum of squared differences and gradient of one view.
@@ -187,10 +192,10 @@ impl<'a> Wardrobe<'a> {
     ) -> Result<(f64, (f64, usize), GaussianGradients), AppearanceError> {
         let b = target.bounds;
         let window = Bounds {
-            x0: b.x0.saturating_sub(MARGIN),
-            y0: b.y0.saturating_sub(MARGIN),
-            x1: (b.x1 + MARGIN).min(target.camera.width),
-            y1: (b.y1 + MARGIN).min(target.camera.height),
+            x0: b.x0.saturating_sub(WINDOW_MARGIN_PX),
+            y0: b.y0.saturating_sub(WINDOW_MARGIN_PX),
+            x1: (b.x1 + WINDOW_MARGIN_PX).min(target.camera.width),
+            y1: (b.y1 + WINDOW_MARGIN_PX).min(target.camera.height),
         };
         let camera = windowed(&target.camera, window);
         let settings = RenderSettings::pictures();
@@ -207,16 +212,16 @@ impl<'a> Wardrobe<'a> {
         drawn: &Gaussians,
         normals: &[[f32; 3]],
         views: impl Iterator<Item = &'b GaussianGradients>,
-    ) -> Slope {
+    ) -> AppearanceGradient {
         let n = drawn.len();
         let (Shape::Isotropic { scales }, lights) = (&drawn.shape, normals.iter().map(|&v| self.light.at(v))) else {
             unreachable!("these Gaussians are isotropic")
         };
-        let mut slope = Slope {
+        let mut slope = AppearanceGradient {
             albedo: vec![[0.0; 3]; n],
             opacity_logits: vec![0.0; n],
             log_scales: vec![0.0; n],
-            light: [[0.0; 3]; TERMS],
+            light: [[0.0; 3]; IRRADIANCE_TERMS],
         };
         for view in views {
             let Shape::Isotropic { scales: d_scales } = &view.shape else {
@@ -245,7 +250,7 @@ impl<'a> Wardrobe<'a> {
         slope
     }
 
-    fn descend(&mut self, slope: &Slope, step: usize) {
+    fn descend(&mut self, slope: &AppearanceGradient, step: usize) {
         let s = self.settings;
         let rate = |ends| decayed(ends, step as f64 / s.steps as f64);
         let [albedo, opacity, scale, light] = &mut self.moments;
@@ -253,7 +258,7 @@ impl<'a> Wardrobe<'a> {
         opacity.update(&mut self.opacity_logits, &slope.opacity_logits, rate(s.opacity), step + 1);
         scale.update(&mut self.log_scales, &slope.log_scales, rate(s.scale), step + 1);
         light.update(self.light.coefficients.as_flattened_mut(), slope.light.as_flattened(), rate(s.light), step + 1);
-        let (most, bound) = (logit(MOST_OPAQUE) as f32, s.scale_bound.max(1.0).ln() as f32);
+        let (most, bound) = (logit(MAX_OPACITY) as f32, s.scale_bound.max(1.0).ln() as f32);
         self.opacity_logits.iter_mut().for_each(|x| *x = x.clamp(-most, most));
         self.albedo.as_flattened_mut().iter_mut().for_each(|a| *a = a.max(0.0));
         for (scale, first) in self.log_scales.iter_mut().zip(&self.first_log_scales) {
@@ -273,24 +278,24 @@ mod tests {
     #[test]
     fn pulling_back_agrees_with_finite_differences() {
         let n = 5;
-        let settings = DressSettings::default();
+        let settings = AppearanceFitSettings::default();
         let bare = Gaussians::colorless(vec![[0.0; 3]; n], vec![0.7; n], vec![0.01; n]);
-        let mut wardrobe = Wardrobe::new(&bare, &settings);
+        let mut fit = AppearanceFit::new(&bare, &settings);
         let normals: Vec<[f32; 3]> = (0..n).map(|i| [0.3, 0.7, 0.1].map(|k| wave(i, k) - 0.5)).collect();
         for i in 0..n {
-            wardrobe.albedo[i] = [0.2, 0.5, 0.9].map(|k| wave(i, k));
+            fit.albedo[i] = [0.2, 0.5, 0.9].map(|k| wave(i, k));
         }
-        for (k, l) in wardrobe.light.coefficients.as_flattened_mut().iter_mut().enumerate() {
+        for (k, l) in fit.light.coefficients.as_flattened_mut().iter_mut().enumerate() {
             *l += 0.3 * wave(k, 0.7);
         }
         // A loss that is linear in what is drawn.
         let positions = vec![[0.0; 3]; n];
-        let drawn = |w: &Wardrobe| w.lit(&positions).at(positions.clone(), &normals);
-        let mut view = GaussianGradients::zeros(&drawn(&wardrobe));
+        let drawn = |w: &AppearanceFit| w.lit(&positions).at(positions.clone(), &normals);
+        let mut view = GaussianGradients::zeros(&drawn(&fit));
         view.opacities = (0..n).map(|i| wave(i, 0.31)).collect();
         view.sh = (0..n).map(|i| [0.11, 0.57, 0.23].map(|k| wave(i, k))).collect();
         view.shape = Shape::Isotropic { scales: (0..n).map(|i| 50.0 * wave(i, 0.83)).collect() };
-        let loss = |w: &Wardrobe| -> f64 {
+        let loss = |w: &AppearanceFit| -> f64 {
             let g = drawn(w);
             let (Shape::Isotropic { scales: a }, Shape::Isotropic { scales: b }) = (&g.shape, &view.shape) else {
                 unreachable!()
@@ -298,14 +303,14 @@ mod tests {
             let dot = |a: &[f32], b: &[f32]| a.iter().zip(b).map(|(a, b)| f64::from(a * b)).sum::<f64>();
             dot(&g.opacities, &view.opacities) + dot(a, b) + dot(g.sh.as_flattened(), view.sh.as_flattened())
         };
-        let slope = wardrobe.pull_back(&drawn(&wardrobe), &normals, std::iter::once(&view));
+        let slope = fit.pull_back(&drawn(&fit), &normals, std::iter::once(&view));
         let h = 1e-2f32;
-        let mut check = |got: f32, what: &str, number: &dyn for<'w> Fn(&'w mut Wardrobe<'_>) -> &'w mut f32| {
-            *number(&mut wardrobe) += h;
-            let above = loss(&wardrobe);
-            *number(&mut wardrobe) -= 2.0 * h;
-            let below = loss(&wardrobe);
-            *number(&mut wardrobe) += h;
+        let mut check = |got: f32, what: &str, number: &dyn for<'w> Fn(&'w mut AppearanceFit<'_>) -> &'w mut f32| {
+            *number(&mut fit) += h;
+            let above = loss(&fit);
+            *number(&mut fit) -= 2.0 * h;
+            let below = loss(&fit);
+            *number(&mut fit) += h;
             let expected = (above - below) / (2.0 * f64::from(h));
             assert!(
                 (f64::from(got) - expected).abs() < 2e-3 * (1.0 + expected.abs()),
@@ -319,7 +324,7 @@ mod tests {
                 check(slope.albedo[i][c], "albedo", &|w| &mut w.albedo[i][c]);
             }
         }
-        for k in 0..TERMS {
+        for k in 0..IRRADIANCE_TERMS {
             for c in 0..3 {
                 check(slope.light[k][c], "light", &|w| &mut w.light.coefficients[k][c]);
             }
@@ -328,20 +333,20 @@ mod tests {
 
     #[test]
     fn scales_stay_within_their_bound_and_albedos_positive() {
-        let settings = DressSettings { scale_bound: 1.2, ..DressSettings::default() };
+        let settings = AppearanceFitSettings { scale_bound: 1.2, ..AppearanceFitSettings::default() };
         let bare = Gaussians::colorless(vec![[0.0; 3]; 2], vec![0.9; 2], vec![0.01; 2]);
-        let mut wardrobe = Wardrobe::new(&bare, &settings);
-        let slope = Slope {
+        let mut fit = AppearanceFit::new(&bare, &settings);
+        let slope = AppearanceGradient {
             albedo: vec![[1.0; 3]; 2],
             opacity_logits: vec![-1.0; 2],
             log_scales: vec![1.0, -1.0],
-            light: [[0.0; 3]; TERMS],
+            light: [[0.0; 3]; IRRADIANCE_TERMS],
         };
         for step in 0..300 {
-            wardrobe.descend(&slope, step);
+            fit.descend(&slope, step);
         }
-        let Shape::Isotropic { scales } = wardrobe.lit(&[[0.0; 3]; 2]).gaussians.shape else { unreachable!() };
+        let Shape::Isotropic { scales } = fit.lit(&[[0.0; 3]; 2]).gaussians.shape else { unreachable!() };
         assert!((scales[0] - 0.01 / 1.2).abs() < 1e-6 && (scales[1] - 0.012).abs() < 1e-6, "{scales:?}");
-        assert!(wardrobe.albedo.as_flattened().iter().all(|&a| a == 0.0));
+        assert!(fit.albedo.as_flattened().iter().all(|&a| a == 0.0));
     }
 }

@@ -1,32 +1,32 @@
 //! When training is good enough, and what it leaves.
 
-use super::schedule::Stage;
+use super::schedule::Trained;
 use super::state::{Best, State};
 use super::training::Training;
 use crate::gaussians::parameters::Parameters;
-use crate::{BaseMotion, Domain, DynamicGaussians, Motion, MotionError, MotionNetwork, ViewScore, evaluate};
+use crate::{BaseMotion, Displacement, Domain, DynamicGaussians, MotionError, MotionNetwork, ViewScore, evaluate};
 
 /// A smaller gain on the held-out views does not count as progress [dB].
-const PROGRESS_DB: f64 = 0.02;
+const MIN_PROGRESS_DB: f64 = 0.02;
 /// Nor does a smaller relative gain of the loss, where nothing is held out.
-const PROGRESS_LOSS: f64 = 0.005;
+const MIN_PROGRESS_LOSS: f64 = 0.005;
 
 impl Training<'_> {
     /// Measures the held-out views when it is time, and remembers the best state.
-    pub(super) fn judge(&self, state: &mut State) -> Result<Option<ViewScore>, MotionError> {
+    pub(super) fn evaluate_if_due(&self, state: &mut State) -> Result<Option<ViewScore>, MotionError> {
         let every = self.settings.evaluate_every;
         let now = every > 0 && (state.step.is_multiple_of(every) || state.step == self.settings.steps);
-        if !now || (!self.is_static && self.stage(state.step) == Stage::Still) {
+        if !now || (!self.is_static && self.trained_in(state.step) == Trained::Gaussians) {
             return Ok(None);
         }
         if self.held_out.is_empty() {
-            self.judge_loss(state);
+            self.compare_mean_loss(state);
             return Ok(None);
         }
         let base = state.base.as_ref().map(|base| &base.motion);
         let model = self.model(&state.parameters, &state.network, base, state.domain);
         let score = ViewScore::mean(&evaluate::score_targets(&self.held_out, |time| model.at(time))?);
-        if state.best.as_ref().is_none_or(|best| score.psnr > best.psnr + PROGRESS_DB) {
+        if state.best.as_ref().is_none_or(|best| score.psnr > best.psnr + MIN_PROGRESS_DB) {
             state.stale = 0;
         } else {
             state.stale += 1;
@@ -40,8 +40,8 @@ impl Training<'_> {
     }
 
     /// Without held-out views: progress is a moving average of the loss lower than ever before.
-    pub(super) fn judge_loss(&self, state: &mut State) {
-        if state.lowest_loss.is_none_or(|lowest| state.mean_loss < (1.0 - PROGRESS_LOSS) * lowest) {
+    pub(super) fn compare_mean_loss(&self, state: &mut State) {
+        if state.lowest_loss.is_none_or(|lowest| state.mean_loss < (1.0 - MIN_PROGRESS_LOSS) * lowest) {
             state.lowest_loss = Some(state.mean_loss);
             state.stale = 0;
         } else {
@@ -49,7 +49,7 @@ impl Training<'_> {
         }
     }
 
-    pub(super) fn is_stale(&self, state: &State) -> bool {
+    pub(super) fn out_of_patience(&self, state: &State) -> bool {
         self.settings.patience > 0 && state.stale >= self.settings.patience
     }
 
@@ -68,7 +68,7 @@ impl Training<'_> {
         base: Option<&BaseMotion>,
         domain: Domain,
     ) -> DynamicGaussians {
-        let motion = || Motion { network: network.clone(), domain, base: base.cloned() };
+        let motion = || Displacement { network: network.clone(), domain, base: base.cloned() };
         DynamicGaussians { canonical: parameters.gaussians(None), motion: (!self.is_static).then(motion) }
     }
 }
