@@ -1,7 +1,6 @@
 //! The stream of events: what the pipeline tells the outside. Progress bars, `log.jsonl` and the report consume it.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 use std::sync::Mutex;
 
 use serde::{Deserialize, Serialize};
@@ -57,15 +56,6 @@ pub enum Event {
         stage: String,
         /// The sentence, with the way out.
         text: String,
-    },
-    /// A picture was written.
-    Picture {
-        /// The stage.
-        stage: String,
-        /// What it shows.
-        caption: String,
-        /// Where it is.
-        path: PathBuf,
     },
     /// A stage is finished.
     StageDone {

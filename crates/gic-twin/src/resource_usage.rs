@@ -4,9 +4,6 @@ use std::time::Instant;
 
 use crate::events::Event;
 
-/// Clock ticks per second of `/proc/self/stat`, fixed in Linux's interface to programs.
-const TICKS_PER_SECOND: f64 = 100.0;
-
 /// Measures from its start on.
 pub struct ResourceMeter {
     start: Instant,
@@ -14,9 +11,9 @@ pub struct ResourceMeter {
 }
 
 impl ResourceMeter {
-    /// Starts measuring; the system's mark of peak memory starts anew, where it lets us.
+    /// Starts measuring; where the system allows it, the mark of peak memory starts anew.
     pub fn start() -> Self {
-        // Linux: "5" resets the peak. Elsewhere, and where it is forbidden, the peak is that of the whole process.
+        // Linux: "5" resets the peak. Where that is not possible, the peak is that of the whole process.
         let _ = std::fs::write("/proc/self/clear_refs", "5");
         Self { start: Instant::now(), cpu_start: cpu_seconds() }
     }
@@ -37,19 +34,50 @@ impl ResourceMeter {
     }
 }
 
-/// CPU seconds of this process over all threads so far, where the system tells.
-fn cpu_seconds() -> Option<f64> {
-    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
-    // The second field is the program's name in parentheses and may hold blanks; user and system time are fields 14 and
-    // 15.
-    let mut fields = stat.rsplit_once(')')?.1.split_whitespace().skip(11);
-    let ticks: f64 = fields.next()?.parse::<f64>().ok()? + fields.next()?.parse::<f64>().ok()?;
-    Some(ticks / TICKS_PER_SECOND)
+#[cfg(unix)]
+fn usage() -> Option<nix::sys::resource::Usage> {
+    nix::sys::resource::getrusage(nix::sys::resource::UsageWho::RUSAGE_SELF).ok()
 }
 
-/// Peak resident memory [bytes], where the system tells.
+/// CPU seconds of this process over all threads so far.
+#[cfg(unix)]
+fn cpu_seconds() -> Option<f64> {
+    use nix::sys::time::TimeValLike;
+    usage().map(|usage| 1e-6 * (usage.user_time() + usage.system_time()).num_microseconds() as f64)
+}
+
+/// Peak resident memory [bytes].
+#[cfg(unix)]
 fn peak_memory_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"))?;
-    line.split_whitespace().next()?.parse::<u64>().ok().map(|kib| kib * 1024)
+    let unit = if cfg!(target_vendor = "apple") { 1 } else { 1024 };
+    u64::try_from(usage()?.max_rss()).ok().map(|peak| peak * unit)
+}
+
+#[cfg(not(unix))]
+fn cpu_seconds() -> Option<f64> {
+    None
+}
+
+#[cfg(not(unix))]
+fn peak_memory_bytes() -> Option<u64> {
+    None
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn work_and_memory_are_counted() {
+        let meter = ResourceMeter::start();
+        let block = std::hint::black_box(vec![1u8; 64 << 20]);
+        while cpu_seconds().unwrap() < meter.cpu_start.unwrap() + 0.02 {
+            std::hint::black_box(block.iter().map(|&b| u64::from(b)).sum::<u64>());
+        }
+        let Event::StageDone { cpu_seconds, peak_memory_bytes, .. } = meter.done("test") else {
+            panic!("a stage ends with StageDone")
+        };
+        assert!(cpu_seconds.unwrap() >= 0.02, "{cpu_seconds:?}");
+        assert!((64 << 20..1 << 40).contains(&peak_memory_bytes.unwrap()), "{peak_memory_bytes:?}");
+    }
 }

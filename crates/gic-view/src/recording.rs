@@ -14,7 +14,7 @@ use re_sdk::{RecordingStream, RecordingStreamBuilder};
 use re_sdk_types::archetypes::{EncodedImage, Pinhole, Points3D, Scalars, Transform3D, ViewCoordinates};
 
 use crate::error::{Result, ViewError};
-use crate::render::color_scale::{ColorScale, Coloring};
+use crate::render::color_scale::{ColorScale, Coloring, byte_color};
 use crate::render::particle_splats;
 use crate::render::simulated_motion::{FrameParticles, SimulatedMotion};
 use crate::skinned_gaussians::{SkinnedGaussians, colors};
@@ -104,7 +104,7 @@ fn twin(stream: &RecordingStream, motion: &SimulatedMotion, events: &Events, int
         let particles = motion.particles(index)?;
         let radius = *radius.get_or_insert_with(|| 0.5 * particles.spacing() as f32);
         let points = Points3D::new(particles.positions.iter().map(|p| p.as_vec3().to_array()))
-            .with_colors(stress.colors(&particles).into_iter().map(bytes))
+            .with_colors(stress.colors(&particles).into_iter().map(byte_color))
             .with_radii([radius]);
         stream.log("world/twin/stress", &points).map_err(failed)?;
         if let Some(skins) = &skins {
@@ -120,16 +120,12 @@ fn colored(skins: &[(usize, SkinnedGaussians)], particles: &FrameParticles) -> P
     let mut start = 0;
     for (count, skin) in skins {
         let drawn = skin.visible(&particles.positions[start..start + count]);
-        rgb.extend(colors(&drawn).map(bytes));
+        rgb.extend(colors(&drawn).map(byte_color));
         radii.resize(radii.len() + drawn.len(), 0.5 * skin.spacing() as f32);
         positions.extend(drawn.positions);
         start += count;
     }
     Points3D::new(positions).with_colors(rgb).with_radii(radii)
-}
-
-fn bytes(color: [f32; 3]) -> [u8; 3] {
-    color.map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8)
 }
 
 /// Cameras, pictures, masks, and the surfaces that were extracted from them.

@@ -217,16 +217,16 @@ fn plasticine_yields_under_the_pads_and_elastic_matter_does_not() {
     let mut soft = twin(block([0.04, 0.04, 0.04]), 0.01);
     let case = Case::new();
     let elastic = case.squeeze(&soft, &[0.034], plates());
-    assert_eq!(elastic.widths[0].yields(), None);
+    assert_eq!(elastic.widths[0].yielded_share, None);
     soft["material"] =
         json!({"model": "plasticine", "youngs_modulus_pa": YOUNG, "poisson_ratio": POISSON, "yield_stress_pa": 2e3});
     let plastic = case.squeeze(&soft, &[0.034], plates());
-    assert_eq!(plastic.widths[0].yields(), Some(true));
+    assert!(plastic.widths[0].yielded_share.unwrap() > 0.0);
     let limit = plastic.yield_von_mises_pa.unwrap();
     assert!((limit / 2e3 - 1.5f64.sqrt()).abs() < 1e-12);
     assert!(plastic.widths[0].force_n < elastic.widths[0].force_n);
     soft["material"]["yield_stress_pa"] = json!(1e7);
-    assert_eq!(case.squeeze(&soft, &[0.034], plates()).widths[0].yields(), Some(false));
+    assert_eq!(case.squeeze(&soft, &[0.034], plates()).widths[0].yielded_share, Some(0.0));
 }
 
 #[test]

@@ -15,8 +15,8 @@ use crate::interrupt::Interrupt;
 use crate::matter::write_particles;
 use crate::resource_usage::ResourceMeter;
 use crate::twin::{Setting, Twin};
-pub use shared_world::Companion;
 use shared_world::SharedWorld;
+pub use shared_world::{Companion, CompanionError};
 pub use trajectory::{FrameSummary, Trajectory};
 
 const STAGE: &str = "simulate";

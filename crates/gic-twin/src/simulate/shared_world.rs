@@ -20,11 +20,16 @@ pub struct Companion {
     pub shift_m: [f64; 3],
 }
 
-impl FromStr for Companion {
-    type Err = String;
+/// A text that is no [`Companion`].
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` must be TWIN@X,Y,Z, for example other/twin.json@0,0.4,0 (metres)")]
+pub struct CompanionError(String);
 
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let wrong = || format!("`{text}` must be TWIN@X,Y,Z, for example other/twin.json@0,0.4,0 (metres)");
+impl FromStr for Companion {
+    type Err = CompanionError;
+
+    fn from_str(text: &str) -> std::result::Result<Self, CompanionError> {
+        let wrong = || CompanionError(text.into());
         let (path, shift) = text.rsplit_once('@').ok_or_else(wrong)?;
         let numbers: Option<Vec<f64>> =
             shift.split(',').map(|x| x.trim().parse().ok().filter(|x: &f64| x.is_finite())).collect();

@@ -16,7 +16,7 @@ use gic_mpm::{Collider, ColliderPath, Contact, Material, Primitive};
 use glam::DVec3;
 use serde::Serialize;
 
-pub use setting::Setting;
+pub use setting::{Setting, SettingError};
 
 use crate::error::Result;
 use crate::matter::Solid;

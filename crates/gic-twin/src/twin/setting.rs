@@ -19,14 +19,25 @@ pub struct Setting {
     pub value: Value,
 }
 
-impl FromStr for Setting {
-    type Err = String;
+/// A text that is no [`Setting`].
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum SettingError {
+    /// Nothing is assigned.
+    #[error("`{0}` has no `=`; write KEY=VALUE")]
+    NoAssignment(String),
+    /// The part before `=` is empty, or a level of it is.
+    #[error("`{0}` is not a key; write KEY=VALUE, for example youngs_modulus_pa=2e5")]
+    NoKey(String),
+}
 
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let (key, value) = text.split_once('=').ok_or_else(|| format!("`{text}` has no `=`; write KEY=VALUE"))?;
+impl FromStr for Setting {
+    type Err = SettingError;
+
+    fn from_str(text: &str) -> std::result::Result<Self, SettingError> {
+        let (key, value) = text.split_once('=').ok_or_else(|| SettingError::NoAssignment(text.into()))?;
         let mut path: Vec<String> = key.trim().split('.').map(str::to_owned).collect();
         if path.iter().any(String::is_empty) {
-            return Err(format!("`{key}` is not a key; write KEY=VALUE, for example youngs_modulus_pa=2e5"));
+            return Err(SettingError::NoKey(key.into()));
         }
         if path.len() == 1 && !TOP_KEYS.contains(&path[0].as_str()) {
             path.insert(0, "material".into());

@@ -4,7 +4,7 @@ use gic_geometry::outward_normals;
 use glam::DVec3;
 
 use crate::error::{Result, ViewError};
-use crate::render::color_scale::ColorScale;
+use crate::render::color_scale::{ColorScale, PLAIN_RGB, byte_color};
 use crate::render::particle_splats;
 use crate::render::simulated_motion::{FrameParticles, SimulatedMotion};
 use crate::skinned_gaussians::{SkinnedGaussians, colors};
@@ -13,8 +13,6 @@ use crate::skinned_gaussians::{SkinnedGaussians, colors};
 const MIN_SURFACE_NORMAL: f32 = 0.3;
 /// Points x frames that a page holds at most; beyond, every second (third, ...) point is left out.
 const MAX_POINT_FRAMES: usize = 600_000;
-/// Colour of matter without a look.
-const PLAIN: [u8; 3] = [204, 148, 107];
 
 /// Points that can be seen, in every frame.
 pub(super) struct PagePoints {
@@ -111,7 +109,7 @@ fn frame(particles: &FrameParticles, skins: Option<&[(usize, SkinnedGaussians)]>
     let Some(skins) = skins else {
         return PointFrame {
             positions: particles.positions.iter().map(|p| p.as_vec3().to_array()).collect(),
-            colors: vec![PLAIN; particles.positions.len()],
+            colors: vec![byte_color(PLAIN_RGB); particles.positions.len()],
             stress: particles.von_mises_pa.clone(),
             speed: particles.speeds.clone(),
         };
@@ -120,7 +118,7 @@ fn frame(particles: &FrameParticles, skins: Option<&[(usize, SkinnedGaussians)]>
     let mut start = 0;
     for (count, skin) in skins {
         let drawn = skin.at(&particles.positions[start..start + count]);
-        all.colors.extend(colors(&drawn).map(|c| c.map(|x| (x.clamp(0.0, 1.0) * 255.0).round() as u8)));
+        all.colors.extend(colors(&drawn).map(byte_color));
         all.positions.extend(drawn.positions);
         let carriers = || skin.parents().iter().map(|&i| start + i as usize);
         all.stress.extend(carriers().map(|i| particles.von_mises_pa[i]));

@@ -7,6 +7,14 @@ use super::simulated_motion::FrameParticles;
 /// Value of the degree-0 harmonic: colour = 0.5 + this * coefficient.
 const SH0: f32 = 0.282_094_8;
 
+/// Colour of matter without colours of its own, RGB in [0, 1].
+pub(crate) const PLAIN_RGB: [f32; 3] = [0.80, 0.58, 0.42];
+
+/// RGB in [0, 1] as bytes.
+pub(crate) fn byte_color(rgb: [f32; 3]) -> [u8; 3] {
+    rgb.map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8)
+}
+
 /// Meaning of the colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum Coloring {
@@ -67,7 +75,7 @@ impl ColorScale {
         match self.coloring {
             Coloring::Stress => along(&particles.von_mises_pa),
             Coloring::Speed => along(&particles.speeds),
-            Coloring::Plain | Coloring::Appearance => vec![[0.80, 0.58, 0.42]; particles.positions.len()],
+            Coloring::Plain | Coloring::Appearance => vec![PLAIN_RGB; particles.positions.len()],
         }
     }
 

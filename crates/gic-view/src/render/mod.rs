@@ -23,7 +23,7 @@ pub use film::FilmEncoder;
 pub use fixed_camera::FixedCameraRenderer;
 use particle_splats::ParticleSplats;
 pub use simulated_motion::{FrameParticles, SimulatedMotion};
-pub use viewpoint::Viewpoint;
+pub use viewpoint::{Viewpoint, ViewpointError};
 
 use crate::error::{Result, ViewError};
 

@@ -20,13 +20,18 @@ pub enum Viewpoint {
     Camera(usize),
 }
 
-impl FromStr for Viewpoint {
-    type Err = String;
+/// A text that is no [`Viewpoint`].
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("must be `orbit` or a camera's number")]
+pub struct ViewpointError;
 
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
+impl FromStr for Viewpoint {
+    type Err = ViewpointError;
+
+    fn from_str(text: &str) -> std::result::Result<Self, ViewpointError> {
         match text {
             "orbit" => Ok(Self::Orbit),
-            number => number.parse().map(Self::Camera).map_err(|_| "must be `orbit` or a camera's number".into()),
+            number => number.parse().map(Self::Camera).map_err(|_| ViewpointError),
         }
     }
 }

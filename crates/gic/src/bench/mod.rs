@@ -4,14 +4,14 @@ mod states;
 
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::Duration;
 
 use gic_scene::{Format, Scene};
 use gic_twin::Interrupt;
 use gic_twin::atomic;
 use gic_twin::events::{Event, Events};
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use crate::error::{Error, Result};
 use crate::eval::{Evaluation, Truth, evaluate};
@@ -51,7 +51,24 @@ struct SceneOutcome {
     scene: String,
     /// The evaluation, or why there is none.
     #[serde(flatten)]
-    result: std::result::Result<Evaluation, String>,
+    result: std::result::Result<Evaluation, SceneFailure>,
+}
+
+/// Why a scene has no evaluation.
+#[derive(Debug, thiserror::Error)]
+enum SceneFailure {
+    #[error("was not run")]
+    NotRun,
+    #[error("gic run ended with {status}; see {}", messages.display())]
+    Run { status: ExitStatus, messages: PathBuf },
+    #[error(transparent)]
+    Evaluation(#[from] Error),
+}
+
+impl Serialize for SceneFailure {
+    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
 }
 
 /// A row of the paper's table.
@@ -117,7 +134,7 @@ pub fn bench(request: &BenchRequest, events: &Events, interrupt: &Interrupt) -> 
     for (job, status) in jobs.iter().zip(statuses) {
         let result = match status {
             Ok(()) => evaluate(&request.out.join(&job.name), &job.truth, &Events::silent(), interrupt)
-                .map_err(|e| e.to_string()),
+                .map_err(SceneFailure::from),
             Err(reason) => Err(reason),
         };
         if let Err(reason) = &result {
@@ -173,10 +190,10 @@ fn run_all(
     jobs: &[SuiteScene],
     events: &Events,
     interrupt: &Interrupt,
-) -> Result<Vec<std::result::Result<(), String>>> {
+) -> Result<Vec<std::result::Result<(), SceneFailure>>> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let threads = (cores / request.jobs).max(1);
-    let mut statuses: Vec<_> = jobs.iter().map(|_| Err("was not run".to_owned())).collect();
+    let mut statuses: Vec<_> = jobs.iter().map(|_| Err(SceneFailure::NotRun)).collect();
     let mut waiting: VecDeque<usize> = (0..jobs.len()).collect();
     let mut running: Vec<(usize, Child)> = Vec::new();
     let mut done = 0;
@@ -195,7 +212,7 @@ fn run_all(
                     statuses[index] = if status.success() {
                         Ok(())
                     } else {
-                        Err(format!("gic run ended with {status}; see {}", out.join("messages.txt").display()))
+                        Err(SceneFailure::Run { status, messages: out.join("messages.txt") })
                     };
                     done += 1;
                     events.step(STAGE, "", done, Some(jobs.len() as u64), &[]);

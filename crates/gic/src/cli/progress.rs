@@ -74,10 +74,7 @@ impl Sink for Progress {
                 self.step(stage, phase, *step, *of, &values.join(", "));
             }
             Event::Note { stage, text } if !self.quiet => self.line(&format!("{stage}: {text}")),
-            Event::Picture { stage, caption, path } if !self.quiet => {
-                self.line(&format!("{stage}: {caption}: {}", path.display()));
-            }
-            Event::Note { .. } | Event::Picture { .. } => (),
+            Event::Note { .. } => (),
             Event::Warning { stage, text } => self.line(&format!("warning: {stage}: {text}")),
             Event::StageDone { stage, seconds, .. } => {
                 self.end_bar();

@@ -118,9 +118,8 @@ fn print_estimate(run: &Run, context: &Context) -> anyhow::Result<()> {
         let interval = format!("{:.4e} .. {:.4e}", e.interval_95[0], e.interval_95[1]);
         context.print(format!("{:<28} {:>12.5e}  {interval:>25}{verdict}", e.name, e.value));
     }
-    for (axis, letter) in ["x", "y", "z"].iter().enumerate() {
-        let (v, half) = (found.velocity_m_s[axis], found.velocity_interval_95_m_s[axis]);
-        let interval = format!("{:.4} .. {:.4}", v - half, v + half);
+    for (letter, v, [low, high]) in found.velocity_components() {
+        let interval = format!("{low:.4} .. {high:.4}");
         context.print(format!("{:<28} {v:>12.4}  {interval:>25}", format!("initial_velocity_{letter}_m_s")));
     }
     context.print(format!("{} rollouts ({} more on a coarse grid)", found.rollouts, found.coarse_rollouts));

@@ -38,7 +38,7 @@ fn settings(args: &SimulateArgs) -> anyhow::Result<Vec<Setting>> {
     }
     for (key, value) in [("gravity_m_s2", &args.gravity), ("initial_velocity_m_s", &args.velocity)] {
         if let Some(value) = value {
-            settings.push(format!("{key}={value}").parse().map_err(anyhow::Error::msg)?);
+            settings.push(format!("{key}={value}").parse()?);
         }
     }
     settings.extend(args.set.iter().cloned());

@@ -19,16 +19,21 @@ pub enum AxisChoice {
     World(usize),
 }
 
-impl FromStr for AxisChoice {
-    type Err = String;
+/// A text that is no [`AxisChoice`].
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("`{0}` is no axis; give auto, x, y or z")]
+pub struct AxisError(String);
 
-    fn from_str(text: &str) -> std::result::Result<Self, String> {
+impl FromStr for AxisChoice {
+    type Err = AxisError;
+
+    fn from_str(text: &str) -> std::result::Result<Self, AxisError> {
         match text {
             "auto" => Ok(Self::Auto),
             "x" => Ok(Self::World(0)),
             "y" => Ok(Self::World(1)),
             "z" => Ok(Self::World(2)),
-            _ => Err(format!("`{text}` is no axis; give auto, x, y or z")),
+            _ => Err(AxisError(text.into())),
         }
     }
 }

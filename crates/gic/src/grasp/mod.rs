@@ -21,7 +21,7 @@ use gic_twin::events::{Event, Events};
 use gic_twin::twin::{Setting, Twin};
 use glam::DVec3;
 
-pub use gripper_frame::AxisChoice;
+pub use gripper_frame::{AxisChoice, AxisError};
 pub use report::{GraspReport, Lift, Squeeze};
 
 use crate::error::{Error, Result};

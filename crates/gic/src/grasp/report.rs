@@ -84,13 +84,6 @@ pub struct Lift {
     pub peak_von_mises_pa: f64,
 }
 
-impl Squeeze {
-    /// Whether some of the matter yields.
-    pub fn yields(&self) -> Option<bool> {
-        self.yielded_share.map(|share| share > 0.0)
-    }
-}
-
 impl GraspReport {
     /// The report as a table for people.
     pub fn table(&self) -> String {

@@ -123,8 +123,8 @@ pub(crate) fn filling_file(frame: usize) -> PathBuf {
 
 impl Run<'_> {
     pub(super) fn fill(&self) -> Result<()> {
-        let source = self.fill_input()?;
-        let size = object_size(&source)?;
+        let input = self.fill_input()?;
+        let size = object_size(&input)?;
         let mut settings = self.fill_settings(size);
         let mut spacing = self.config.fill.particle_spacing_m;
         for folder in ["surface", "filling"] {
@@ -132,12 +132,12 @@ impl Run<'_> {
         }
         let mut frames = Vec::new();
         let (mut first, mut filler) = (None, self.frame_filler());
-        let count = source.scene.times.len();
-        for (frame, &time_s) in source.scene.times.iter().enumerate() {
+        let count = input.scene.times.len();
+        for (frame, &time_s) in input.scene.times.iter().enumerate() {
             self.check_interrupt(Stage::Fill)?;
-            let masks = source.masks(frame)?;
-            let views = source.masked_views(frame, &masks);
-            let filling = filler.next(&source, frame, &views, &settings)?;
+            let masks = input.masks(frame)?;
+            let views = input.masked_views(frame, &masks);
+            let filling = filler.next(&input, frame, &views, &settings)?;
             let spacing = *spacing.get_or_insert_with(|| self.particle_spacing(size, &filling));
             // Only the first frame's particles are simulated and need volumes of their own.
             let place = if frame == 0 { sample_particles } else { sample_points };
@@ -225,10 +225,10 @@ impl Run<'_> {
 
     /// Fills the first frame anew.
     pub(super) fn first_filling(&self, continuum: &Continuum) -> Result<Filling> {
-        let source = self.fill_input()?;
-        let masks = source.masks(0)?;
+        let input = self.fill_input()?;
+        let masks = input.masks(0)?;
         let settings = self.fill_settings(continuum.summary.object_size_m);
-        self.frame_filler().next(&source, 0, &source.masked_views(0, &masks), &settings)
+        self.frame_filler().next(&input, 0, &input.masked_views(0, &masks), &settings)
     }
 
     fn frame_filler(&self) -> FrameFiller {
@@ -311,11 +311,11 @@ fn known_doubts(read: &[f32]) -> Vec<f32> {
 }
 
 /// Largest side of the box around the visual hull at the first frame [m].
-fn object_size(source: &FillInput) -> Result<f64> {
-    let masks = source.masks(0)?;
-    let views = source.scene.views_at(0).iter().zip(&masks);
+fn object_size(input: &FillInput) -> Result<f64> {
+    let masks = input.masks(0)?;
+    let views = input.scene.views_at(0).iter().zip(&masks);
     let views: Vec<HullView> =
-        views.map(|(view, mask)| HullView { camera: source.scene.camera_of(view), mask }).collect();
+        views.map(|(view, mask)| HullView { camera: input.scene.camera_of(view), mask }).collect();
     let hull = Hull::carve(&views, &HullSettings::default()).ok_or_else(|| Error::Usage {
         problem: "the masks of the first frame have no common visual hull".into(),
         hint: Some("look at the scene with `gic inspect`: masks are empty, or camera poses do not fit them".into()),

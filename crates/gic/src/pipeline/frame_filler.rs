@@ -24,15 +24,15 @@ impl FrameFiller {
     /// The body of the next frame.
     pub(super) fn next(
         &mut self,
-        source: &FillInput,
+        input: &FillInput,
         frame: usize,
         views: &[MaskedView],
         settings: &FillSettings,
     ) -> Result<Filling> {
         if let Some(rigid) = self.rigid.as_ref().filter(|rigid| frame < rigid.frames()) {
-            return rigid.fill(source, frame, settings);
+            return rigid.fill(input, frame, settings);
         }
-        let gaussians = source.gaussians.at(source.scene.times[frame]);
+        let gaussians = input.gaussians.at(input.scene.times[frame]);
         let mut filling = fill(&gaussians, views, settings).map_err(Error::filling(frame))?;
         // One view tells nothing of a body's far side.
         if !self.symmetric || filling.views_used < 2 {
@@ -40,9 +40,9 @@ impl FrameFiller {
         }
         self.completion.next(&mut filling, views);
         if frame == 0 && self.completion.first().is_none_or(|symmetry| symmetry.planes.len() < 3) {
-            self.rigid = RigidFrames::find(source)?;
+            self.rigid = RigidFrames::find(input)?;
             if let Some(rigid) = &self.rigid {
-                return rigid.fill(source, frame, settings);
+                return rigid.fill(input, frame, settings);
             }
         }
         Ok(filling)

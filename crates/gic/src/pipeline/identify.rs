@@ -98,6 +98,16 @@ pub struct StepRecord {
     pub rollouts: usize,
 }
 
+impl IdentifyRecord {
+    /// Each component of the initial velocity: its letter, its value and its 95 % interval [m/s].
+    pub fn velocity_components(&self) -> [(&'static str, f64, [f64; 2]); 3] {
+        [("x", 0), ("y", 1), ("z", 2)].map(|(letter, axis)| {
+            let (v, half) = (self.velocity_m_s[axis], self.velocity_interval_95_m_s[axis]);
+            (letter, v, [v - half, v + half])
+        })
+    }
+}
+
 impl Run<'_> {
     pub(super) fn identify(&self, stamp: &Stamp) -> Result<()> {
         let model = self.model()?;
@@ -308,9 +318,8 @@ impl Run<'_> {
     fn twin(&self, input: &Input, obstacles: Vec<Obstacle>, found: &Estimates, record: &IdentifyRecord) -> Twin {
         let mut intervals_95: BTreeMap<String, [f64; 2]> =
             record.estimates.iter().map(|e| (e.name.clone(), e.interval_95)).collect();
-        for (axis, letter) in ["x", "y", "z"].iter().enumerate() {
-            let (v, half) = (record.velocity_m_s[axis], record.velocity_interval_95_m_s[axis]);
-            intervals_95.insert(format!("initial_velocity_{letter}_m_s"), [v - half, v + half]);
+        for (letter, _, interval) in record.velocity_components() {
+            intervals_95.insert(format!("initial_velocity_{letter}_m_s"), interval);
         }
         let mut seconds: BTreeMap<String, f64> =
             self.stage_seconds().into_iter().map(|(stage, s)| (stage.name().to_owned(), s)).collect();

@@ -18,21 +18,21 @@ pub(super) struct RigidFrames {
 
 impl RigidFrames {
     /// `None` where the outlines of the first frame show no symmetry.
-    pub(super) fn find(source: &FillInput) -> Result<Option<RigidFrames>> {
-        let masks = source.masks(0)?;
-        let first = Symmetry::of_outlines(&source.masked_views(0, &masks));
+    pub(super) fn find(input: &FillInput) -> Result<Option<RigidFrames>> {
+        let masks = input.masks(0)?;
+        let first = Symmetry::of_outlines(&input.masked_views(0, &masks));
         if first.planes.is_empty() {
             return Ok(None);
         }
-        let centre = |frame: usize| mean(&source.gaussians.at(source.scene.times[frame]).positions);
+        let centre = |frame: usize| mean(&input.gaussians.at(input.scene.times[frame]).positions);
         let start = centre(0);
-        let mut rigid = RigidFrames { symmetries: vec![first], pictures: vec![source.pictures(0)?] };
-        for frame in 1..source.scene.times.len() {
-            let masks = source.masks(frame)?;
-            let views = source.masked_views(frame, &masks);
+        let mut rigid = RigidFrames { symmetries: vec![first], pictures: vec![input.pictures(0)?] };
+        for frame in 1..input.scene.times.len() {
+            let masks = input.masks(frame)?;
+            let views = input.masked_views(frame, &masks);
             let Some(symmetry) = rigid.symmetries[0].followed(&views, centre(frame) - start) else { break };
             rigid.symmetries.push(symmetry);
-            rigid.pictures.push(source.pictures(frame)?);
+            rigid.pictures.push(input.pictures(frame)?);
         }
         Ok(Some(rigid))
     }
@@ -48,10 +48,10 @@ impl RigidFrames {
     }
 
     /// The body in one of the frames.
-    pub(super) fn fill(&self, source: &FillInput, frame: usize, settings: &FillSettings) -> Result<Filling> {
+    pub(super) fn fill(&self, input: &FillInput, frame: usize, settings: &FillSettings) -> Result<Filling> {
         let here = &self.symmetries[frame];
-        let moved: Vec<MovedView> = (0..self.frames()).flat_map(|moment| self.moved(source, moment, here)).collect();
-        let gaussians = source.gaussians.at(source.scene.times[frame]);
+        let moved: Vec<MovedView> = (0..self.frames()).flat_map(|moment| self.moved(input, moment, here)).collect();
+        let gaussians = input.gaussians.at(input.scene.times[frame]);
         let views: Vec<MaskedView> = moved.iter().map(MovedView::masked).collect();
         let mut filling = fill_outlines(&gaussians, &views, here, settings).map_err(Error::filling(frame))?;
         let views: Vec<ColouredView> = moved.iter().map(MovedView::coloured).collect();
@@ -62,11 +62,11 @@ impl RigidFrames {
     /// The views of a moment, moved to where they would have seen the body with its planes `here`.
     fn moved<'a>(
         &'a self,
-        source: &'a FillInput,
+        input: &'a FillInput,
         moment: usize,
         here: &'a Symmetry,
     ) -> impl Iterator<Item = MovedView<'a>> + 'a {
-        let cameras = source.scene.views_at(moment).iter().map(|view| source.scene.camera_of(view));
+        let cameras = input.scene.views_at(moment).iter().map(|view| input.scene.camera_of(view));
         let pictures = cameras.zip(&self.pictures[moment]).filter(|(_, (_, mask))| mask.area() > 0.0);
         pictures.filter_map(move |(camera, (picture, mask))| {
             let camera = here.camera_at_rest(&self.symmetries[moment], camera)?;

@@ -96,6 +96,14 @@ impl Selection {
         Some(Self { fitted_frames, laws: ranked, chosen, close })
     }
 
+    /// How surely the chosen law is the right one, in a clause.
+    pub fn certainty(&self) -> String {
+        match self.close.is_empty() {
+            true => "no other law comes near".into(),
+            false => format!("the video hardly tells it from {}", self.close.join(", ")),
+        }
+    }
+
     /// The law that the run goes on with.
     pub(super) fn chosen_model(&self) -> Result<Model> {
         Model::ALL.into_iter().find(|model| model.name() == self.chosen).ok_or_else(|| Error::Usage {
@@ -146,12 +154,8 @@ impl Run<'_> {
             problem: "no law could be fitted to the earlier frames".into(),
             hint: Some("see `failure` of each law in the folder `selection` of the run".into()),
         })?;
-        let close = if selection.close.is_empty() {
-            "no other law comes near".into()
-        } else {
-            format!("the video hardly tells it from {}", selection.close.join(", "))
-        };
-        self.events.note(Stage::Select.name(), format!("goes on with {}; {close}", selection.chosen));
+        let text = format!("goes on with {}; {}", selection.chosen, selection.certainty());
+        self.events.note(Stage::Select.name(), text);
         atomic::write_json(&self.path("selection.json"), &selection)?;
         std::fs::remove_dir_all(&folder).map_err(Error::write(&folder))
     }

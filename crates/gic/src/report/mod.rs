@@ -68,13 +68,10 @@ fn estimates(found: &IdentifyRecord) -> String {
             e.interval_95[1]
         );
     }
-    for (axis, letter) in ["x", "y", "z"].iter().enumerate() {
-        let (v, half) = (found.velocity_m_s[axis], found.velocity_interval_95_m_s[axis]);
+    for (letter, v, [low, high]) in found.velocity_components() {
         let _ = write!(
             text,
-            "<tr><td>initial velocity {letter} [m/s]</td><td>{v:.4}</td><td>{:.4} .. {:.4}</td><td></td><td></td></tr>",
-            v - half,
-            v + half
+            "<tr><td>initial velocity {letter} [m/s]</td><td>{v:.4}</td><td>{low:.4} .. {high:.4}</td><td></td><td></td></tr>"
         );
     }
     let [x, y, z] = found.angular_velocity_rad_s;
@@ -95,14 +92,11 @@ fn estimates(found: &IdentifyRecord) -> String {
 /// The laws, by how they predict frames that they were not fitted to.
 fn ranking(selection: &Selection) -> String {
     let mut text = format!(
-        "<h2>Law</h2><p>Each law was fitted to the first {} frames and predicted the others. The run goes on with <b>{}</b>{}.</p>\
+        "<h2>Law</h2><p>Each law was fitted to the first {} frames and predicted the others. The run goes on with <b>{}</b>; {}.</p>\
          <table><tr><th>law</th><th>differing pixels, fitted</th><th>predicted</th><th></th></tr>",
         selection.fitted_frames,
         escape(&selection.chosen),
-        match selection.close.is_empty() {
-            true => "; no other law comes near".into(),
-            false => format!("; the video hardly tells it from {}", escape(&selection.close.join(", "))),
-        }
+        escape(&selection.certainty())
     );
     for law in &selection.laws {
         let percent = |share: f64| if share.is_finite() { format!("{:.2} %", 100.0 * share) } else { "-".into() };
