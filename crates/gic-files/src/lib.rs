@@ -3,11 +3,15 @@
 //! A reader sees the old content or all of the new one, and a program that is stopped half-way leaves the old. What the system loses when
 //! the machine itself fails is not guarded against: nothing waits for the disk.
 
+mod ply;
+
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use tempfile::{Builder, NamedTempFile};
+
+pub use ply::{PlyLayout, PlyProperty, write_ply};
 
 /// A file could not be written.
 #[derive(Debug, thiserror::Error)]

@@ -1,13 +1,17 @@
 //! Meshes as files for other tools: OBJ, STL, PLY and MSH.
 
-use std::io::{self, Write};
+use std::io::Write;
 use std::path::Path;
 
-use gic_files::{WriteError, write_with};
+use gic_files::{PlyLayout, PlyProperty, WriteError, write_ply, write_with};
+use glam::DVec3;
 
 use crate::{TetMesh, TriangleMesh};
 
 /// Writes a surface as Wavefront OBJ: positions [m], normals, triangles.
+///
+/// # Errors
+/// What the system says.
 pub fn write_obj(path: &Path, mesh: &TriangleMesh) -> Result<(), WriteError> {
     write_with(path, |out| {
         writeln!(out, "# gic surface, metres")?;
@@ -26,50 +30,37 @@ pub fn write_obj(path: &Path, mesh: &TriangleMesh) -> Result<(), WriteError> {
 }
 
 /// Writes a surface as binary STL [m].
+///
+/// # Errors
+/// What the system says.
 pub fn write_stl(path: &Path, mesh: &TriangleMesh) -> Result<(), WriteError> {
-    write_with(path, |out| {
-        let mut header = [0u8; 80];
-        header[..19].copy_from_slice(b"gic surface, metres");
-        out.write_all(&header)?;
-        out.write_all(&(mesh.triangles.len() as u32).to_le_bytes())?;
-        for t in &mesh.triangles {
-            let [a, b, c] = t.map(|i| mesh.vertices[i as usize]);
-            let normal = (b - a).cross(c - a).normalize_or_zero();
-            for v in [normal, a, b, c] {
-                write_f32(out, &v.as_vec3().to_array())?;
-            }
-            out.write_all(&[0, 0])?;
-        }
-        Ok(())
-    })
+    let single = |v: DVec3| stl_io::Vector::new(v.as_vec3().to_array());
+    let facets = mesh.triangles.iter().map(|t| {
+        let [a, b, c] = t.map(|i| mesh.vertices[i as usize]);
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        stl_io::Triangle { normal: single(normal), vertices: [a, b, c].map(single) }
+    });
+    write_with(path, |out| stl_io::write_stl(out, facets))
 }
 
 /// Writes a surface as binary PLY: x, y, z [m], nx, ny, nz, faces.
+///
+/// # Errors
+/// What the system says.
 pub fn write_mesh_ply(path: &Path, mesh: &TriangleMesh) -> Result<(), WriteError> {
-    write_with(path, |out| {
-        write!(
-            out,
-            "ply\nformat binary_little_endian 1.0\ncomment gic surface, metres\nelement vertex {}\n\
-             property float x\nproperty float y\nproperty float z\nproperty float nx\nproperty float ny\nproperty float nz\n\
-             element face {}\nproperty list uchar int vertex_indices\nend_header\n",
-            mesh.vertices.len(),
-            mesh.triangles.len()
-        )?;
-        for (p, n) in mesh.vertices.iter().zip(&mesh.normals) {
-            write_f32(out, &p.as_vec3().to_array())?;
-            write_f32(out, &n.as_vec3().to_array())?;
-        }
-        for t in &mesh.triangles {
-            out.write_all(&[3])?;
-            for i in t {
-                out.write_all(&i.to_le_bytes())?;
-            }
-        }
-        Ok(())
-    })
+    let layout = PlyLayout {
+        comment: Some("gic surface, metres"),
+        properties: &["x", "y", "z", "nx", "ny", "nz"].map(PlyProperty::Float),
+        triangles: Some(&mesh.triangles),
+    };
+    let vertices = mesh.vertices.iter().zip(&mesh.normals);
+    write_ply(path, &layout, vertices.map(|(p, n)| [p.x, p.y, p.z, n.x, n.y, n.z].map(|v| v as f32)))
 }
 
 /// Writes tetrahedra as Gmsh MSH 2.2 in ASCII, which Gmsh, meshio and most FEM tools read; positions [m], one volume with tag 1.
+///
+/// # Errors
+/// What the system says.
 pub fn write_msh(path: &Path, mesh: &TetMesh) -> Result<(), WriteError> {
     write_with(path, |out| {
         writeln!(out, "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n1\n3 1 \"body\"\n$EndPhysicalNames")?;
@@ -85,8 +76,4 @@ pub fn write_msh(path: &Path, mesh: &TetMesh) -> Result<(), WriteError> {
         }
         writeln!(out, "$EndElements")
     })
-}
-
-fn write_f32(out: &mut impl Write, values: &[f32]) -> io::Result<()> {
-    values.iter().try_for_each(|v| out.write_all(&v.to_le_bytes()))
 }

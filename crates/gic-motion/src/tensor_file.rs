@@ -10,7 +10,7 @@ use crate::{BaseMotion, MotionError};
 /// Name of the tensor of bytes that holds the JSON text. Not in the format's own metadata, whose order in the file is random.
 const TEXT: &str = "json";
 
-/// Writes the tensors (name, columns of a row, numbers) and the text: to a temporary file first, then renamed.
+/// Writes the tensors (name, columns of a row, numbers) and the text.
 pub(crate) fn write<T: Serialize>(
     path: &Path,
     tensors: &[(String, usize, &[f32])],
@@ -29,9 +29,7 @@ pub(crate) fn write<T: Serialize>(
     let view = TensorView::new(Dtype::U8, vec![text.len()], &text).map_err(|e| MotionError::content(path, e))?;
     views.push((TEXT, view));
     let buffer = safetensors::serialize(views, None).map_err(|e| MotionError::content(path, e))?;
-    let temporary = path.with_extension("tmp");
-    std::fs::write(&temporary, buffer).map_err(MotionError::file(&temporary))?;
-    std::fs::rename(&temporary, path).map_err(MotionError::file(path))
+    gic_files::write(path, &buffer).map_err(|failed| MotionError::file(path)(failed.source))
 }
 
 /// The bytes of a file written by [`write`].

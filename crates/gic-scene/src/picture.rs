@@ -74,22 +74,18 @@ impl Picture {
         Some(colour.map(|value| value.min(1.0)))
     }
 
-    /// Writes the picture as an 8-bit PNG: to a temporary file first, so that `path` never holds half a picture.
+    /// Writes the picture as an 8-bit PNG, whole or not at all.
     ///
     /// # Errors
     /// [`SceneError::Io`] naming the file.
     pub fn save_png(&self, path: &Path) -> Result<(), SceneError> {
         let bytes: Vec<u8> = self.rgb.iter().map(|value| (value.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
-        let temporary = path.with_extension("png.part");
-        let write = || -> Result<(), std::io::Error> {
-            let mut file = std::io::BufWriter::new(std::fs::File::create(&temporary)?);
-            PngEncoder::new(&mut file)
-                .write_image(&bytes, self.width as u32, self.height as u32, ExtendedColorType::Rgb8)
-                .map_err(std::io::Error::other)?;
-            std::io::Write::flush(&mut file)?;
-            std::fs::rename(&temporary, path)
-        };
-        write().map_err(|source| SceneError::Io { path: path.to_owned(), source })
+        let (width, height) = (self.width as u32, self.height as u32);
+        gic_files::write_with(path, |out| {
+            let encoder = PngEncoder::new(out);
+            encoder.write_image(&bytes, width, height, ExtendedColorType::Rgb8).map_err(std::io::Error::other)
+        })
+        .map_err(|failed| SceneError::Io { path: failed.path, source: failed.source })
     }
 
     /// The picture over a uniform `background`: `coverage * rgb + (1 - coverage) * background`, shape [height * width, 3].

@@ -5,16 +5,13 @@
 //! logarithm of a standard deviation [m], `rot` a quaternion (w, x, y, z). Isotropic Gaussians are written with three equal
 //! scales and no rotation, and recognised by the equal scales when read.
 
-use std::fs::{self, File};
-use std::io::{BufReader, BufWriter, ErrorKind, Write};
+use std::fs::File;
+use std::io::{BufReader, ErrorKind};
 use std::path::{Path, PathBuf};
 
+use gic_files::{PlyLayout, PlyProperty};
 use ply_rs_bw::parser::{Parser, Reader};
-use ply_rs_bw::ply::{
-    Addable, DefaultElement, ElementDef, Encoding, Header, Ply, PropertyAccess, PropertyAccessResult, PropertyDef,
-    PropertyType, ScalarType,
-};
-use ply_rs_bw::writer::Writer;
+use ply_rs_bw::ply::{DefaultElement, Header, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType};
 use thiserror::Error;
 
 use crate::{Gaussians, GaussiansError, Shape, sigmoid};
@@ -130,10 +127,6 @@ impl PropertyAccess for Row {
     fn set_double(&mut self, name: &str, value: f64) -> PropertyAccessResult {
         self.set_float(name, value as f32)
     }
-
-    fn get_float(&self, name: &str) -> Option<f32> {
-        column(name).map(|c| self.values[c])
-    }
 }
 
 /// Reads Gaussians.
@@ -248,7 +241,7 @@ fn from_rows(rows: &[Row], rest: usize) -> Gaussians {
     }
 }
 
-/// Writes Gaussians, binary little-endian, first under another name and then renamed.
+/// Writes Gaussians, binary little-endian.
 ///
 /// Returns what the file does not hold exactly, a sentence each: opacities of 0 and 1 and scales of 0 have no finite logit or
 /// logarithm and are moved by a hair; Gaussians without colour become grey.
@@ -257,22 +250,12 @@ fn from_rows(rows: &[Row], rest: usize) -> Gaussians {
 /// A [`PlyError`] that names the file, when the Gaussians are not valid or the file cannot be written.
 pub fn write_ply(path: &Path, gaussians: &Gaussians) -> Result<Vec<String>, PlyError> {
     gaussians.validate().map_err(|source| PlyError::Invalid { path: path.into(), source })?;
-    let mut partial = path.as_os_str().to_owned();
-    partial.push(".partial");
-    let partial = PathBuf::from(partial);
-    let failed = |source| PlyError::Io { path: path.into(), source };
-    let written = File::create(&partial)
-        .and_then(|file| {
-            let mut file = BufWriter::new(file);
-            Writer::new().write_ply(&mut file, &mut to_ply(gaussians))?;
-            file.flush()
-        })
-        .and_then(|()| fs::rename(&partial, path));
-    if let Err(error) = written {
-        // Whatever is there is of no use; the first error is the one to report.
-        let _ = fs::remove_file(&partial);
-        return Err(failed(error));
-    }
+    let coefficients = if gaussians.sh.is_empty() { 0 } else { gaussians.sh_per_gaussian() };
+    let names = names(coefficients.saturating_sub(1));
+    let properties: Vec<PlyProperty> = names.iter().map(|name| PlyProperty::Float(name)).collect();
+    let layout = PlyLayout { comment: None, properties: &properties, triangles: None };
+    gic_files::write_ply(path, &layout, (0..gaussians.len()).map(|i| numbers(gaussians, i, coefficients)))
+        .map_err(|failed| PlyError::Io { path: failed.path, source: failed.source })?;
     Ok(changes(gaussians))
 }
 
@@ -299,47 +282,30 @@ fn clamp_opacity(opacity: f32) -> f32 {
     opacity.clamp(OPACITY_MARGIN, 1.0 - OPACITY_MARGIN)
 }
 
-fn to_ply(gaussians: &Gaussians) -> Ply<Row> {
-    let coefficients = if gaussians.sh.is_empty() { 0 } else { gaussians.sh_per_gaussian() };
-    let rest = coefficients.saturating_sub(1);
-    let mut vertex = ElementDef::new("vertex".to_owned());
-    let mut add = |name: String| vertex.properties.add(PropertyDef::new(name, PropertyType::Scalar(ScalarType::Float)));
-    for name in ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"] {
-        add(name.to_owned());
-    }
-    for k in 0..3 * rest {
-        add(format!("f_rest_{k}"));
-    }
-    for name in ["opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"] {
-        add(name.to_owned());
-    }
-    let mut ply = Ply::new();
-    ply.header.encoding = Encoding::BinaryLittleEndian;
-    ply.header.elements.add(vertex);
-    let rows = (0..gaussians.len()).map(|i| to_row(gaussians, i, coefficients)).collect();
-    ply.payload.insert("vertex".to_owned(), rows);
-    ply
+/// The properties in the file's order, with `rest` coefficients per channel beyond the constant one.
+fn names(rest: usize) -> Vec<String> {
+    let first = ["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"].map(String::from);
+    let last = ["opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"].map(String::from);
+    first.into_iter().chain((0..3 * rest).map(|k| format!("f_rest_{k}"))).chain(last).collect()
 }
 
-fn to_row(gaussians: &Gaussians, i: usize, coefficients: usize) -> Row {
-    let mut row = Row::new();
-    let mut put = |at: usize, values: &[f32]| row.values[at..at + values.len()].copy_from_slice(values);
-    put(POSITION, &gaussians.positions[i]);
+/// A Gaussian's numbers in that order.
+fn numbers(gaussians: &Gaussians, i: usize, coefficients: usize) -> Vec<f32> {
+    let sh = &gaussians.sh[i * coefficients..(i + 1) * coefficients];
+    let mut numbers = gaussians.positions[i].to_vec();
+    // No normals.
+    numbers.extend([0.0; 3]);
+    numbers.extend(sh.first().unwrap_or(&[0.0; 3]));
+    for channel in 0..3 {
+        numbers.extend(sh.iter().skip(1).map(|coefficient| coefficient[channel]));
+    }
     let opacity = clamp_opacity(gaussians.opacities[i]);
-    put(OPACITY, &[(opacity / (1.0 - opacity)).ln()]);
+    numbers.push((opacity / (1.0 - opacity)).ln());
     let (scales, rotation) = match &gaussians.shape {
         Shape::Isotropic { scales } => ([scales[i]; 3], [1.0, 0.0, 0.0, 0.0]),
         Shape::Anisotropic { scales, rotations } => (scales[i], rotations[i]),
     };
-    put(SCALE, &scales.map(|s| s.max(SCALE_MIN).ln()));
-    put(ROTATION, &rotation);
-    if coefficients > 0 {
-        let sh = &gaussians.sh[i * coefficients..(i + 1) * coefficients];
-        put(CONSTANT, &sh[0]);
-        for c in 0..3 {
-            let channel: Vec<f32> = sh[1..].iter().map(|s| s[c]).collect();
-            put(REST + c * (coefficients - 1), &channel);
-        }
-    }
-    row
+    numbers.extend(scales.map(|s| s.max(SCALE_MIN).ln()));
+    numbers.extend(rotation);
+    numbers
 }

@@ -1,9 +1,10 @@
 //! PLY files: particles or a mesh in, particles out.
 
 use std::fs::File;
-use std::io::{BufReader, ErrorKind, Write};
+use std::io::{BufReader, ErrorKind};
 use std::path::Path;
 
+use gic_files::{PlyLayout, PlyProperty, write_ply};
 use glam::DVec3;
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
@@ -158,25 +159,14 @@ pub fn read_particles(path: &Path) -> Result<PlyParticles> {
     }
 }
 
-/// Writes rows of little-endian floats as the vertices of a binary PLY file, atomically.
+/// Writes rows of numbers as the vertices of a PLY file.
 pub fn write_particles<const COLUMNS: usize>(
     path: &Path,
     names: [&str; COLUMNS],
     rows: impl ExactSizeIterator<Item = [f32; COLUMNS]>,
 ) -> Result<()> {
-    crate::atomic::write_with(path, |w| {
-        write!(w, "ply\nformat binary_little_endian 1.0\nelement vertex {}\n", rows.len())?;
-        for name in names {
-            writeln!(w, "property float {name}")?;
-        }
-        w.write_all(b"end_header\n")?;
-        for row in rows {
-            for value in row {
-                w.write_all(&value.to_le_bytes())?;
-            }
-        }
-        Ok(())
-    })
+    let layout = PlyLayout { comment: None, properties: &names.map(PlyProperty::Float), triangles: None };
+    Ok(write_ply(path, &layout, rows)?)
 }
 
 #[cfg(test)]
