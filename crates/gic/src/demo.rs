@@ -7,8 +7,8 @@ use include_dir::{Dir, include_dir};
 
 use crate::error::Result;
 
-/// An elastic object, 11 cameras x 14 frames, 200x200, with its ground truth.
-static SCENE: Dir = include_dir!("$CARGO_MANIFEST_DIR/../../examples/demo");
+/// A soft elastic cat, 11 cameras x 14 frames, 300x300, with its ground truth.
+static SCENE: Dir = include_dir!("$CARGO_MANIFEST_DIR/demo");
 
 /// Writes the scene into a folder, where it is not there yet.
 ///

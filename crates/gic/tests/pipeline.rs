@@ -11,7 +11,7 @@ use common::gic;
 use serde_json::Value;
 
 fn demo() -> String {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/demo").to_str().unwrap().to_owned()
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("demo").to_str().unwrap().to_owned()
 }
 
 fn text(bytes: &[u8]) -> String {
