@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Checks the documents: lengths of lines and files, words of a diary, links.
+"""Checks the documents: lengths of lines and files, words of a diary, links, names of files and types.
 
     python3 scripts/check_docs.py              all tracked Markdown files
     python3 scripts/check_docs.py --comments   lengths of lines in comments of the Rust sources, too
@@ -80,7 +80,13 @@ def link_problems(name, line):
             yield f"names {path}, which does not exist"
 
 
-def document_problems(name):
+def name_problems(line, sources):
+    for path in re.findall(r"`[^`]*?\b([A-Z]\w+::\w+)[^`]*`", line):
+        if not all(re.search(rf"\b{word}\b", sources) for word in path.split("::")):
+            yield f"names {path}, which is not in the sources"
+
+
+def document_problems(name, sources):
     text = (ROOT / name).read_text(encoding="utf-8")
     for number, line in prose(text):
         is_table = line.lstrip().startswith("|")
@@ -91,7 +97,7 @@ def document_problems(name):
             found = re.search(word, bare(line))
             if found:
                 yield number, f"reads like a diary: {found.group(0)!r}"
-        for problem in link_problems(name, line):
+        for problem in [*link_problems(name, line), *name_problems(line, sources)]:
             yield number, problem
     lines = text.count("\n")
     is_decision = re.fullmatch(r"docs/decisions/\d{4}-[\w-]+\.md", name)
@@ -111,7 +117,8 @@ def comment_problems(name):
 
 
 def main():
-    problems = [(name, *problem) for name in tracked("*.md") for problem in document_problems(name)]
+    sources = "\n".join((ROOT / name).read_text(encoding="utf-8") for name in tracked("*.rs"))
+    problems = [(name, *problem) for name in tracked("*.md") for problem in document_problems(name, sources)]
     if "--comments" in sys.argv[1:]:
         problems += [(name, *problem) for name in tracked("*.rs") for problem in comment_problems(name)]
     for name, number, problem in problems:
