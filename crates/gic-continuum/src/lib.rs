@@ -2,6 +2,7 @@
 //! Gaussian-informed continuum, surfaces and meshes.
 
 mod carve;
+mod choices;
 mod error;
 mod evidence;
 mod export;
@@ -11,6 +12,7 @@ mod settings;
 mod symmetry;
 
 pub use carve::ColouredView;
+pub use choices::Settings;
 pub use error::ContinuumError;
 pub use evidence::MaskedView;
 pub use export::write_particles_ply;

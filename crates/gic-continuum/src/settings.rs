@@ -1,6 +1,7 @@
 //! Settings of filling, derived from the object's size.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use crate::ContinuumError;
 
@@ -21,10 +22,11 @@ impl GroundPlane {
 }
 
 /// What to do where the body's boundary is one that no view sees (undersides).
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
 pub enum Unseen {
-    /// A smooth surface inside the largest body that agrees with all views, at which the body keeps its volume (see
-    /// [`FillSettings::volume`] and [`FillSettings::unseen_lift`]).
+    /// A smooth surface inside the largest body that agrees with all views, at which the body keeps its volume.
     #[default]
     Smooth,
     /// The boundary of the largest body that agrees with all views, as in the paper.

@@ -11,7 +11,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
-use gic_identify::{Checkpoint, Event, Input, MaterialKind, Optimizer, Settings, Target, identify};
+use gic_identify::{Checkpoint, Event, Input, Optimizer, Settings, Target, identify, sought_values};
 use glam::DVec3;
 
 fn main() {
@@ -35,9 +35,9 @@ fn main() {
             observation.surface = outer.iter().map(|i| all[*i]).collect();
         }
     }
-    let optimizer = if mode == "adam" { Optimizer::Adam { iterations: 100 } } else { Optimizer::LevenbergMarquardt };
-    let settings = Settings { target, optimizer, ..Settings::default() };
-    let kind = MaterialKind::of(&truth.material);
+    let optimizer = if mode == "adam" { Optimizer::Adam } else { Optimizer::LevenbergMarquardt };
+    let settings = Settings { target, optimizer, adam_iterations: 100, ..Settings::default() };
+    let kind = truth.material.kind();
     let clock = Instant::now();
     let found = identify(&input, kind, &settings, Checkpoint::default(), &mut |event| {
         if let Event::Step(s) = event {
@@ -56,7 +56,7 @@ fn main() {
         found.coarse_rollouts,
         clock.elapsed().as_secs_f64()
     );
-    for (e, t) in found.estimates.iter().zip(kind.values(&truth.material)) {
+    for (e, t) in found.estimates.iter().zip(sought_values(&truth.material)) {
         println!(
             "| {} | {:.5e} | [{:.4e}, {:.4e}] {} | {t:.5e} | error {:+.4} | inside {} | refined {:+.2e} |",
             e.parameter.name,

@@ -17,6 +17,6 @@ pub use checkpoint::{Checkpoint, Event};
 pub use error::IdentifyError;
 pub use input::{Input, Observation, View};
 pub use result::{Estimate, Estimates, Loss, Stage, Step};
-pub use settings::{Optimizer, Settings, Target};
+pub use settings::{MaterialChoice, Optimizer, Settings, Target};
 pub use stages::identify;
-pub use unknowns::parameter::{MaterialKind, Parameter};
+pub use unknowns::parameter::{Parameter, material_of, sought, sought_values};

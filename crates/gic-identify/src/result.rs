@@ -58,7 +58,7 @@ pub struct Step {
     pub iteration: usize,
     /// Value of the stage's own objective (half the weighted sum of squares).
     pub objective: f64,
-    /// Material parameters, in the order of `MaterialKind::parameters`.
+    /// Material parameters, in the order of [`crate::sought`].
     pub values: Vec<f64>,
     /// Initial velocity [m/s].
     #[serde(with = "crate::vector")]

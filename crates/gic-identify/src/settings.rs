@@ -1,16 +1,66 @@
 //! What the user chooses.
 
-use glam::DVec3;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use gic_mpm::MaterialKind;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+/// Substeps of a frame on a grid of [`REFERENCE_GRID_M`], whatever the frame rate, as in the published simulations.
+/// Every substep's transfers damp the motion a little, so other numbers of them find other parameters: 144 instead of 200
+/// cost 5 % of a bouncing solid's stiffness.
+const REFERENCE_SUBSTEPS: f64 = 200.0;
+const REFERENCE_GRID_M: f64 = 0.02;
+
+/// The law that is assumed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case", expecting = "`auto` or the name of a law")]
+pub enum MaterialChoice {
+    /// The law that, fitted to the earlier frames, predicts the later ones best.
+    Auto,
+    /// This one.
+    #[serde(untagged)]
+    Law(MaterialKind),
+}
+
+#[cfg(feature = "cli")]
+impl clap::ValueEnum for MaterialChoice {
+    fn value_variants<'a>() -> &'a [Self] {
+        const CHOICES: [MaterialChoice; MaterialKind::ALL.len() + 1] = {
+            let mut choices = [MaterialChoice::Auto; MaterialKind::ALL.len() + 1];
+            let mut i = 0;
+            while i < MaterialKind::ALL.len() {
+                choices[i + 1] = MaterialChoice::Law(MaterialKind::ALL[i]);
+                i += 1;
+            }
+            choices
+        };
+        &CHOICES
+    }
+
+    fn to_possible_value(&self) -> Option<clap::builder::PossibleValue> {
+        match self {
+            MaterialChoice::Auto => Some(
+                clap::builder::PossibleValue::new("auto")
+                    .help("The law that, fitted to the earlier frames, predicts the later ones best"),
+            ),
+            MaterialChoice::Law(kind) => kind.to_possible_value(),
+        }
+    }
+}
 
 /// Which observations take part (the paper's ablation).
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
 pub enum Target {
-    /// Extracted surfaces only ("w/o masks").
-    Surfaces,
-    /// Masks only (the paper's "Ours*").
-    Masks,
     /// Surfaces and masks.
+    #[default]
     Both,
+    /// Extracted surfaces only.
+    Surfaces,
+    /// Masks only.
+    Masks,
 }
 
 impl Target {
@@ -24,59 +74,169 @@ impl Target {
 }
 
 /// How the loss is minimised.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
 pub enum Optimizer {
     /// Levenberg-Marquardt on Jacobians from parallel rollouts.
+    #[default]
     LevenbergMarquardt,
     /// The paper's Adam, with its learning rates, on the adjoint.
-    Adam {
-        /// Gradient steps of the material stage (the paper: 100 to 350).
-        iterations: usize,
-    },
+    Adam,
 }
 
-/// Settings of identification; [`Default`] is right for every scene.
-#[derive(Clone, Debug)]
+/// Settings of identification; [`Default`] is right for every scene but for the material, which has to be said.
+///
+/// `material` to `substeps_per_frame` say what is assumed: whoever makes the [`crate::Input`] reads them. `joint` is
+/// the caller's own and in no file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::Args), group(skip), command(next_help_heading = "Identification"))]
+#[serde(default, deny_unknown_fields)]
 pub struct Settings {
+    /// The material's law; auto fits every law to the earlier frames and takes the one that predicts the later ones best.
+    #[cfg_attr(feature = "cli", arg(long, value_enum))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub material: Option<MaterialChoice>,
+    /// Density [kg/m^3]: a video shows only the ratio of stress to density.
+    #[cfg_attr(
+        feature = "cli",
+        arg(long = "density", value_name = "KG_M3", default_value_t = Settings::default().density_kg_m3)
+    )]
+    pub density_kg_m3: f64,
+    /// Gravity [m/s^2]; by default the scene's, else (0, -9.8, 0).
+    #[cfg_attr(feature = "cli", arg(skip))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gravity_m_s2: Option<[f64; 3]>,
+    /// A TOML or JSON file with a list `colliders` as in a twin; by default the scene's ground.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub colliders: Option<PathBuf>,
+    /// Side of a cell of the simulation grid [m]; by default twice the particle spacing.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "M"))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub grid_spacing_m: Option<f64>,
+    /// Substeps per frame; by default 200 on a grid of 0.02 m, and the more the finer the grid.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub substeps_per_frame: Option<usize>,
     /// Which observations take part.
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub target: Target,
-    /// Optimiser.
+    /// How the loss is minimised.
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
     pub optimizer: Optimizer,
-    /// Parameters that are known: (name, value).
+    /// Gradient steps of Adam in the material stage; the paper takes 100 to 350.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = Settings::default().adam_iterations))]
+    pub adam_iterations: usize,
+    /// A parameter that is known: poisson_ratio=0.3; may be repeated.
+    #[cfg_attr(feature = "cli", arg(id = "fix", long = "fix", value_name = "NAME=VALUE", value_parser = known_value))]
+    #[serde(rename = "fix", serialize_with = "as_table", deserialize_with = "from_table")]
     pub fixed: Vec<(String, f64)>,
-    /// Starting values of the material parameters, in the order of [`crate::MaterialKind::parameters`]; `None` searches a grid.
+    /// Starting values of the parameters, in the order of [`crate::sought`]; by default a grid is searched.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub start: Option<Vec<f64>>,
-    /// Initial velocity [m/s], when it is known; it is then not estimated.
-    pub velocity_m_s: Option<DVec3>,
-    /// Whether a rotation may be estimated; it still has to show in the data.
+    /// Initial velocity [m/s], where it is known; it is then not estimated.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub velocity_m_s: Option<[f64; 3]>,
+    /// Whether an initial rotation may be estimated; it still has to show in the data.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub rotation: bool,
-    /// Whether the joint stage and the intervals follow the material stage. Without them the answer is rough, has no intervals, and costs about
-    /// a third; the same checkpoint goes on to the whole answer.
-    pub joint: bool,
-    /// Most Jacobians of the last stage.
+    /// Most Jacobians of the joint stage.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub iterations: usize,
-    /// Frames used, from the first; `None` for all.
+    /// Frames used, from the first; all by default.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub frames: Option<usize>,
-    /// Rollout on a grid refined by this factor that tells how far the estimate moves; `None` skips the check.
-    pub resolution_check: Option<f64>,
-    /// Seed of everything random.
-    pub seed: u64,
+    /// The grid is refined by this factor to see how far the estimate moves; 0 skips the check.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub resolution_check: f64,
+    /// Whether the joint stage and the intervals follow the material stage. Without them the answer is rough, has no
+    /// intervals, and costs about a third; the same checkpoint goes on to the whole answer.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    #[serde(skip)]
+    pub joint: bool,
 }
 
 impl Default for Settings {
     fn default() -> Settings {
         Settings {
-            target: Target::Both,
-            optimizer: Optimizer::LevenbergMarquardt,
+            material: None,
+            density_kg_m3: 1000.0,
+            gravity_m_s2: None,
+            colliders: None,
+            grid_spacing_m: None,
+            substeps_per_frame: None,
+            target: Target::default(),
+            optimizer: Optimizer::default(),
+            adam_iterations: 200,
             fixed: Vec::new(),
             start: None,
             velocity_m_s: None,
             rotation: true,
-            joint: true,
             iterations: 12,
             frames: None,
-            resolution_check: Some(1.25),
-            seed: 0,
+            resolution_check: 1.25,
+            joint: true,
         }
+    }
+}
+
+impl Settings {
+    /// Side of a cell of the simulation grid [m] and substeps per frame, for particles `particle_spacing_m` apart [m].
+    pub fn resolution(&self, particle_spacing_m: f64) -> (f64, usize) {
+        let grid_spacing_m = self.grid_spacing_m.unwrap_or(2.0 * particle_spacing_m);
+        let wanted = REFERENCE_SUBSTEPS * REFERENCE_GRID_M / grid_spacing_m;
+        (grid_spacing_m, self.substeps_per_frame.unwrap_or((wanted * (1.0 - 1e-9)).ceil() as usize))
+    }
+}
+
+/// One value of the flag `--fix`.
+#[cfg(feature = "cli")]
+fn known_value(text: &str) -> Result<(String, f64), String> {
+    let (name, value) = text.split_once('=').ok_or("write NAME=VALUE, for example poisson_ratio=0.3")?;
+    let value = value.trim().parse::<f64>().ok().filter(|v| v.is_finite());
+    Ok((name.trim().to_owned(), value.ok_or("the value is not a number")?))
+}
+
+fn as_table<S: Serializer>(pairs: &[(String, f64)], serializer: S) -> Result<S::Ok, S::Error> {
+    pairs.iter().cloned().collect::<BTreeMap<_, _>>().serialize(serializer)
+}
+
+fn from_table<'de, D: Deserializer<'de>>(deserializer: D) -> Result<Vec<(String, f64)>, D::Error> {
+    Ok(BTreeMap::deserialize(deserializer)?.into_iter().collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn substeps_are_those_that_the_document_says() {
+        assert_eq!(Settings::default().resolution(0.01), (0.02, 200));
+        assert_eq!(Settings::default().resolution(0.005), (0.01, 400));
+        let given = Settings { grid_spacing_m: Some(0.04), substeps_per_frame: Some(7), ..Settings::default() };
+        assert_eq!(given.resolution(0.01), (0.04, 7));
+    }
+
+    #[test]
+    fn known_parameters_are_a_table_in_a_file() {
+        let settings = Settings { fixed: vec![("poisson_ratio".into(), 0.3)], ..Settings::default() };
+        let json = serde_json::to_value(&settings).unwrap();
+        assert_eq!(json["fix"]["poisson_ratio"], 0.3);
+        assert_eq!(serde_json::from_value::<Settings>(json).unwrap(), settings);
+    }
+
+    #[test]
+    fn a_material_is_auto_or_a_law() {
+        let read = |text: &str| serde_json::from_value::<MaterialChoice>(text.into());
+        assert_eq!(read("auto").unwrap(), MaterialChoice::Auto);
+        for kind in MaterialKind::ALL {
+            assert_eq!(read(kind.name()).unwrap(), MaterialChoice::Law(kind));
+            assert_eq!(serde_json::to_value(MaterialChoice::Law(kind)).unwrap(), kind.name());
+        }
+        assert!(read("jelly").unwrap_err().to_string().contains("the name of a law"));
     }
 }

@@ -3,9 +3,11 @@
 use std::ops::ControlFlow;
 
 use gic_identify::{
-    Checkpoint, Estimates, Event, IdentifyError, Input, MaterialKind, Observation, Settings, Target, identify,
+    Checkpoint, Estimates, Event, IdentifyError, Input, Observation, Settings, Target, identify, sought, sought_values,
 };
-use gic_mpm::{Body, Collider, ColliderPath, Contact, Material, Options, Primitive, Stepping, World, rollout};
+use gic_mpm::{
+    Body, Collider, ColliderPath, Contact, Material, MaterialKind, Options, Primitive, Stepping, World, rollout,
+};
 use glam::{DQuat, DVec3};
 use rand::{RngExt, SeedableRng};
 
@@ -112,13 +114,12 @@ fn observed(material: Material, velocity: DVec3, frames: usize) -> Input {
 fn recovers(truth: Material, seed: u64, starts: u64) {
     let velocity = DVec3::new(0.4, -1.5, 0.2);
     let input = observed(truth, velocity, 8);
-    let kind = MaterialKind::of(&truth);
+    let kind = truth.kind();
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
     for trial in 0..starts {
-        let start = kind
-            .parameters()
+        let start = sought(kind)
             .iter()
-            .zip(kind.values(&truth))
+            .zip(sought_values(&truth))
             .map(|(p, value)| {
                 let u: f64 = random.random();
                 match p.name {
@@ -129,7 +130,7 @@ fn recovers(truth: Material, seed: u64, starts: u64) {
             })
             .collect();
         let settings =
-            Settings { target: Target::Surfaces, start: Some(start), resolution_check: None, ..Settings::default() };
+            Settings { target: Target::Surfaces, start: Some(start), resolution_check: 0.0, ..Settings::default() };
         let found = run(&input, kind, &settings).expect("identified");
         println!(
             "start {trial} {:?} -> {:?}, {} rollouts + {} coarse, {:.0} s",
@@ -140,7 +141,7 @@ fn recovers(truth: Material, seed: u64, starts: u64) {
             found.seconds.iter().map(|(_, s)| s).sum::<f64>()
         );
         assert!(found.velocity_m_s.distance(velocity) < 5e-3, "start {trial}: {:?}", found.velocity_m_s);
-        for (estimate, value) in found.estimates.iter().zip(kind.values(&truth)) {
+        for (estimate, value) in found.estimates.iter().zip(sought_values(&truth)) {
             let error = estimate.parameter.error(estimate.value, value).abs();
             let allowed = if estimate.parameter.name == "friction_angle_deg" { 0.3 } else { 0.01 };
             assert!(

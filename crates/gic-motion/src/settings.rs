@@ -8,75 +8,112 @@ use crate::Architecture;
 /// A moment has a visual hull of its own from this many views on.
 pub(crate) const MIN_SYNCHRONOUS: usize = 3;
 
-/// How to train; lengths are relative to the object, so that one set of defaults serves every scene.
+/// How to train; lengths are relative to the object, so that one set of defaults serves every scene that several cameras
+/// filmed. Fields with `arg(skip)` have no flag and are changed in a file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::Args), group(skip), command(next_help_heading = "Reconstruction"))]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainSettings {
-    /// Cameras (indices into the scene's list) that are kept for measuring and never trained on.
+    /// Cameras, by number from 0, that are kept for measuring and never trained on.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "CAMERA", value_delimiter = ','))]
     pub held_out: Vec<usize>,
-    /// Steps in all, warm-up included.
+    /// Steps in all, warm-up included; the default depends on how the scene was filmed.
+    #[cfg_attr(
+        feature = "cli",
+        arg(long, value_name = "N", default_value_t = TrainSettings::default().steps, hide_default_value = true)
+    )]
     pub steps: usize,
     /// Steps on the first frame alone, before the network starts (all steps are such for a static scene).
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub warm_up_steps: usize,
     /// Steps over which the training window grows from the first frame to the whole video after the warm-up.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub growth_steps: usize,
     /// Steps that first fit each frame's affine map of the base motion to the pictures, each frame from the last; 0 leaves all
     /// motion to the network.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub affine_steps: usize,
     /// Steps that then bend each frame that its map does not explain.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub bend_steps: usize,
     /// Steps on the frames that those maps explain (an object in free flight), before the network starts: more views of the
     /// same shape.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub mapped_steps: usize,
     /// Steps on all frames with the base motion alone, which cost less than those with the network.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub bent_steps: usize,
     /// Share of the steps in which pictures are shown at half their size: a quarter of the pixels while nothing fine is settled.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub half_size: f64,
     /// Views rendered per step, all of the same time; the network is evaluated once for all of them.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub views_per_step: usize,
     /// How the first points are chosen.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub initial: InitialPoints,
     /// Distance between the first points, as seen in the pictures [pixels].
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub initial_spacing_px: f64,
     /// How far inside the hull's surface the first points lie, in their spacings. Gaussians reach beyond their centres, and
     /// where no silhouette shows it, nothing but the start makes room for that.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub initial_inset: f64,
     /// Whether Gaussians are round or ellipsoids. What follows a motion stays round (paper section 4.1).
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub shape: GaussianShape,
     /// Standard deviation of the first Gaussians in units of their spacing.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub first_scale: f64,
     /// Opacity of the first Gaussians.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub first_opacity: f64,
     /// Over how many spacings neighbours share the pull on their positions: in the first step, and from the network's first step on.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub smoothing: (f64, f64),
     /// At most this many Gaussians per pixel of the object's mean mask area.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub gaussians_per_pixel: f64,
+    /// Never more Gaussians than this, whatever the pictures ask for.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_gaussians: Option<usize>,
     /// Degree of the spherical harmonics, 0 to 3; `None` takes what the number of viewpoints can tell: 3 from 50 cameras on, 1
     /// from 20, else 0.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub sh_degree: Option<usize>,
     /// Steps between raising the degree of the spherical harmonics by one.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub sh_interval: usize,
     /// Sizes of the motion network.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub network: Architecture,
     /// Weights of the losses.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub loss: LossWeights,
     /// Learning rates.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub rates: LearningRates,
     /// Adaptive density control.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub density: DensitySettings,
     /// Steps between evaluations on the held-out views.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub evaluate_every: usize,
     /// Evaluations without a better score (or checks without a lower mean training loss) before training stops; 0 never stops early.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub patience: usize,
     /// Seconds between checkpoints.
+    #[cfg_attr(feature = "cli", arg(skip))]
     pub checkpoint_seconds: f64,
 }
 
 /// How the first points are chosen.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum InitialPoints {
     /// The scene's sparse points if it has any, else the surface of the visual hull.
+    #[default]
     Auto,
     /// On the surface of the masks' visual hull.
     Hull,
@@ -85,10 +122,11 @@ pub enum InitialPoints {
 }
 
 /// The covariances that are trained.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum GaussianShape {
     /// One standard deviation per Gaussian.
+    #[default]
     Isotropic,
     /// Three standard deviations and a rotation.
     Anisotropic,
@@ -205,14 +243,15 @@ impl Default for TrainSettings {
             bent_steps: 400,
             half_size: 0.0,
             views_per_step: 6,
-            initial: InitialPoints::Auto,
+            initial: InitialPoints::default(),
             initial_spacing_px: 3.0,
             initial_inset: 0.5,
-            shape: GaussianShape::Isotropic,
+            shape: GaussianShape::default(),
             first_scale: 0.5,
             first_opacity: 0.9,
             smoothing: (4.0, 1.0),
             gaussians_per_pixel: 0.5,
+            max_gaussians: None,
             sh_degree: None,
             sh_interval: 1000,
             network: Architecture::default(),

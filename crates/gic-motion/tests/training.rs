@@ -115,6 +115,14 @@ fn same_seed_gives_the_same_bits_whatever_the_threads() {
 }
 
 #[test]
+fn there_are_never_more_gaussians_than_allowed() {
+    let (_folder, scene) = scene();
+    let count = |max_gaussians| run(&scene, &TrainSettings { max_gaussians, ..settings(5) }, None, 0).canonical.len();
+    assert!(count(None) > 120, "the limit has something to do");
+    assert_eq!(count(Some(120)), 120);
+}
+
+#[test]
 fn a_run_that_was_stopped_continues_as_if_it_had_not_been() {
     let (_folder, scene) = scene();
     let folder = tempfile::tempdir().unwrap();
@@ -199,6 +207,7 @@ fn settings_without_meaning_are_named() {
     assert!(refused(TrainSettings { held_out: vec![99], ..settings(5) }).contains("held_out"));
     assert!(refused(TrainSettings { sh_degree: Some(4), ..settings(5) }).contains("sh_degree"));
     assert!(refused(TrainSettings { gaussians_per_pixel: f64::NAN, ..settings(5) }).contains("gaussians_per_pixel"));
+    assert!(refused(TrainSettings { max_gaussians: Some(99), ..settings(5) }).contains("max_gaussians"));
     assert!(refused(TrainSettings { views_per_step: 0, ..settings(5) }).contains("views_per_step"));
     assert!(refused(TrainSettings { half_size: 1.5, ..settings(5) }).contains("half_size"));
     for node_spacing in [-0.1, f64::NAN] {

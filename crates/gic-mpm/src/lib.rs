@@ -24,6 +24,7 @@ pub use colliders::path::ColliderPath;
 pub use colliders::shape::Primitive;
 pub use error::SimulationError;
 pub use gic_simd::Level;
+pub use laws::kind::MaterialKind;
 pub use laws::law::Rules;
 pub use laws::material::{Material, MaterialError};
 pub use options::{Options, Precision};

@@ -207,7 +207,7 @@ pub enum SceneError {
     /// A setting for opening a scene that makes no sense.
     #[error("{name} = {value}: {reason}")]
     Setting {
-        /// The field of [`crate::OpenOptions`].
+        /// The field of [`crate::SceneSettings`].
         name: &'static str,
         /// Its value.
         value: String,

@@ -24,7 +24,7 @@ pub enum MaskSource {
     OverWhite(PathBuf),
     /// Made by comparing the picture with the empty background picture of its camera ([`crate::difference_matte`]).
     Difference,
-    /// Made by the matting network given in [`OpenOptions::masks`].
+    /// Made by the matting network given in [`SceneSettings::matting`].
     Network,
 }
 

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use common::{HEIGHT, WIDTH};
-use gic_scene::{MaskSource, Masks, OpenOptions, Problem, Scene, SceneError, Severity, inspect};
+use gic_scene::{MaskSource, Problem, Scene, SceneError, SceneSettings, Severity, inspect};
 use image::{DynamicImage, GrayImage, ImageBuffer, Luma, Rgb, RgbImage, RgbaImage};
 use serde_json::Value;
 
@@ -250,9 +250,9 @@ fn no_scene_at_all() {
     let error = Scene::open(empty.path().join("nowhere")).expect_err("nothing there");
     assert!(matches!(error, SceneError::NotFound { .. }));
     for rate in [0.0, -24.0, f64::NAN, f64::INFINITY] {
-        let options = OpenOptions { frame_rate: Some(rate), ..OpenOptions::default() };
-        let error = Scene::open_with(common::data("pac_nerf"), &options).expect_err("no rate");
-        assert!(matches!(error, SceneError::Setting { name: "frame_rate", .. }), "{error}");
+        let settings = SceneSettings { frame_rate_hz: Some(rate), ..SceneSettings::default() };
+        let error = Scene::open_with(common::data("pac_nerf"), &settings).expect_err("no rate");
+        assert!(matches!(error, SceneError::Setting { name: "frame_rate_hz", .. }), "{error}");
     }
 }
 
@@ -405,8 +405,8 @@ fn inspection_recognises_flipped_axes_and_an_outlier() {
 #[test]
 fn a_matting_network_that_cannot_be_used() {
     let network = common::data("pac_nerf").join("all_data.json");
-    let options = OpenOptions { masks: Masks::Network(network), ..OpenOptions::default() };
-    let error = Scene::open_with(common::data("pac_nerf"), &options).expect_err("no network");
+    let settings = SceneSettings { matting: Some(network), ..SceneSettings::default() };
+    let error = Scene::open_with(common::data("pac_nerf"), &settings).expect_err("no network");
     assert!(matches!(error, SceneError::Matting { .. }) && error.to_string().contains("all_data.json"), "{error}");
 }
 

@@ -118,7 +118,7 @@ fn spring_gaus_real_capture() {
     assert!(scene.view(1, 0).expect("a view").picture.ends_with("C0787/00398.jpg"), "lists are aligned by position");
     let rest = scene.rest.as_ref().expect("photographs");
     assert!(rest.is_static() && rest.views.len() == 4 && rest.points.len() == 1);
-    let faster = gic_scene::OpenOptions { frame_rate: Some(120.0), ..Default::default() };
+    let faster = gic_scene::SceneSettings { frame_rate_hz: Some(120.0), ..Default::default() };
     let scene = Scene::open_with(common::data("real_capture"), &faster).expect("opens");
     assert_eq!((scene.times[1], scene.frame_rate), (1.0 / 120.0, Some(120.0)));
 }

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use gic_scene::{Mask, Masks, OpenOptions, Picture, Scene, difference_matte};
+use gic_scene::{Mask, MaskChoice, Picture, Scene, SceneSettings, difference_matte};
 
 /// Intersection over union where coverage reaches one half.
 fn iou(a: &Mask, b: &Mask) -> f64 {
@@ -15,8 +15,8 @@ fn iou(a: &Mask, b: &Mask) -> f64 {
 /// Overlap of the made masks with the true ones: the mean over all views, and the worst view.
 fn measure(scene: &Path, every: usize) -> (f64, f64) {
     let truth = Scene::open(scene).unwrap_or_else(|error| panic!("{error}"));
-    let options = OpenOptions { masks: Masks::Difference, ..OpenOptions::default() };
-    let made = Scene::open_with(scene, &options).unwrap_or_else(|error| panic!("{error}"));
+    let settings = SceneSettings { masks: MaskChoice::Difference, ..SceneSettings::default() };
+    let made = Scene::open_with(scene, &settings).unwrap_or_else(|error| panic!("{error}"));
     let pick = |scene: &Scene| scene.views.iter().step_by(every).cloned().collect::<Vec<_>>();
     let (truth, made) = (truth.load_masks(&pick(&truth)).expect("true"), made.load_masks(&pick(&made)).expect("made"));
     let overlaps: Vec<f64> = truth.iter().zip(&made).map(|(truth, made)| iou(truth, made)).collect();

@@ -6,7 +6,7 @@ mod common;
 
 use std::path::Path;
 
-use gic_scene::{MaskSource, Masks, OpenOptions, Scene, SceneError};
+use gic_scene::{MaskSource, Scene, SceneError, SceneSettings};
 
 /// A protobuf field with a length: bytes, strings and messages.
 fn field(number: u8, content: &[u8]) -> Vec<u8> {
@@ -65,8 +65,8 @@ fn write_network(path: &Path, sides: Option<(u8, u8)>, channels: u8) {
 }
 
 fn open(network: &Path) -> Result<Scene, SceneError> {
-    let options = OpenOptions { masks: Masks::Network(network.to_owned()), ..OpenOptions::default() };
-    Scene::open_with(common::data("pac_nerf"), &options)
+    let settings = SceneSettings { matting: Some(network.to_owned()), ..SceneSettings::default() };
+    Scene::open_with(common::data("pac_nerf"), &settings)
 }
 
 #[test]

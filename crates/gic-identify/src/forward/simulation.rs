@@ -2,16 +2,17 @@
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use gic_mpm::{Body, Options, Stepping, World, rollout};
+use gic_mpm::{Body, MaterialKind, Options, Stepping, World, rollout};
 use glam::DVec3;
 
+use crate::Input;
 use crate::forward::flight::{fall, placed, substep, volume_factors};
 use crate::forward::shape::ShapeModes;
 use crate::forward::splat_widths::SplatWidths;
 use crate::forward::trajectories::{ForwardModel, FrameSelection, Trajectories};
 use crate::observe::video::ObservedVideo;
+use crate::unknowns::parameter::{material_of, sought};
 use crate::unknowns::state::State;
-use crate::{Input, MaterialKind};
 
 /// Which particles are simulated, on which grid.
 #[derive(Clone, Debug)]
@@ -42,8 +43,8 @@ pub(crate) struct Simulation<'a> {
 impl Simulation<'_> {
     /// The material of a state.
     pub(crate) fn material(&self, state: &State) -> gic_mpm::Material {
-        let values: Vec<f64> = self.kind.parameters().iter().zip(&state.material).map(|(p, c)| p.value(*c)).collect();
-        self.kind.material(&values)
+        let values: Vec<f64> = sought(self.kind).iter().zip(&state.material).map(|(p, c)| p.value(*c)).collect();
+        material_of(self.kind, &values)
     }
 
     /// The world of a state, starting at simulated frame `from`; before it the body flies freely without rotation.

@@ -2,6 +2,7 @@
 
 use std::sync::atomic::Ordering;
 
+use gic_mpm::MaterialKind;
 use glam::DVec3;
 use nalgebra::DMatrix;
 
@@ -17,13 +18,14 @@ use crate::stages::Identification;
 use crate::stages::free_flight::FreeFlightFit;
 use crate::uncertainty::interval::{self, half_width};
 use crate::uncertainty::verdicts;
+use crate::unknowns::parameter::material_of;
 use crate::unknowns::state::{State, Unknown};
-use crate::{IdentifyError, MaterialKind, Parameter};
+use crate::{IdentifyError, Parameter};
 
 impl Identification<'_> {
     fn material(&self, state: &State) -> gic_mpm::Material {
         let values: Vec<f64> = self.parameters().iter().zip(&state.material).map(|(p, c)| p.value(*c)).collect();
-        self.kind.material(&values)
+        material_of(self.kind, &values)
     }
 
     pub(crate) fn finish_untouched(&self, flight_fit: &FreeFlightFit) -> Estimates {
@@ -68,7 +70,8 @@ impl Identification<'_> {
             prior: Some(&prior),
         };
         let count = problem.unknowns.len();
-        let (check, finer) = (self.settings.resolution_check, self.simulation(flight_fit.free));
+        let factor = self.settings.resolution_check;
+        let (check, finer) = ((factor > 0.0).then_some(factor), self.simulation(flight_fit.free));
         let ((trajectories, tangents), refined) = rayon::join(
             || match known {
                 Some(Linearisation { trajectories, tangents, .. }) => (Ok(trajectories), Ok(tangents)),

@@ -46,7 +46,8 @@ impl Identification<'_> {
     /// Material from the best starts, with the velocity of stage 1.
     pub(crate) fn fit_material(&self, flight_fit: &FreeFlightFit, starts: Vec<State>) -> Result<State, IdentifyError> {
         let failed = self.failure(starts.len());
-        if let Optimizer::Adam { iterations } = self.settings.optimizer {
+        if self.settings.optimizer == Optimizer::Adam {
+            let iterations = self.settings.adam_iterations;
             let start = starts.into_iter().next().ok_or(IdentifyError::Interrupted)?;
             return adam(self, flight_fit.free, start, iterations).map_err(failed);
         }

@@ -10,7 +10,9 @@ use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
+use gic_mpm::MaterialKind;
 use gic_mpm::Options;
+use glam::DVec3;
 use nalgebra::{DMatrix, DVector};
 
 use crate::checkpoint::{Checkpoint, Event};
@@ -31,8 +33,9 @@ use crate::solve::surface_residuals::SurfaceComparison;
 use crate::stages::free_flight::{FreeFlightFit, clearance, launch};
 use crate::uncertainty::input_checks;
 use crate::uncertainty::noise::effective_weights;
+use crate::unknowns::parameter::{sought, sought_by_name};
 use crate::unknowns::state::{State, Unknown};
-use crate::{IdentifyError, Input, MaterialKind, Optimizer, Parameter, Settings};
+use crate::{IdentifyError, Input, Optimizer, Parameter, Settings};
 
 /// Extra pooling of the masks while the outlines may still be far apart: Gauss-Newton steps reach about as far as the pictures are
 /// blurred, and a sharp outline would let it creep.
@@ -75,7 +78,7 @@ pub(crate) struct Identification<'a> {
 
 impl Identification<'_> {
     pub(crate) fn parameters(&self) -> &'static [Parameter] {
-        self.kind.parameters()
+        sought(self.kind)
     }
 
     pub(crate) fn objective<'b>(&'b self, opacities: &'b [f32]) -> Objective<'b> {
@@ -217,16 +220,16 @@ pub fn identify(
 ) -> Result<Estimates, IdentifyError> {
     input.validate()?;
     for (name, value) in &settings.fixed {
-        let parameter = kind.parameters()[kind.index_of(name)?];
+        let parameter = *sought_by_name(kind, name)?;
         if !(*value >= parameter.bounds.0 && *value <= parameter.bounds.1) {
             let (low, high) = parameter.bounds;
             return Err(IdentifyError::input(name, format!("is fixed to {value}"), format!("give {low} to {high}")));
         }
     }
     if let Some(start) = &settings.start
-        && start.len() != kind.parameters().len()
+        && start.len() != sought(kind).len()
     {
-        let wanted = kind.parameters().iter().map(|p| p.name).collect::<Vec<_>>().join(", ");
+        let wanted = sought(kind).iter().map(|p| p.name).collect::<Vec<_>>().join(", ");
         return Err(IdentifyError::input("start", format!("has {} values", start.len()), format!("give {wanted}")));
     }
     let mut input = input.clone();
@@ -328,7 +331,7 @@ impl Identification<'_> {
             p.coordinate(fixed.unwrap_or_else(|| f64::midpoint(p.starts.0, p.starts.1)))
         };
         let mut start = State::new(self.parameters().iter().map(middle).collect());
-        start.velocity = self.settings.velocity_m_s.unwrap_or_default();
+        start.velocity = self.settings.velocity_m_s.map(DVec3::from_array).unwrap_or_default();
         let known = self.settings.velocity_m_s.is_some();
         launch(self.input, &self.video, &self.shape, self.base_objective(), start, self.settings.rotation, known)
             .map_err(self.failure(1))

@@ -1,23 +1,8 @@
 //! The unknowns: material parameters in coordinates in which a search is well behaved.
 
-use gic_mpm::Material;
+use gic_mpm::{Material, MaterialKind};
 
 use crate::IdentifyError;
-
-/// Which constitutive law is assumed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum MaterialKind {
-    /// Neo-Hookean solid: `youngs_modulus_pa`, `poisson_ratio`.
-    Elastic,
-    /// Hencky with von Mises yield: `youngs_modulus_pa`, `poisson_ratio`, `yield_stress_pa`.
-    Plasticine,
-    /// Drucker-Prager: `friction_angle_deg` (`youngs_modulus_pa` and `poisson_ratio` are given: 1e6, 0.3).
-    Sand,
-    /// `viscosity_pa_s`, `bulk_modulus_pa`.
-    Newtonian,
-    /// `shear_modulus_pa`, `bulk_modulus_pa`, `yield_stress_pa`, `plastic_viscosity_pa_s`.
-    NonNewtonian,
-}
 
 /// How a physical value maps onto its search coordinate.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,71 +61,42 @@ const FLUID_BULK: Parameter = positive("bulk_modulus_pa", (1.0e3, 1.0e7), (1.0e4
 const SHEAR: Parameter = positive("shear_modulus_pa", (1.0e2, 1.0e7), (3.0e3, 3.0e5), 3);
 const PLASTIC_VISCOSITY: Parameter = positive("plastic_viscosity_pa_s", (1.0e-1, 1.0e3), (1.0, 1.0e2), 2);
 
-impl MaterialKind {
-    /// Parameters that are sought, in the order of every vector in this crate.
-    pub fn parameters(self) -> &'static [Parameter] {
-        match self {
-            MaterialKind::Elastic => &[YOUNG, NU],
-            MaterialKind::Plasticine => &[YOUNG, NU, YIELD],
-            MaterialKind::Sand => &[FRICTION],
-            MaterialKind::Newtonian => &[VISCOSITY, FLUID_BULK],
-            MaterialKind::NonNewtonian => &[SHEAR, FLUID_BULK, YIELD, PLASTIC_VISCOSITY],
-        }
+/// The parameters of a law that are sought, in the order of every vector in this crate: the leading ones of
+/// [`MaterialKind::parameter_names`]. The rest is [`MaterialKind::presumed`].
+pub fn sought(kind: MaterialKind) -> &'static [Parameter] {
+    match kind {
+        MaterialKind::Elastic => &[YOUNG, NU],
+        MaterialKind::Plasticine => &[YOUNG, NU, YIELD],
+        MaterialKind::Sand => &[FRICTION],
+        MaterialKind::Newtonian => &[VISCOSITY, FLUID_BULK],
+        MaterialKind::NonNewtonian => &[SHEAR, FLUID_BULK, YIELD, PLASTIC_VISCOSITY],
     }
+}
 
-    /// The kind of a material.
-    pub fn of(material: &Material) -> MaterialKind {
-        match material {
-            Material::Elastic { .. } => MaterialKind::Elastic,
-            Material::Plasticine { .. } => MaterialKind::Plasticine,
-            Material::Sand { .. } => MaterialKind::Sand,
-            Material::Newtonian { .. } => MaterialKind::Newtonian,
-            Material::NonNewtonian { .. } => MaterialKind::NonNewtonian,
-        }
-    }
+/// The sought parameter of that name.
+///
+/// # Errors
+/// Names the parameters that are sought where it is none of them.
+pub(crate) fn sought_by_name(kind: MaterialKind, name: &str) -> Result<&'static Parameter, IdentifyError> {
+    sought(kind).iter().find(|p| p.name == name).ok_or_else(|| IdentifyError::UnknownParameter {
+        name: name.to_owned(),
+        known: sought(kind).iter().map(|p| p.name).collect::<Vec<_>>().join(", "),
+    })
+}
 
-    /// Builds the material from physical values in the order of [`MaterialKind::parameters`].
-    pub fn material(self, v: &[f64]) -> Material {
-        match self {
-            MaterialKind::Elastic => Material::Elastic { youngs_modulus_pa: v[0], poisson_ratio: v[1] },
-            MaterialKind::Plasticine => {
-                Material::Plasticine { youngs_modulus_pa: v[0], poisson_ratio: v[1], yield_stress_pa: v[2] }
-            }
-            MaterialKind::Sand => {
-                Material::Sand { friction_angle_deg: v[0], youngs_modulus_pa: 1.0e6, poisson_ratio: 0.3 }
-            }
-            MaterialKind::Newtonian => Material::Newtonian { viscosity_pa_s: v[0], bulk_modulus_pa: v[1] },
-            MaterialKind::NonNewtonian => Material::NonNewtonian {
-                shear_modulus_pa: v[0],
-                bulk_modulus_pa: v[1],
-                yield_stress_pa: v[2],
-                plastic_viscosity_pa_s: v[3],
-            },
-        }
-    }
+/// The material with these values of the [`sought`] parameters.
+///
+/// # Panics
+/// Where their number is wrong.
+pub fn material_of(kind: MaterialKind, values: &[f64]) -> Material {
+    Material::assemble(kind, &[values, kind.presumed()].concat()).expect("one value for each sought parameter")
+}
 
-    /// Physical values of a material of this kind, in the order of [`MaterialKind::parameters`].
-    pub fn values(self, material: &Material) -> Vec<f64> {
-        match *material {
-            Material::Elastic { youngs_modulus_pa, poisson_ratio } => vec![youngs_modulus_pa, poisson_ratio],
-            Material::Plasticine { youngs_modulus_pa, poisson_ratio, yield_stress_pa } => {
-                vec![youngs_modulus_pa, poisson_ratio, yield_stress_pa]
-            }
-            Material::Sand { friction_angle_deg, .. } => vec![friction_angle_deg],
-            Material::Newtonian { viscosity_pa_s, bulk_modulus_pa } => vec![viscosity_pa_s, bulk_modulus_pa],
-            Material::NonNewtonian { shear_modulus_pa, bulk_modulus_pa, yield_stress_pa, plastic_viscosity_pa_s } => {
-                vec![shear_modulus_pa, bulk_modulus_pa, yield_stress_pa, plastic_viscosity_pa_s]
-            }
-        }
-    }
-
-    /// Where `name` stands among the parameters.
-    pub fn index_of(self, name: &str) -> Result<usize, IdentifyError> {
-        self.parameters().iter().position(|p| p.name == name).ok_or_else(|| IdentifyError::UnknownParameter {
-            name: name.to_owned(),
-            known: self.parameters().iter().map(|p| p.name).collect::<Vec<_>>().join(", "),
-        })
-    }
+/// Values of a material's [`sought`] parameters.
+pub fn sought_values(material: &Material) -> Vec<f64> {
+    let mut values = material.parameters();
+    values.truncate(sought(material.kind()).len());
+    values
 }
 
 impl Parameter {
@@ -221,18 +177,18 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
-    const KINDS: [MaterialKind; 5] = [
-        MaterialKind::Elastic,
-        MaterialKind::Plasticine,
-        MaterialKind::Sand,
-        MaterialKind::Newtonian,
-        MaterialKind::NonNewtonian,
-    ];
+    #[test]
+    fn what_is_sought_leads_the_laws_parameters() {
+        for kind in MaterialKind::ALL {
+            let names: Vec<&str> = sought(kind).iter().map(|p| p.name).collect();
+            assert!(kind.parameter_names().starts_with(&names), "{names:?}");
+        }
+    }
 
     #[test]
     fn only_what_lies_at_a_limit_is_said_to() {
-        for kind in KINDS {
-            for p in kind.parameters() {
+        for kind in MaterialKind::ALL {
+            for p in sought(kind) {
                 let (low, high) = p.limits();
                 assert!(p.is_at_limit(low) && p.is_at_limit(high), "{}", p.name);
                 assert!(!p.is_at_limit(f64::midpoint(low, high)), "{}", p.name);
@@ -244,7 +200,7 @@ mod tests {
     proptest! {
         #[test]
         fn coordinates_invert_and_stay_in_bounds(kind in 0usize..5, u in 0.0f64..1.0, wild in -1e3f64..1e3) {
-            for p in KINDS[kind].parameters() {
+            for p in sought(MaterialKind::ALL[kind]) {
                 let value = p.bounds.0 * (p.bounds.1 / p.bounds.0).powf(u);
                 prop_assert!((p.value(p.coordinate(value)) / value - 1.0).abs() < 1e-9);
                 let (low, high) = p.limits();
@@ -255,18 +211,18 @@ mod tests {
 
         #[test]
         fn materials_round_trip_through_their_values(kind in 0usize..5, u in 0.1f64..0.9) {
-            let kind = KINDS[kind];
+            let kind = MaterialKind::ALL[kind];
             let values: Vec<f64> =
-                kind.parameters().iter().map(|p| p.bounds.0 * (p.bounds.1 / p.bounds.0).powf(u)).collect();
-            let material = kind.material(&values);
-            prop_assert_eq!(kind.values(&material), values);
-            prop_assert_eq!(MaterialKind::of(&material), kind);
+                sought(kind).iter().map(|p| p.bounds.0 * (p.bounds.1 / p.bounds.0).powf(u)).collect();
+            let material = material_of(kind, &values);
+            prop_assert_eq!(sought_values(&material), values);
+            prop_assert_eq!(material.kind(), kind);
         }
     }
 
     #[test]
     fn an_unknown_name_lists_the_known_ones() {
-        let message = MaterialKind::Sand.index_of("youngs_modulus").unwrap_err().to_string();
+        let message = sought_by_name(MaterialKind::Sand, "youngs_modulus").unwrap_err().to_string();
         assert!(message.contains("friction_angle_deg"), "{message}");
     }
 }

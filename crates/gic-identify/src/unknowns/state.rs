@@ -8,7 +8,7 @@ use crate::unknowns::parameter::Parameter;
 /// One coordinate of the search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Unknown {
-    /// A material parameter, by its place in `MaterialKind::parameters`.
+    /// A material parameter, by its place in [`crate::sought`].
     Material(usize),
     /// A component of the initial velocity.
     Velocity(usize),

@@ -2,6 +2,7 @@
 
 use gic_scene::Scene;
 
+use super::training::MIN_GAUSSIANS;
 use crate::{MotionError, TrainSettings};
 
 /// # Errors
@@ -24,6 +25,10 @@ pub(super) fn check(scene: &Scene, settings: &TrainSettings) -> Result<(), Motio
     positive("views_per_step", settings.views_per_step as f64)?;
     positive("steps", settings.steps as f64)?;
     positive("gaussians_per_pixel", settings.gaussians_per_pixel)?;
+    if let Some(count) = settings.max_gaussians.filter(|count| *count < MIN_GAUSSIANS) {
+        let reason = format!("{count} Gaussians are too few, give at least {MIN_GAUSSIANS}");
+        return Err(MotionError::Setting { setting: "max_gaussians", reason });
+    }
     let r = &settings.rates;
     for (name, ends) in [
         ("rates.position", r.position),

@@ -57,7 +57,8 @@ impl<'a> Training<'a> {
         let synchronous = frames[0].len() >= MIN_SYNCHRONOUS;
         let seen: Vec<f64> = targets.iter().map(|t| t.area).filter(|&area| area > 0.0).collect();
         let mean_area = seen.iter().sum::<f64>() / seen.len() as f64;
-        let max_gaussians = (settings.gaussians_per_pixel * mean_area).max(MIN_GAUSSIANS as f64) as usize;
+        let asked_for = (settings.gaussians_per_pixel * mean_area).max(MIN_GAUSSIANS as f64) as usize;
+        let max_gaussians = asked_for.min(settings.max_gaussians.unwrap_or(usize::MAX));
         let cameras: BTreeSet<usize> = targets.iter().map(|t| t.camera_index).collect();
         let sh_degree = settings.sh_degree.unwrap_or(match cameras.len() {
             50.. => 3,

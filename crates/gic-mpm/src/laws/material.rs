@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
+use crate::laws::kind::MaterialKind;
 use crate::laws::law::Coefficients;
 
 /// A constitutive law and its parameters in SI units.
@@ -57,11 +58,11 @@ pub enum Material {
 }
 
 fn sand_youngs_modulus() -> f64 {
-    1.0e6
+    MaterialKind::Sand.presumed()[0]
 }
 
 fn sand_poisson_ratio() -> f64 {
-    0.3
+    MaterialKind::Sand.presumed()[1]
 }
 
 /// What is wrong with a material's parameters.
@@ -101,82 +102,67 @@ pub enum MaterialError {
     },
 }
 
-/// The range of a parameter; a NaN is in none.
-#[derive(Clone, Copy)]
-enum Range {
-    Positive,
-    NotNegative,
-    Poisson,
-    Angle,
-}
-
-impl Range {
-    fn holds(self, value: f64) -> bool {
-        match self {
-            Range::Positive => value > 0.0 && value.is_finite(),
-            Range::NotNegative => value >= 0.0 && value.is_finite(),
-            Range::Poisson => value > -1.0 && value < 0.5,
-            Range::Angle => (0.0..90.0).contains(&value),
-        }
-    }
-
-    fn describe(self) -> &'static str {
-        match self {
-            Range::Positive => "positive and finite",
-            Range::NotNegative => "zero or positive, and finite",
-            Range::Poisson => "above -1 and below 0.5",
-            Range::Angle => "at least 0 and below 90 degrees",
-        }
-    }
-}
-
-/// Names of a material's parameters, as in its serialised form, and their ranges: the order of [`Material::parameters`].
-struct Schema {
-    model: &'static str,
-    names: &'static [&'static str],
-    ranges: &'static [Range],
-}
-
 impl Material {
-    fn schema(&self) -> Schema {
-        use Range::{Angle, NotNegative, Poisson, Positive};
-        match self {
-            Material::Elastic { .. } => Schema {
-                model: "elastic",
-                names: &["youngs_modulus_pa", "poisson_ratio"],
-                ranges: &[Positive, Poisson],
-            },
-            Material::Plasticine { .. } => Schema {
-                model: "plasticine",
-                names: &["youngs_modulus_pa", "poisson_ratio", "yield_stress_pa"],
-                ranges: &[Positive, Poisson, NotNegative],
-            },
-            Material::Sand { .. } => Schema {
-                model: "sand",
-                names: &["friction_angle_deg", "youngs_modulus_pa", "poisson_ratio"],
-                ranges: &[Angle, Positive, Poisson],
-            },
-            Material::Newtonian { .. } => Schema {
-                model: "newtonian",
-                names: &["viscosity_pa_s", "bulk_modulus_pa"],
-                ranges: &[NotNegative, Positive],
-            },
-            Material::NonNewtonian { .. } => Schema {
-                model: "non-newtonian",
-                names: &["shear_modulus_pa", "bulk_modulus_pa", "yield_stress_pa", "plastic_viscosity_pa_s"],
-                ranges: &[Positive, Positive, NotNegative, NotNegative],
-            },
+    /// The material with these parameters, in the order of [`MaterialKind::parameter_names`], whatever their values;
+    /// `None` where their number is wrong.
+    pub fn assemble(kind: MaterialKind, values: &[f64]) -> Option<Material> {
+        match (kind, values) {
+            (MaterialKind::Elastic, &[youngs_modulus_pa, poisson_ratio]) => {
+                Some(Material::Elastic { youngs_modulus_pa, poisson_ratio })
+            }
+            (MaterialKind::Plasticine, &[youngs_modulus_pa, poisson_ratio, yield_stress_pa]) => {
+                Some(Material::Plasticine { youngs_modulus_pa, poisson_ratio, yield_stress_pa })
+            }
+            (MaterialKind::Sand, &[friction_angle_deg, youngs_modulus_pa, poisson_ratio]) => {
+                Some(Material::Sand { friction_angle_deg, youngs_modulus_pa, poisson_ratio })
+            }
+            (MaterialKind::Newtonian, &[viscosity_pa_s, bulk_modulus_pa]) => {
+                Some(Material::Newtonian { viscosity_pa_s, bulk_modulus_pa })
+            }
+            (
+                MaterialKind::NonNewtonian,
+                &[shear_modulus_pa, bulk_modulus_pa, yield_stress_pa, plastic_viscosity_pa_s],
+            ) => Some(Material::NonNewtonian {
+                shear_modulus_pa,
+                bulk_modulus_pa,
+                yield_stress_pa,
+                plastic_viscosity_pa_s,
+            }),
+            _ => None,
         }
     }
 
-    /// The name of the law, as in the serialised form: `elastic`, `plasticine`, `sand`, `newtonian`, `non-newtonian`.
+    /// As [`Material::assemble`], with values that are in range.
+    ///
+    /// # Errors
+    /// When the count is wrong or a value is out of range.
+    pub fn new(kind: MaterialKind, values: &[f64]) -> Result<Material, MaterialError> {
+        let wrong_count =
+            || MaterialError::WrongCount { model: kind.name(), known: kind.parameter_names(), count: values.len() };
+        let material = Material::assemble(kind, values).ok_or_else(wrong_count)?;
+        material.validate()?;
+        Ok(material)
+    }
+
+    /// Which law it is.
+    pub fn kind(&self) -> MaterialKind {
+        match self {
+            Material::Elastic { .. } => MaterialKind::Elastic,
+            Material::Plasticine { .. } => MaterialKind::Plasticine,
+            Material::Sand { .. } => MaterialKind::Sand,
+            Material::Newtonian { .. } => MaterialKind::Newtonian,
+            Material::NonNewtonian { .. } => MaterialKind::NonNewtonian,
+        }
+    }
+
+    /// The name of the law, see [`MaterialKind::name`].
     pub fn model(&self) -> &'static str {
-        self.schema().model
+        self.kind().name()
     }
 
     /// Names of the parameters, in the order of [`Material::parameters`].
     pub fn parameter_names(&self) -> &'static [&'static str] {
-        self.schema().names
+        self.kind().parameter_names()
     }
 
     /// The parameters in SI units (angles in degrees), in the order of [`Material::parameter_names`].
@@ -201,30 +187,7 @@ impl Material {
     /// # Errors
     /// When the count is wrong or a value is out of range.
     pub fn with_parameters(&self, values: &[f64]) -> Result<Material, MaterialError> {
-        let material = match (self, values) {
-            (Material::Elastic { .. }, &[youngs_modulus_pa, poisson_ratio]) => {
-                Material::Elastic { youngs_modulus_pa, poisson_ratio }
-            }
-            (Material::Plasticine { .. }, &[youngs_modulus_pa, poisson_ratio, yield_stress_pa]) => {
-                Material::Plasticine { youngs_modulus_pa, poisson_ratio, yield_stress_pa }
-            }
-            (Material::Sand { .. }, &[friction_angle_deg, youngs_modulus_pa, poisson_ratio]) => {
-                Material::Sand { friction_angle_deg, youngs_modulus_pa, poisson_ratio }
-            }
-            (Material::Newtonian { .. }, &[viscosity_pa_s, bulk_modulus_pa]) => {
-                Material::Newtonian { viscosity_pa_s, bulk_modulus_pa }
-            }
-            (
-                Material::NonNewtonian { .. },
-                &[shear_modulus_pa, bulk_modulus_pa, yield_stress_pa, plastic_viscosity_pa_s],
-            ) => Material::NonNewtonian { shear_modulus_pa, bulk_modulus_pa, yield_stress_pa, plastic_viscosity_pa_s },
-            _ => {
-                let Schema { model, names, .. } = self.schema();
-                return Err(MaterialError::WrongCount { model, known: names, count: values.len() });
-            }
-        };
-        material.validate()?;
-        Ok(material)
+        Material::new(self.kind(), values)
     }
 
     /// The same material with one parameter changed.
@@ -232,7 +195,7 @@ impl Material {
     /// # Errors
     /// When the material has no such parameter or the value is out of range.
     pub fn with(&self, name: &str, value: f64) -> Result<Material, MaterialError> {
-        let Schema { model, names, .. } = self.schema();
+        let (model, names) = (self.model(), self.parameter_names());
         let index = names.iter().position(|known| *known == name).ok_or_else(|| MaterialError::UnknownParameter {
             model,
             name: name.to_owned(),
@@ -248,8 +211,8 @@ impl Material {
     /// # Errors
     /// Names the first that is not.
     pub fn validate(&self) -> Result<(), MaterialError> {
-        let Schema { model, names, ranges } = self.schema();
-        for ((&name, range), value) in names.iter().zip(ranges).zip(self.parameters()) {
+        let (model, kind) = (self.model(), self.kind());
+        for ((&name, range), value) in kind.parameter_names().iter().zip(kind.ranges()).zip(self.parameters()) {
             if !range.holds(value) {
                 return Err(MaterialError::OutOfRange { model, name, value, must_be: range.describe() });
             }
@@ -404,6 +367,20 @@ mod tests {
                 }
                 None => assert_eq!(material.model(), "newtonian"),
             }
+        }
+    }
+
+    #[test]
+    fn kinds_name_what_is_serialised() {
+        for kind in MaterialKind::ALL {
+            let names = kind.parameter_names();
+            let material = Material::assemble(kind, &vec![0.25; names.len()]).unwrap();
+            assert_eq!((material.kind(), names.len()), (kind, kind.ranges().len()));
+            let serialised = serde_json::to_value(material).unwrap();
+            let object = serialised.as_object().unwrap();
+            assert_eq!((&object["model"], object.len()), (&serde_json::to_value(kind).unwrap(), names.len() + 1));
+            assert!(names.iter().all(|name| object[*name] == 0.25), "{serialised}");
+            assert_eq!(object["model"], kind.name());
         }
     }
 

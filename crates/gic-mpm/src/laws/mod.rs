@@ -2,6 +2,7 @@
 
 pub(crate) mod elastic;
 mod hencky;
+pub(crate) mod kind;
 pub(crate) mod law;
 pub(crate) mod material;
 pub(crate) mod newtonian;

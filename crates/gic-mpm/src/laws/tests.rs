@@ -301,7 +301,7 @@ proptest! {
 fn check_rest<L: Law<f64>>(name: &str, coefficients: Coefficients) {
     for rules in [Rules::Exact, Rules::Reference] {
         let new = L::new(&coefficients, rules).update(DT, &zero(), &Mat3::identity());
-        assert_eq!(new.f.0, Mat3::identity().0, "{name}");
+        assert_eq!(new.f.0, Mat3::<f64>::identity().0, "{name}");
         assert!(largest(&new.tau) <= 1e-9, "{name}: {:?}", new.tau);
     }
 }

@@ -11,7 +11,7 @@ use super::json;
 use super::pose::{self, Axes};
 use crate::error::{Problem, SceneError};
 use crate::format::Format;
-use crate::options::OpenOptions;
+use crate::settings::SceneSettings;
 use crate::view::Split;
 use crate::world::World;
 
@@ -28,7 +28,7 @@ struct Frame {
     transform_matrix: Vec<Vec<f64>>,
 }
 
-pub(super) fn read(root: &Path, _: &OpenOptions) -> Result<Draft, SceneError> {
+pub(super) fn read(root: &Path, _: &SceneSettings) -> Result<Draft, SceneError> {
     // Blender's z points up; nothing else about the world is fixed.
     let world = World { up: Some(DVec3::Z), gravity: None, ground: None, metric: false };
     let splits = [("train", Split::Train), ("val", Split::Validation), ("test", Split::Test)];

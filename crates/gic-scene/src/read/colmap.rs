@@ -12,7 +12,7 @@ use super::pose;
 use crate::error::{Problem, SceneError};
 use crate::format::Format;
 use crate::lens::Lens;
-use crate::options::OpenOptions;
+use crate::settings::SceneSettings;
 use crate::view::{MaskSource, Split};
 use crate::world::{ColouredPoint, World};
 
@@ -60,7 +60,7 @@ pub(super) fn model_folder(root: &Path) -> Option<PathBuf> {
     MODEL_FOLDERS.iter().map(|folder| root.join(folder)).find(complete)
 }
 
-pub(super) fn read(root: &Path, _: &OpenOptions) -> Result<Draft, SceneError> {
+pub(super) fn read(root: &Path, _: &SceneSettings) -> Result<Draft, SceneError> {
     let model = model_folder(root).ok_or_else(|| SceneError::UnknownFormat { path: root.to_owned() })?;
     read_model(&model, &root.join("images"), &root.join("masks"))
 }

@@ -10,16 +10,16 @@ use super::draft::{Draft, DraftCamera, DraftView, Intrinsics};
 use crate::camera::Camera;
 use crate::error::{MASK_HINT, Problem, SceneError, Severity};
 use crate::network::Network;
-use crate::options::{Masks, OpenOptions};
 use crate::picture;
 use crate::scene::Scene;
+use crate::settings::{MaskChoice, SceneSettings};
 use crate::view::{MaskSource, View};
 
 /// Two times closer than this [s, or the unit of the format] are the same frame.
 const SAME_FRAME_TOLERANCE: f64 = 1e-6;
 
 /// Checks files and sizes, sorts, and builds the scene; lists every problem at once.
-pub(crate) fn finish(mut draft: Draft, root: &Path, options: &OpenOptions) -> Result<Scene, SceneError> {
+pub(crate) fn finish(mut draft: Draft, root: &Path, settings: &SceneSettings) -> Result<Scene, SceneError> {
     let mut problems = std::mem::take(&mut draft.problems);
     // Entries that the reader refused are problems already; that they are missing afterwards is none of its own.
     let complete = problems.is_empty();
@@ -29,11 +29,8 @@ pub(crate) fn finish(mut draft: Draft, root: &Path, options: &OpenOptions) -> Re
         found.into_iter().map(|result| result.map_err(|problem| problems.push(problem)).ok()).collect()
     };
     let backgrounds = check_backgrounds(&draft, &mut problems);
-    choose_masks(&mut draft, &headers, options, &mut problems);
-    let network = match &options.masks {
-        Masks::Network(path) => Some(Network::open(path)?),
-        _ => None,
-    };
+    choose_masks(&mut draft, &headers, settings, &mut problems);
+    let network = settings.matting.as_deref().map(Network::open).transpose()?;
     let cameras = resolve_cameras(&draft, &headers, &backgrounds, &mut problems);
     check_mask_sizes(&draft, &headers, &mut problems);
 
@@ -64,8 +61,8 @@ pub(crate) fn finish(mut draft: Draft, root: &Path, options: &OpenOptions) -> Re
     if problems.iter().any(|problem| problem.severity() == Severity::Error) {
         return Err(SceneError::Invalid(problems));
     }
-    let frame_rate = options.frame_rate.or(draft.frame_rate).or_else(|| even_rate(&times));
-    if let Some(rate) = options.frame_rate {
+    let frame_rate = settings.frame_rate_hz.or(draft.frame_rate).or_else(|| even_rate(&times));
+    if let Some(rate) = settings.frame_rate_hz {
         times = (0..times.len()).map(|frame| frame as f64 / rate).collect();
     }
     Ok(Scene {
@@ -107,7 +104,7 @@ fn check_backgrounds(draft: &Draft, problems: &mut Vec<Problem>) -> Vec<Option<(
 }
 
 /// Settles where each mask comes from: what the user chose, a mask file, the alpha channel, the empty background.
-fn choose_masks(draft: &mut Draft, headers: &[Option<Header>], options: &OpenOptions, problems: &mut Vec<Problem>) {
+fn choose_masks(draft: &mut Draft, headers: &[Option<Header>], settings: &SceneSettings, problems: &mut Vec<Problem>) {
     // Matting fills in only where no view has a mask: among masked pictures, one without is a mistake to report.
     let any_mask = draft
         .views
@@ -117,15 +114,15 @@ fn choose_masks(draft: &mut Draft, headers: &[Option<Header>], options: &OpenOpt
     for (view, header) in draft.views.iter_mut().zip(headers) {
         let Some(header) = header else { continue };
         let has_background = draft.cameras[view.camera].background.is_some();
-        let chosen = match &options.masks {
-            Masks::Network(_) => Some(MaskSource::Network),
-            Masks::Difference => has_background.then_some(MaskSource::Difference),
-            Masks::Auto if view.mask.is_some() => view.mask.take(),
-            Masks::Auto if header.has_alpha => Some(MaskSource::Alpha),
-            Masks::Auto => (has_background && !any_mask).then_some(MaskSource::Difference),
+        let chosen = match settings.masks {
+            _ if settings.matting.is_some() => Some(MaskSource::Network),
+            MaskChoice::Difference => has_background.then_some(MaskSource::Difference),
+            MaskChoice::Auto if view.mask.is_some() => view.mask.take(),
+            MaskChoice::Auto if header.has_alpha => Some(MaskSource::Alpha),
+            MaskChoice::Auto => (has_background && !any_mask).then_some(MaskSource::Difference),
         };
         if chosen.is_none() {
-            let hint = if options.masks == Masks::Difference {
+            let hint = if settings.masks == MaskChoice::Difference {
                 "matting needs a picture of the empty background of this camera".to_owned()
             } else {
                 MASK_HINT.to_owned()

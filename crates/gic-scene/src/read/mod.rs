@@ -15,12 +15,12 @@ mod spring_gaus;
 use std::path::Path;
 
 use crate::error::SceneError;
-use crate::options::OpenOptions;
 use crate::scene::Scene;
+use crate::settings::SceneSettings;
 
 use draft::Draft;
 
-type Reader = fn(&Path, &OpenOptions) -> Result<Draft, SceneError>;
+type Reader = fn(&Path, &SceneSettings) -> Result<Draft, SceneError>;
 
 /// The file that gives a format away, relative to the scene's folder, and the reader. The first match wins: the more
 /// specific formats come first.
@@ -40,26 +40,30 @@ impl Scene {
     /// # Errors
     /// [`SceneError::Invalid`] lists everything that is wrong with the data; the other errors stop at once.
     pub fn open(path: impl AsRef<Path>) -> Result<Scene, SceneError> {
-        Scene::open_with(path, &OpenOptions::default())
+        Scene::open_with(path, &SceneSettings::default())
     }
 
     /// Like [`Scene::open`], with settings.
     ///
     /// # Errors
     /// As [`Scene::open`].
-    pub fn open_with(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Scene, SceneError> {
-        open(path.as_ref(), options)
+    pub fn open_with(path: impl AsRef<Path>, settings: &SceneSettings) -> Result<Scene, SceneError> {
+        let scene = open(path.as_ref(), settings)?;
+        match &settings.cameras {
+            Some(cameras) => scene.with_cameras(cameras),
+            None => Ok(scene),
+        }
     }
 }
 
 /// Opens the scene at `path`: a folder, or the file that gives the format away.
-fn open(path: &Path, options: &OpenOptions) -> Result<Scene, SceneError> {
+fn open(path: &Path, settings: &SceneSettings) -> Result<Scene, SceneError> {
     if !path.exists() {
         return Err(SceneError::NotFound { path: path.to_owned() });
     }
-    if let Some(rate) = options.frame_rate.filter(|rate| !(rate.is_finite() && *rate > 0.0)) {
+    if let Some(rate) = settings.frame_rate_hz.filter(|rate| !(rate.is_finite() && *rate > 0.0)) {
         let reason = "must be a positive number of frames per second".into();
-        return Err(SceneError::Setting { name: "frame_rate", value: rate.to_string(), reason });
+        return Err(SceneError::Setting { name: "frame_rate_hz", value: rate.to_string(), reason });
     }
     let root = match path.parent() {
         Some(parent) if path.is_file() => parent,
@@ -70,5 +74,5 @@ fn open(path: &Path, options: &OpenOptions) -> Result<Scene, SceneError> {
         // A COLMAP model may lie in several places.
         None => colmap::read,
     };
-    finish::finish(reader(root, options)?, root, options)
+    finish::finish(reader(root, settings)?, root, settings)
 }

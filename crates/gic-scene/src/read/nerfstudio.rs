@@ -11,12 +11,12 @@ use super::pose::{self, Axes};
 use crate::error::{Problem, SceneError};
 use crate::format::Format;
 use crate::lens::Lens;
-use crate::options::OpenOptions;
+use crate::settings::SceneSettings;
 use crate::view::{MaskSource, Split};
 use crate::world::World;
 use glam::{DVec2, DVec3};
 
-pub(super) fn read(root: &Path, _: &OpenOptions) -> Result<Draft, SceneError> {
+pub(super) fn read(root: &Path, _: &SceneSettings) -> Result<Draft, SceneError> {
     let list = root.join("transforms.json");
     let all: Value = json::read(&list)?;
     // nerfstudio's own tools turn the world so that z points up.

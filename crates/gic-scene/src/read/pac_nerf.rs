@@ -12,7 +12,7 @@ use super::json;
 use super::pose::{self, Axes};
 use crate::error::{Problem, SceneError};
 use crate::format::Format;
-use crate::options::OpenOptions;
+use crate::settings::SceneSettings;
 use crate::view::{MaskSource, Split};
 use crate::world::{Plane, World};
 
@@ -24,7 +24,7 @@ struct Entry {
     intrinsic: Vec<Vec<f64>>,
 }
 
-pub(super) fn read(root: &Path, _: &OpenOptions) -> Result<Draft, SceneError> {
+pub(super) fn read(root: &Path, _: &SceneSettings) -> Result<Draft, SceneError> {
     let list = root.join("all_data.json");
     let entries: Vec<Value> = json::read(&list)?;
     let world = World {

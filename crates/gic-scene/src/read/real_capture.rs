@@ -14,8 +14,8 @@ use super::{colmap, finish, json, pose};
 use crate::error::{Problem, SceneError};
 use crate::format::Format;
 use crate::lens::Lens;
-use crate::options::OpenOptions;
 use crate::scene::Scene;
+use crate::settings::SceneSettings;
 use crate::view::{MaskSource, Split};
 use crate::world::{Plane, World};
 
@@ -28,8 +28,8 @@ struct Extrinsics {
     tvecs: Vec<Vec<f64>>,
 }
 
-pub(super) fn read(root: &Path, options: &OpenOptions) -> Result<Draft, SceneError> {
-    let set = choose_set(root, options)?;
+pub(super) fn read(root: &Path, settings: &SceneSettings) -> Result<Draft, SceneError> {
+    let set = choose_set(root, settings)?;
     let calibration_file = root.join("dynamic/cameras_calib.json");
     let calibration: BTreeMap<String, Value> = json::read(&calibration_file)?;
     let list = root.join("dynamic/sequences").join(&set).join("0.json");
@@ -42,7 +42,7 @@ pub(super) fn read(root: &Path, options: &OpenOptions) -> Result<Draft, SceneErr
         metric: true,
     };
     let mut draft = Draft::new(Format::SpringGausReal, list.clone(), world);
-    let rate = options.frame_rate.unwrap_or(FRAME_RATE);
+    let rate = settings.frame_rate_hz.unwrap_or(FRAME_RATE);
     draft.frame_rate = Some(rate);
     let (intrinsics, lens) = calibrated(&calibration, &calibration_file)?;
     for (name, files) in sequence.into_iter().filter(|(name, _)| name != "hit_frame") {
@@ -84,7 +84,7 @@ pub(super) fn read(root: &Path, options: &OpenOptions) -> Result<Draft, SceneErr
             background: None,
         });
     }
-    draft.rest = read_rest(root, &set, options, &mut draft.problems)?.map(Box::new);
+    draft.rest = read_rest(root, &set, settings, &mut draft.problems)?.map(Box::new);
     Ok(draft)
 }
 
@@ -95,7 +95,7 @@ fn whole_size(principal: DVec2) -> Option<(usize, usize)> {
 }
 
 /// The name of the sequence to read: the user's, or the first.
-fn choose_set(root: &Path, options: &OpenOptions) -> Result<String, SceneError> {
+fn choose_set(root: &Path, settings: &SceneSettings) -> Result<String, SceneError> {
     let folder = root.join("dynamic/sequences");
     let entries = std::fs::read_dir(&folder).map_err(|source| SceneError::Io { path: folder.clone(), source })?;
     let mut names: Vec<String> = entries
@@ -104,7 +104,7 @@ fn choose_set(root: &Path, options: &OpenOptions) -> Result<String, SceneError> 
         .map(|entry| entry.file_name().to_string_lossy().into_owned())
         .collect();
     names.sort();
-    let chosen = match &options.set {
+    let chosen = match &settings.set {
         Some(set) => names.iter().find(|name| *name == set),
         None => names.first(),
     };
@@ -112,7 +112,7 @@ fn choose_set(root: &Path, options: &OpenOptions) -> Result<String, SceneError> 
         path: folder,
         reason: format!(
             "no sequence {}; there are: {}",
-            options.set.as_deref().unwrap_or("*/0.json"),
+            settings.set.as_deref().unwrap_or("*/0.json"),
             names.join(", ")
         ),
     })
@@ -161,14 +161,14 @@ fn pose_of(entry: Option<&Value>) -> Result<(DMat3, DVec3), String> {
 fn read_rest(
     root: &Path,
     set: &str,
-    options: &OpenOptions,
+    settings: &SceneSettings,
     problems: &mut Vec<Problem>,
 ) -> Result<Option<Scene>, SceneError> {
     let folder = |kind: &str| -> PathBuf { root.join("static").join(kind).join(set) };
     let Some(model) = colmap::model_folder(&folder("colmap")) else { return Ok(None) };
     let draft = colmap::read_model(&model, &folder("images"), &folder("masks"))?;
-    let options = OpenOptions { frame_rate: None, ..options.clone() };
-    match finish::finish(draft, &root.join("static"), &options) {
+    let settings = SceneSettings { frame_rate_hz: None, ..settings.clone() };
+    match finish::finish(draft, &root.join("static"), &settings) {
         Ok(scene) => Ok(Some(scene)),
         Err(SceneError::Invalid(found)) => {
             problems.extend(found);

@@ -11,7 +11,7 @@ use super::json;
 use super::pose::{self, Axes};
 use crate::error::{Problem, SceneError};
 use crate::format::Format;
-use crate::options::OpenOptions;
+use crate::settings::SceneSettings;
 use crate::view::Split;
 use crate::world::{Plane, World};
 
@@ -23,7 +23,7 @@ struct Entry {
     intrinsic: Vec<Vec<f64>>,
 }
 
-pub(super) fn read(root: &Path, _: &OpenOptions) -> Result<Draft, SceneError> {
+pub(super) fn read(root: &Path, _: &SceneSettings) -> Result<Draft, SceneError> {
     let list = root.join("camera.json");
     let entries: Vec<Value> = json::read(&list)?;
     let world = World {

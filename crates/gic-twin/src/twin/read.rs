@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use gic_mpm::{Material, MaterialError};
+use gic_mpm::{Material, MaterialError, MaterialKind};
 use serde_json::Value;
 
 use super::json_object::{JsonObject, nearest};
@@ -95,44 +95,31 @@ fn from_value(file: &Path, value: &Value) -> Result<Twin> {
     })
 }
 
-/// One material of each model; only names are taken from them.
-const MODELS: [Material; 5] = [
-    Material::Elastic { youngs_modulus_pa: 1.0, poisson_ratio: 0.0 },
-    Material::Plasticine { youngs_modulus_pa: 1.0, poisson_ratio: 0.0, yield_stress_pa: 1.0 },
-    Material::Sand { friction_angle_deg: 30.0, youngs_modulus_pa: 1.0e6, poisson_ratio: 0.3 },
-    Material::Newtonian { viscosity_pa_s: 1.0, bulk_modulus_pa: 1.0 },
-    Material::NonNewtonian {
-        shear_modulus_pa: 1.0,
-        bulk_modulus_pa: 1.0,
-        yield_stress_pa: 1.0,
-        plastic_viscosity_pa_s: 1.0,
-    },
-];
+/// The law of that name.
+fn kind_named(name: &str) -> Option<MaterialKind> {
+    MaterialKind::ALL.into_iter().find(|kind| kind.name() == name)
+}
 
 /// The parameters of a law, by the law's name; `None` for a name that is no law's.
 pub(super) fn parameter_names(model: &str) -> Option<&'static [&'static str]> {
-    MODELS.iter().find(|material| material.model() == model).map(|material| material.parameter_names())
+    kind_named(model).map(MaterialKind::parameter_names)
 }
 
 fn material(m: &JsonObject) -> Result<Material> {
-    let names = MODELS.map(|material| material.model());
+    let names = MaterialKind::ALL.map(MaterialKind::name);
     let model = m.string("model", &format!("one of {}", names.join(", ")))?;
-    let Some(prototype) = MODELS.iter().find(|material| material.model() == model) else {
+    let Some(kind) = kind_named(model) else {
         return Err(unknown_choice(m, "model", model, &names));
     };
-    let keys = prototype.parameter_names();
+    let keys = kind.parameter_names();
     m.allow_only(&[&["model"], keys].concat())?;
-    let mut values = prototype.parameters();
-    for (value, key) in values.iter_mut().zip(keys) {
-        // Elasticity hardly matters for sand, which is why the paper takes it as given.
-        let optional = model == "sand" && *key != "friction_angle_deg";
-        match m.number(key)? {
-            Some(number) => *value = number,
-            None if optional => (),
-            None => return Err(m.problem(key, "is missing", Some(&format!("{model} needs {}", keys.join(", "))))),
-        }
+    let mut values = Vec::new();
+    for (i, key) in keys.iter().enumerate() {
+        let presumed = (i + kind.presumed().len()).checked_sub(keys.len()).map(|late| kind.presumed()[late]);
+        let missing = || m.problem(key, "is missing", Some(&format!("{model} needs {}", keys.join(", "))));
+        values.push(m.number(key)?.or(presumed).ok_or_else(missing)?);
     }
-    prototype.with_parameters(&values).map_err(|error| match error {
+    Material::new(kind, &values).map_err(|error| match error {
         MaterialError::OutOfRange { name, value, must_be, .. } => {
             let incompressible = "0.5 means incompressible, which needs an infinite bulk modulus; use at most 0.49";
             let hint = if name == "poisson_ratio" { incompressible } else { "units are SI, angles in degrees" };

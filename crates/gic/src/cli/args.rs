@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
-use gic::config::Model;
 use gic::grasp::MAX_REFINEMENT;
+use gic_mpm::MaterialKind;
+use gic_scene::SceneSettings;
 use gic_twin::twin::Setting;
 
-use super::flags::{AppearanceFlags, FillFlags, IdentifyFlags, ReconstructFlags, SceneFlags, SettingsFlags};
+use super::flags::{AppearanceFlags, Flags, ReconstructFlags, SettingsFlags};
 
 /// Video in, physical digital twin out.
 ///
@@ -99,7 +100,7 @@ pub(crate) struct InspectArgs {
     #[arg(long)]
     pub(crate) json: bool,
     #[command(flatten)]
-    pub(crate) scene: SceneFlags,
+    pub(crate) scene: SceneSettings,
 }
 
 /// Write report.html of a finished run anew
@@ -165,13 +166,13 @@ pub(crate) struct RunArgs {
     #[command(flatten)]
     pub(crate) place: SceneAndRun,
     #[command(flatten)]
-    pub(crate) scene: SceneFlags,
+    pub(crate) scene: SceneSettings,
     #[command(flatten)]
     pub(crate) reconstruct: ReconstructFlags,
     #[command(flatten)]
-    pub(crate) fill: FillFlags,
+    pub(crate) fill: gic_continuum::Settings,
     #[command(flatten)]
-    pub(crate) identify: IdentifyFlags,
+    pub(crate) identify: gic_identify::Settings,
     #[command(flatten)]
     pub(crate) appearance: AppearanceFlags,
     #[command(flatten)]
@@ -184,7 +185,7 @@ pub(crate) struct ReconstructArgs {
     #[command(flatten)]
     pub(crate) place: SceneAndRun,
     #[command(flatten)]
-    pub(crate) scene: SceneFlags,
+    pub(crate) scene: SceneSettings,
     #[command(flatten)]
     pub(crate) reconstruct: ReconstructFlags,
     #[command(flatten)]
@@ -209,7 +210,7 @@ pub(crate) struct FillArgs {
     /// The run folder
     pub(crate) run: PathBuf,
     #[command(flatten)]
-    pub(crate) fill: FillFlags,
+    pub(crate) fill: gic_continuum::Settings,
     #[command(flatten)]
     pub(crate) settings: SettingsFlags,
 }
@@ -220,9 +221,65 @@ pub(crate) struct IdentifyArgs {
     /// The run folder
     pub(crate) run: PathBuf,
     #[command(flatten)]
-    pub(crate) identify: IdentifyFlags,
+    pub(crate) identify: gic_identify::Settings,
     #[command(flatten)]
     pub(crate) settings: SettingsFlags,
+}
+
+impl InspectArgs {
+    /// The settings among the flags.
+    pub(crate) fn flags(&self) -> Flags<'_> {
+        Flags { scene_path: Some(&self.scene_path), scene: Some(&self.scene), ..Flags::default() }
+    }
+}
+
+impl RunArgs {
+    /// The settings among the flags.
+    pub(crate) fn flags(&self) -> Flags<'_> {
+        Flags {
+            scene_path: Some(&self.place.scene_path),
+            scene: Some(&self.scene),
+            reconstruct: Some(&self.reconstruct),
+            fill: Some(&self.fill),
+            identify: Some(&self.identify),
+            appearance: Some(&self.appearance),
+            any: Some(&self.settings),
+        }
+    }
+}
+
+impl ReconstructArgs {
+    /// The settings among the flags.
+    pub(crate) fn flags(&self) -> Flags<'_> {
+        Flags {
+            scene_path: Some(&self.place.scene_path),
+            scene: Some(&self.scene),
+            reconstruct: Some(&self.reconstruct),
+            any: Some(&self.settings),
+            ..Flags::default()
+        }
+    }
+}
+
+impl RegisterArgs {
+    /// The settings among the flags.
+    pub(crate) fn flags(&self) -> Flags<'_> {
+        Flags { any: Some(&self.settings), ..Flags::default() }
+    }
+}
+
+impl FillArgs {
+    /// The settings among the flags.
+    pub(crate) fn flags(&self) -> Flags<'_> {
+        Flags { fill: Some(&self.fill), any: Some(&self.settings), ..Flags::default() }
+    }
+}
+
+impl IdentifyArgs {
+    /// The settings among the flags.
+    pub(crate) fn flags(&self) -> Flags<'_> {
+        Flags { identify: Some(&self.identify), any: Some(&self.settings), ..Flags::default() }
+    }
 }
 
 /// Where a run reads and writes.
@@ -259,7 +316,7 @@ pub(crate) struct SimulateArgs {
     pub(crate) set: Vec<Setting>,
     /// Another law; parameters that both laws have stay, further ones come with --set
     #[arg(long, value_enum)]
-    pub(crate) material: Option<Model>,
+    pub(crate) material: Option<MaterialKind>,
     /// Gravity [m/s^2]
     #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
     pub(crate) gravity: Option<String>,
@@ -387,7 +444,7 @@ pub(crate) struct GraspArgs {
 pub(crate) struct GradcheckArgs {
     /// Only this material
     #[arg(long, value_name = "MODEL")]
-    pub(crate) material: Option<Model>,
+    pub(crate) material: Option<MaterialKind>,
 }
 
 fn positive(text: &str) -> Result<usize, String> {

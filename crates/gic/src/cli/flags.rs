@@ -1,64 +1,26 @@
-//! Flags of the stages. A flag's name is its key in the stage's table of `config.toml`, with dashes for underscores.
+//! From the command line to layers of settings. The flags of a stage are the fields of its settings.
 
-use std::path::PathBuf;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 
-use clap::Args;
-use gic::config::{Config, Layer, MaskChoice, MaterialChoice, OptimizerChoice, TargetChoice, UnseenChoice};
+use clap::parser::ValueSource;
+use clap::{ArgMatches, Args};
+use gic::config::{Config, Layer};
 use gic::pipeline::open_scene;
 use gic_motion::TrainSettings;
+use gic_scene::SceneSettings;
 use serde::Serialize;
 use toml::{Table, Value};
 
-/// Reading the scene
-#[derive(Debug, Default, Args, Serialize)]
-#[command(next_help_heading = "Scene")]
-pub(crate) struct SceneFlags {
-    /// Which masks to use
-    #[arg(long, value_enum)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    masks: Option<MaskChoice>,
-    /// Make the masks with this matting network
-    #[arg(long, value_name = "MODEL.onnx")]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    matting: Option<PathBuf>,
-    /// Frames per second, in place of what the scene says
-    #[arg(long, value_name = "HZ")]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    frame_rate_hz: Option<f64>,
-    /// Which of several sets in the folder
-    #[arg(id = "scene_set", long = "scene-set", value_name = "NAME")]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    set: Option<String>,
-    /// Look at these cameras only, by number from 0; they become cameras 0, 1, ... [default: all]
-    #[arg(long, value_name = "CAMERA", value_delimiter = ',')]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    cameras: Option<Vec<usize>>,
-    /// Fit everything to the first N frames only, and predict the others [default: all]
-    #[arg(long, value_name = "N")]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    fit_frames: Option<usize>,
-}
-
 /// Reconstruction
-#[derive(Debug, Default, Args, Serialize)]
+#[derive(Debug, Args)]
 #[command(next_help_heading = "Reconstruction")]
 pub(crate) struct ReconstructFlags {
     /// Start from these settings: gic's own, or the schedule that the paper prints (slow)
     #[arg(long, value_enum)]
-    #[serde(skip)]
     schedule: Option<Schedule>,
-    /// Steps in all
-    #[arg(long, value_name = "N")]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    steps: Option<usize>,
-    /// Cameras kept for measuring, never trained on
-    #[arg(long, value_name = "CAMERA", value_delimiter = ',')]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    held_out: Option<Vec<usize>>,
-    /// Never more Gaussians than this
-    #[arg(long, value_name = "N")]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    max_gaussians: Option<usize>,
+    #[command(flatten)]
+    settings: TrainSettings,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -67,80 +29,8 @@ enum Schedule {
     Paper,
 }
 
-/// Filling
-#[derive(Debug, Default, Args, Serialize)]
-#[command(next_help_heading = "Filling")]
-pub(crate) struct FillFlags {
-    /// Distance of neighbouring particles [m] [default: from the object's size and volume]
-    #[arg(long, value_name = "M")]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    particle_spacing_m: Option<f64>,
-    /// Side of the voxels of the first level [m] [default: from the object's size]
-    #[arg(long, value_name = "M")]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    voxel_spacing_m: Option<f64>,
-    /// Levels of refinement, the paper's n_u [default: 4]
-    #[arg(long, value_name = "N")]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    levels: Option<usize>,
-    /// The boundary where no view sees it [default: smooth]
-    #[arg(long, value_enum)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    unseen: Option<UnseenChoice>,
-    /// Whether a body that is its own mirror image is completed by it [default: true]
-    #[arg(long, value_name = "BOOL")]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    symmetry: Option<bool>,
-}
-
-/// Identification
-#[derive(Debug, Default, Args, Serialize)]
-#[command(next_help_heading = "Identification")]
-pub(crate) struct IdentifyFlags {
-    /// The material's model; auto fits every model to the earlier frames and takes the one that predicts the later ones best
-    #[arg(long, value_enum)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    material: Option<MaterialChoice>,
-    /// A parameter that is known: poisson_ratio=0.3; may be repeated
-    #[arg(long = "fix", value_name = "NAME=VALUE", value_parser = known_parameter)]
-    #[serde(skip)]
-    fix: Vec<(String, f64)>,
-    /// Density: a video shows only the ratio of stress to density [default: 1000]
-    #[arg(long = "density", value_name = "KG_M3")]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    density_kg_m3: Option<f64>,
-    /// A JSON file with a list of colliders, as in twin.json [default: the scene's ground]
-    #[arg(long, value_name = "FILE")]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    colliders: Option<PathBuf>,
-    /// Which observations take part [default: both]
-    #[arg(long, value_enum)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    target: Option<TargetChoice>,
-    /// How the loss is minimised [default: levenberg-marquardt]
-    #[arg(long, value_enum)]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    optimizer: Option<OptimizerChoice>,
-    /// Gradient steps of Adam [default: 200]
-    #[arg(long, value_name = "N")]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    adam_iterations: Option<usize>,
-    /// Frames used, from the first [default: all]
-    #[arg(long, value_name = "N")]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    frames: Option<usize>,
-    /// Side of a cell of the simulation grid [m] [default: twice the particle spacing]
-    #[arg(long, value_name = "M")]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    grid_spacing_m: Option<f64>,
-    /// Substeps per frame [default: 200 on a grid of 0.02 m, and in proportion]
-    #[arg(long, value_name = "N")]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    substeps_per_frame: Option<usize>,
-}
-
 /// The twin's colours
-#[derive(Debug, Default, Args)]
+#[derive(Debug, Args)]
 #[command(next_help_heading = "Appearance")]
 pub(crate) struct AppearanceFlags {
     /// Do not train the twin's colours
@@ -149,89 +39,96 @@ pub(crate) struct AppearanceFlags {
 }
 
 /// Settings from elsewhere
-#[derive(Debug, Default, Args)]
+#[derive(Debug, Args)]
 #[command(next_help_heading = "All settings")]
 pub(crate) struct SettingsFlags {
     /// Take settings from a config.toml
     #[arg(long, value_name = "FILE")]
     config: Option<PathBuf>,
     /// Change any setting by its path in config.toml: reconstruct.loss.scale=0; may be repeated
-    #[arg(long, value_name = "KEY=VALUE")]
-    set: Vec<String>,
-    /// Seed of everything random [default: 0]
-    #[arg(long, value_name = "N")]
-    seed: Option<u64>,
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    assignments: Vec<String>,
+    /// Seed of everything random
+    #[arg(long, value_name = "N", default_value_t = Config::default().seed)]
+    seed: u64,
 }
 
-fn known_parameter(text: &str) -> Result<(String, f64), String> {
-    let (name, value) = text.split_once('=').ok_or("write NAME=VALUE, for example poisson_ratio=0.3")?;
-    let value = value.trim().parse::<f64>().ok().filter(|v| v.is_finite());
-    Ok((name.trim().to_owned(), value.ok_or("the value is not a number")?))
+/// The arguments that the command line itself gives, by clap's ids: not those that clap filled in with defaults.
+#[derive(Default)]
+pub(crate) struct Given(BTreeSet<String>);
+
+impl Given {
+    /// What the command line gives to a command.
+    pub(crate) fn to(command: &ArgMatches) -> Self {
+        let is_given = |id: &&clap::Id| command.value_source(id.as_str()) == Some(ValueSource::CommandLine);
+        Self(command.ids().filter(is_given).map(ToString::to_string).collect())
+    }
+
+    /// Those keys of a stage's settings that are given; a flag's id is its key.
+    fn keys_of(&self, settings: &impl Serialize) -> anyhow::Result<Table> {
+        let mut table = Table::try_from(settings)?;
+        table.retain(|key, _| self.0.contains(key));
+        Ok(table)
+    }
 }
 
-/// The flags given on the command line, as settings.
+/// The settings among a command's arguments.
 #[derive(Default)]
 pub(crate) struct Flags<'a> {
-    pub(crate) scene_path: Option<&'a PathBuf>,
-    pub(crate) scene: Option<&'a SceneFlags>,
+    pub(crate) scene_path: Option<&'a Path>,
+    pub(crate) scene: Option<&'a SceneSettings>,
     pub(crate) reconstruct: Option<&'a ReconstructFlags>,
-    pub(crate) fill: Option<&'a FillFlags>,
-    pub(crate) identify: Option<&'a IdentifyFlags>,
+    pub(crate) fill: Option<&'a gic_continuum::Settings>,
+    pub(crate) identify: Option<&'a gic_identify::Settings>,
     pub(crate) appearance: Option<&'a AppearanceFlags>,
+    pub(crate) any: Option<&'a SettingsFlags>,
 }
 
 impl Flags<'_> {
     /// Layers of settings in ascending precedence: a schedule, `--config`, flags, `--set`.
-    pub(crate) fn layers(&self, settings: &SettingsFlags) -> anyhow::Result<Vec<Layer>> {
+    pub(crate) fn layers(&self, given: &Given) -> anyhow::Result<Vec<Layer>> {
         let mut layers = Vec::new();
-        let given = Layer { origin: "the command line".into(), table: self.table(settings)? };
+        let flags = Layer { origin: "the command line".into(), table: self.table(given)? };
         if let Some(schedule) = self.reconstruct.and_then(|flags| flags.schedule) {
             let train = match schedule {
-                Schedule::Gic => TrainSettings::for_scene(&open_scene(&Config::resolve(vec![given.clone()])?)?),
+                Schedule::Gic => TrainSettings::for_scene(&open_scene(&Config::resolve(vec![flags.clone()])?)?),
                 Schedule::Paper => TrainSettings::paper(),
             };
             layers.push(Layer::reconstruct("--schedule", &train)?);
         }
-        if let Some(file) = &settings.config {
+        if let Some(file) = self.any.and_then(|any| any.config.as_ref()) {
             layers.push(Layer::read(file)?);
         }
-        layers.push(given);
-        layers.push(Layer::from_assignments(settings.set.iter().map(String::as_str))?);
+        layers.push(flags);
+        let assignments = self.any.map(|any| any.assignments.as_slice()).unwrap_or_default();
+        layers.push(Layer::from_assignments(assignments.iter().map(String::as_str))?);
         Ok(layers)
     }
 
-    fn table(&self, settings: &SettingsFlags) -> anyhow::Result<Table> {
-        let mut table = Table::new();
-        if let Some(seed) = settings.seed {
-            table.insert("seed".into(), Value::Integer(i64::try_from(seed)?));
-        }
-        let mut scene = self.scene.map(Table::try_from).transpose()?.unwrap_or_default();
+    fn table(&self, given: &Given) -> anyhow::Result<Table> {
+        let mut table = match self.any {
+            Some(any) => {
+                given.keys_of(&Table::from_iter([("seed".to_owned(), Value::Integer(any.seed.try_into()?))]))?
+            }
+            None => Table::new(),
+        };
+        let mut scene = self.scene.map(|scene| given.keys_of(scene)).transpose()?.unwrap_or_default();
         if let Some(path) = self.scene_path {
             // A run goes on from any current folder.
-            let path = std::fs::canonicalize(path).unwrap_or_else(|_| path.clone());
+            let path = std::fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
             scene.insert("path".into(), Value::try_from(path)?);
         }
-        let mut identify = self.identify.map(Table::try_from).transpose()?.unwrap_or_default();
-        let fix = self.identify.map(|flags| flags.fix.as_slice()).unwrap_or_default();
-        if !fix.is_empty() {
-            let fix = fix.iter().map(|(name, value)| (name.clone(), Value::Float(*value))).collect();
-            identify.insert("fix".into(), Value::Table(fix));
-        }
-        let mut appearance = Table::new();
-        if let Some(flags) = self.appearance {
-            // The flag has to be given each time, unlike other settings, which the run folder remembers.
-            appearance.insert("enabled".into(), Value::Boolean(!flags.no_appearance));
-        }
-        let sections = [
+        // The flag has to be given each time, unlike other settings, which the run folder remembers.
+        let enabled = self.appearance.map(|flags| ("enabled".to_owned(), Value::Boolean(!flags.no_appearance)));
+        let stages = [
             ("scene", scene),
-            ("reconstruct", self.reconstruct.map(Table::try_from).transpose()?.unwrap_or_default()),
-            ("fill", self.fill.map(Table::try_from).transpose()?.unwrap_or_default()),
-            ("identify", identify),
-            ("appearance", appearance),
+            ("reconstruct", self.reconstruct.map(|f| given.keys_of(&f.settings)).transpose()?.unwrap_or_default()),
+            ("fill", self.fill.map(|settings| given.keys_of(settings)).transpose()?.unwrap_or_default()),
+            ("identify", self.identify.map(|settings| given.keys_of(settings)).transpose()?.unwrap_or_default()),
+            ("appearance", enabled.into_iter().collect()),
         ];
-        table.extend(
-            sections.into_iter().filter(|(_, t)| !t.is_empty()).map(|(name, t)| (name.to_owned(), Value::Table(t))),
-        );
+        let named = stages.into_iter().filter(|(_, keys)| !keys.is_empty());
+        table.extend(named.map(|(stage, keys)| (stage.to_owned(), Value::Table(keys))));
         Ok(table)
     }
 }

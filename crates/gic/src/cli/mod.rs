@@ -9,23 +9,28 @@ mod render;
 mod results;
 mod run;
 mod simulate;
+#[cfg(test)]
+mod tests;
 mod view;
 
 use std::io::Write;
 use std::process::ExitCode;
 
-use clap::{CommandFactory, Parser};
+use clap::{CommandFactory, FromArgMatches};
 use gic::Error;
 use gic_twin::events::{Event, Events};
 use gic_twin::{Interrupt, TwinError};
 use gic_view::ViewError;
 
 use args::{Cli, Command};
+use flags::Given;
 
 /// What a command needs from the outside.
 pub(crate) struct Context {
     pub(crate) events: Events,
     pub(crate) interrupt: Interrupt,
+    /// What the command line gives to the command.
+    pub(crate) given: Given,
 }
 
 impl Context {
@@ -37,8 +42,10 @@ impl Context {
 }
 
 pub(crate) fn main() -> ExitCode {
-    let cli = Cli::parse();
-    match execute(cli) {
+    let matches = Cli::command().get_matches();
+    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    let given = matches.subcommand().map(|(_, command)| Given::to(command)).unwrap_or_default();
+    match execute(cli, given) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             report(&error);
@@ -47,7 +54,7 @@ pub(crate) fn main() -> ExitCode {
     }
 }
 
-fn execute(cli: Cli) -> anyhow::Result<()> {
+fn execute(cli: Cli, given: Given) -> anyhow::Result<()> {
     if let Some(threads) = cli.global.threads {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
     }
@@ -56,7 +63,7 @@ fn execute(cli: Cli) -> anyhow::Result<()> {
     on_ctrl_c(&interrupt)?;
     let events = Events::default();
     events.add(progress::Progress::new(cli.global.quiet, cli.global.verbose));
-    let context = Context { events, interrupt };
+    let context = Context { events, interrupt, given };
     let done = dispatch(cli.command, &context);
     if let Err(error) = &done {
         context.events.send(&Event::Failed { causes: error.chain().map(ToString::to_string).collect() });

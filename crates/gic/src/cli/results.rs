@@ -9,11 +9,10 @@ use pipeline::Run;
 
 use super::Context;
 use super::args::{BenchArgs, DemoArgs, EvalArgs, InspectArgs};
-use super::flags::{Flags, SettingsFlags};
+use super::flags::Flags;
 
 pub(crate) fn inspect(args: &InspectArgs, context: &Context) -> anyhow::Result<()> {
-    let flags = Flags { scene_path: Some(&args.scene_path), scene: Some(&args.scene), ..Flags::default() };
-    let config = gic::config::Config::resolve(flags.layers(&SettingsFlags::default())?)?;
+    let config = gic::config::Config::resolve(args.flags().layers(&context.given)?)?;
     let scene = pipeline::open_scene(&config)?;
     let inspection = gic_scene::inspect(&scene)?;
     if args.json {
@@ -69,7 +68,7 @@ pub(crate) fn demo(args: &DemoArgs, context: &Context) -> anyhow::Result<()> {
     let scene = args.out.join("scene");
     demo::unpack(&scene)?;
     let flags = Flags { scene_path: Some(&scene), ..Flags::default() };
-    let mut layers = flags.layers(&SettingsFlags::default())?;
+    let mut layers = flags.layers(&context.given)?;
     layers.push(gic::config::Layer::from_assignments(["identify.material=elastic"])?);
     let run = Run::open(&args.out.join("run"), layers, &context.events, &context.interrupt)?;
     super::run::finish(&run, context)?;

@@ -6,18 +6,10 @@ use gic::pipeline::{Run, Stage};
 
 use super::Context;
 use super::args::{ExportArgs, FillArgs, IdentifyArgs, ReconstructArgs, RegisterArgs, ReportArgs, RunArgs};
-use super::flags::{Flags, SettingsFlags};
+use super::flags::Flags;
 
 pub(crate) fn run(args: &RunArgs, context: &Context) -> anyhow::Result<()> {
-    let flags = Flags {
-        scene_path: Some(&args.place.scene_path),
-        scene: Some(&args.scene),
-        reconstruct: Some(&args.reconstruct),
-        fill: Some(&args.fill),
-        identify: Some(&args.identify),
-        appearance: Some(&args.appearance),
-    };
-    let run = open(&args.place.out, &flags, &args.settings, context)?;
+    let run = open(&args.place.out, &args.flags(), context)?;
     finish(&run, context)
 }
 
@@ -30,27 +22,21 @@ pub(crate) fn finish(run: &Run, context: &Context) -> anyhow::Result<()> {
 }
 
 pub(crate) fn report(args: &ReportArgs, context: &Context) -> anyhow::Result<()> {
-    let run = open(&args.run, &Flags::default(), &SettingsFlags::default(), context)?;
+    let run = open(&args.run, &Flags::default(), context)?;
     gic::report::write(&run, &context.events)?;
     context.print(format!("report in {}", args.run.join("report.html").display()));
     Ok(())
 }
 
 pub(crate) fn reconstruct(args: &ReconstructArgs, context: &Context) -> anyhow::Result<()> {
-    let flags = Flags {
-        scene_path: Some(&args.place.scene_path),
-        scene: Some(&args.scene),
-        reconstruct: Some(&args.reconstruct),
-        ..Flags::default()
-    };
-    let run = open(&args.place.out, &flags, &args.settings, context)?;
+    let run = open(&args.place.out, &args.flags(), context)?;
     run.bring_up_to_date(Stage::Reconstruct)?;
     context.print(format!("Gaussians in {}", run.folder().join("gaussians").display()));
     Ok(())
 }
 
 pub(crate) fn register(args: &RegisterArgs, context: &Context) -> anyhow::Result<()> {
-    let run = open(&args.run, &Flags::default(), &args.settings, context)?;
+    let run = open(&args.run, &args.flags(), context)?;
     run.bring_up_to_date(Stage::Register)?;
     let found = run.registration()?;
     context.print(format!("scale {:.6} m per unit of the scan", found.best.scale));
@@ -72,8 +58,7 @@ pub(crate) fn register(args: &RegisterArgs, context: &Context) -> anyhow::Result
 }
 
 pub(crate) fn fill(args: &FillArgs, context: &Context) -> anyhow::Result<()> {
-    let flags = Flags { fill: Some(&args.fill), ..Flags::default() };
-    let run = open(&args.run, &flags, &args.settings, context)?;
+    let run = open(&args.run, &args.flags(), context)?;
     run.bring_up_to_date(Stage::Fill)?;
     let summary = run.continuum()?.summary;
     let mean = summary.mask_iou.iter().sum::<f64>() / summary.mask_iou.len().max(1) as f64;
@@ -88,22 +73,21 @@ pub(crate) fn fill(args: &FillArgs, context: &Context) -> anyhow::Result<()> {
 }
 
 pub(crate) fn identify(args: &IdentifyArgs, context: &Context) -> anyhow::Result<()> {
-    let flags = Flags { identify: Some(&args.identify), ..Flags::default() };
-    let run = open(&args.run, &flags, &args.settings, context)?;
+    let run = open(&args.run, &args.flags(), context)?;
     run.bring_up_to_date(Stage::Identify)?;
     print_estimate(&run, context)
 }
 
 pub(crate) fn export(args: &ExportArgs, context: &Context) -> anyhow::Result<()> {
-    let run = open(&args.run, &Flags::default(), &SettingsFlags::default(), context)?;
+    let run = open(&args.run, &Flags::default(), context)?;
     let path = args.out.clone().unwrap_or_else(|| args.run.join(args.format.default_file()));
     let written = run.export(args.format, &path)?;
     context.print(format!("{written} in {}", path.display()));
     Ok(())
 }
 
-fn open<'a>(folder: &Path, flags: &Flags, settings: &SettingsFlags, context: &'a Context) -> anyhow::Result<Run<'a>> {
-    Ok(Run::open(folder, flags.layers(settings)?, &context.events, &context.interrupt)?)
+fn open<'a>(folder: &Path, flags: &Flags, context: &'a Context) -> anyhow::Result<Run<'a>> {
+    Ok(Run::open(folder, flags.layers(&context.given)?, &context.events, &context.interrupt)?)
 }
 
 fn print_estimate(run: &Run, context: &Context) -> anyhow::Result<()> {

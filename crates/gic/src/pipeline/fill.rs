@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use gic_continuum::{
-    Agreement, Appearance, Drawing, FillSettings, Filling, GroundPlane, MirrorPlane, Particles, Placement, Unseen,
-    calibrate, compare_with_masks, sample_particles, sample_points,
+    Agreement, Appearance, Drawing, FillSettings, Filling, GroundPlane, MirrorPlane, Particles, Placement, calibrate,
+    compare_with_masks, sample_particles, sample_points,
 };
 use gic_scene::{Hull, HullSettings, HullView, Mask};
 use gic_twin::atomic;
@@ -15,7 +15,6 @@ use serde::{Deserialize, Serialize};
 use super::fill_input::FillInput;
 use super::frame_filler::FrameFiller;
 use super::{Run, Stage};
-use crate::config::UnseenChoice;
 use crate::error::{Error, Result};
 
 /// Grid cells along the side of a cube with the object's volume, before rounding: 0.02 m cells for the paper's objects,
@@ -236,21 +235,8 @@ impl Run<'_> {
     }
 
     pub(super) fn fill_settings(&self, size: f64) -> FillSettings {
-        let config = &self.config.fill;
-        let defaults = FillSettings::for_size(size);
-        FillSettings {
-            grid_spacing: config.voxel_spacing_m.unwrap_or(defaults.grid_spacing),
-            levels: config.levels,
-            th_min: config.th_min,
-            th_max: config.th_max,
-            min_opacity: config.min_opacity,
-            unseen: match config.unseen {
-                UnseenChoice::Smooth => Unseen::Smooth,
-                UnseenChoice::Fill => Unseen::Fill,
-            },
-            ground: self.scene.world.ground.map(|plane| GroundPlane { point: plane.point, normal: plane.normal }),
-            ..defaults
-        }
+        let ground = self.scene.world.ground.map(|plane| GroundPlane { point: plane.point, normal: plane.normal });
+        self.config.fill.for_body(size, ground)
     }
 
     /// The masks of a frame, in the order of its views.

@@ -5,9 +5,10 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use gic_identify::{
-    Checkpoint, Estimates, Event, IdentifyError, Input, Observation, Optimizer, Settings, Stage as IdentifyStage, Step,
-    Target, View, identify,
+    Checkpoint, Estimates, Event, IdentifyError, Input, MaterialChoice, Observation, Settings, Stage as IdentifyStage,
+    Step, Target, View, identify, sought,
 };
+use gic_mpm::MaterialKind;
 use gic_twin::atomic;
 use gic_twin::matter::write_particles;
 use gic_twin::twin::{ContactKind, MatterSource, Obstacle, ObstacleShape, Twin};
@@ -16,14 +17,7 @@ use serde::{Deserialize, Serialize};
 use super::predict::simulated_frame;
 use super::stamp::Stamp;
 use super::{Continuum, Run, Stage};
-use crate::config::{MaterialChoice, Model, OptimizerChoice, TargetChoice};
 use crate::error::{Error, Result};
-
-/// Substeps of a frame on a grid of [`REFERENCE_GRID_M`], whatever the frame rate, as in the published simulations.
-/// Every substep's transfers damp the motion a little, so other numbers of them find other parameters: 144 instead of
-/// 200 cost 5 % of a bouncing solid's stiffness.
-const REFERENCE_SUBSTEPS: f64 = 200.0;
-const REFERENCE_GRID_M: f64 = 0.02;
 
 /// Name of the file, beside `twin.json`, of the twin's particles at time 0: the continuum as the fit moved and reshaped
 /// it.
@@ -139,15 +133,15 @@ impl Run<'_> {
     pub(super) fn fit(
         &self,
         input: &Input,
-        model: Model,
+        model: MaterialKind,
         settings: &Settings,
         (stage, checkpoint): (Stage, &Path),
     ) -> Result<Estimates> {
-        let names: Vec<&str> = model.kind().parameters().iter().map(|p| p.name).collect();
+        let names: Vec<&str> = sought(model).iter().map(|p| p.name).collect();
         let resume: Checkpoint =
             if checkpoint.exists() { atomic::read_json(checkpoint)? } else { Checkpoint::default() };
         let mut unwritten = None;
-        let found = identify(input, model.kind(), settings, resume, &mut |event| {
+        let found = identify(input, model, settings, resume, &mut |event| {
             match event {
                 Event::Step(step) => self.report_step(stage, &names, step),
                 Event::Reached(state) => unwritten = atomic::write_json(checkpoint, state).err(),
@@ -169,10 +163,10 @@ impl Run<'_> {
     }
 
     /// The material's model: as given, or as selected.
-    pub(super) fn model(&self) -> Result<Model> {
-        match self.material()?.model() {
-            Some(model) => Ok(model),
-            None => self.selection()?.chosen_model(),
+    pub(super) fn model(&self) -> Result<MaterialKind> {
+        match self.material()? {
+            MaterialChoice::Law(kind) => Ok(kind),
+            MaterialChoice::Auto => self.selection()?.chosen_model(),
         }
     }
 
@@ -231,9 +225,7 @@ impl Run<'_> {
             });
         };
         let particles = &continuum.particles;
-        let grid_spacing_m = config.grid_spacing_m.unwrap_or(2.0 * particles.spacing);
-        let wanted = REFERENCE_SUBSTEPS * REFERENCE_GRID_M / grid_spacing_m;
-        let substeps_per_frame = config.substeps_per_frame.unwrap_or((wanted * (1.0 - 1e-9)).ceil() as usize);
+        let (grid_spacing_m, substeps_per_frame) = config.resolution(particles.spacing);
         let gravity = config.gravity_m_s2.map(Into::into).or(self.scene.world.gravity);
         let scale = (continuum.appearance.scale * particles.spacing) as f32;
         self.events.note(
@@ -280,28 +272,9 @@ impl Run<'_> {
 
     pub(super) fn identify_settings(&self) -> Settings {
         let config = &self.config.identify;
-        Settings {
-            target: match config.target {
-                // A scan shows the surface at rest only.
-                _ if self.scan().is_some() => Target::Masks,
-                TargetChoice::Both => Target::Both,
-                TargetChoice::Surfaces => Target::Surfaces,
-                TargetChoice::Masks => Target::Masks,
-            },
-            optimizer: match config.optimizer {
-                OptimizerChoice::LevenbergMarquardt => Optimizer::LevenbergMarquardt,
-                OptimizerChoice::Adam => Optimizer::Adam { iterations: config.adam_iterations },
-            },
-            fixed: config.fix.iter().map(|(name, value)| (name.clone(), *value)).collect(),
-            start: config.start.clone(),
-            velocity_m_s: config.velocity_m_s.map(Into::into),
-            rotation: config.rotation,
-            joint: true,
-            iterations: config.iterations,
-            frames: config.frames,
-            resolution_check: (config.resolution_check > 0.0).then_some(config.resolution_check),
-            seed: self.config.seed,
-        }
+        // A scan shows the surface at rest only.
+        let target = if self.scan().is_some() { Target::Masks } else { config.target };
+        Settings { target, ..config.clone() }
     }
 
     /// The particles of the continuum where and how large the fit found them, with their attributes.

@@ -19,8 +19,9 @@ mod stamp;
 
 use std::path::{Path, PathBuf};
 
+use gic_identify::MaterialChoice;
 use gic_motion::TrainSettings;
-use gic_scene::{Masks, OpenOptions, Scene};
+use gic_scene::Scene;
 use gic_twin::Interrupt;
 use gic_twin::ResourceMeter;
 use gic_twin::atomic;
@@ -28,7 +29,7 @@ use gic_twin::events::{Event, Events};
 use gic_view::skinned_gaussians::FILES as APPEARANCE_FILES;
 use sha2::{Digest, Sha256};
 
-use crate::config::{Config, Layer, MaskChoice, MaterialChoice};
+use crate::config::{Config, Layer};
 use crate::error::{Error, Result};
 pub use export::Export;
 pub(crate) use fill::filling_file;
@@ -310,17 +311,7 @@ pub fn open_scene(config: &Config) -> Result<Scene> {
             hint: Some("start it with `gic run SCENE -o RUN` or `gic reconstruct SCENE -o RUN`".into()),
         });
     };
-    let masks = match (&config.scene.matting, config.scene.masks) {
-        (Some(network), _) => Masks::Network(network.clone()),
-        (None, MaskChoice::Auto) => Masks::Auto,
-        (None, MaskChoice::Difference) => Masks::Difference,
-    };
-    let options = OpenOptions { masks, frame_rate: config.scene.frame_rate_hz, set: config.scene.set.clone() };
-    let scene = Scene::open_with(path, &options).map_err(Error::stage("reading the scene"))?;
-    match &config.scene.cameras {
-        Some(cameras) => scene.with_cameras(cameras).map_err(Error::stage("choosing cameras")),
-        None => Ok(scene),
-    }
+    Scene::open_with(path, &config.scene).map_err(Error::stage("reading the scene"))
 }
 
 /// The frames that everything is fitted to.

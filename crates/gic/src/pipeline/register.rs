@@ -9,7 +9,6 @@ use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
 use super::{Run, Stage};
-use crate::config::TargetChoice;
 use crate::error::{Error, Result};
 
 /// An alternative is as good as the best where its loss is at most this many times the best one's.
@@ -110,7 +109,7 @@ impl Run<'_> {
     pub(super) fn check_scan(&self) -> Result<()> {
         let refused =
             |problem: &str, hint: &str| Err(Error::Usage { problem: problem.into(), hint: Some(hint.into()) });
-        if self.config.identify.target == TargetChoice::Surfaces {
+        if self.config.identify.target == gic_identify::Target::Surfaces {
             return refused(
                 "photographs of the object at rest show no surface in later frames to compare with",
                 "leave --target out: masks are used",

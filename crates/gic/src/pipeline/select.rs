@@ -6,7 +6,7 @@
 
 use gic_continuum::{Appearance, Drawing, informed_gaussians};
 use gic_identify::{Estimates, Input};
-use gic_mpm::{Body, Options, Simulator, Stepping, World};
+use gic_mpm::{Body, MaterialKind, Options, Simulator, Stepping, World};
 use gic_splat::{RenderSettings, render};
 use gic_twin::atomic;
 use glam::DVec3;
@@ -15,7 +15,6 @@ use serde::{Deserialize, Serialize};
 
 use super::stamp::Stamp;
 use super::{Run, Stage};
-use crate::config::Model;
 use crate::error::{Error, Result};
 use crate::statistics::{mean, mean_and_variance};
 
@@ -105,8 +104,8 @@ impl Selection {
     }
 
     /// The law that the run goes on with.
-    pub(super) fn chosen_model(&self) -> Result<Model> {
-        Model::ALL.into_iter().find(|model| model.name() == self.chosen).ok_or_else(|| Error::Usage {
+    pub(super) fn chosen_model(&self) -> Result<MaterialKind> {
+        MaterialKind::ALL.into_iter().find(|model| model.name() == self.chosen).ok_or_else(|| Error::Usage {
             problem: format!("selection.json chose the material {}, which is not known", self.chosen),
             hint: Some("remove selection.json from the run folder to have it made anew".into()),
         })
@@ -130,14 +129,14 @@ impl Run<'_> {
         let continuum = self.continuum()?;
         let input = self.identify_input(&continuum, &self.obstacles()?)?;
         let drawing = self.drawing(&continuum)?;
-        let attempt = |model: Model, in_full: bool| self.fit_law(model, &input, &drawing, (fitted, in_full));
+        let attempt = |model: MaterialKind, in_full: bool| self.fit_law(model, &input, &drawing, (fitted, in_full));
         let mut rough = Vec::new();
-        for model in Model::ALL {
+        for model in MaterialKind::ALL {
             rough.push(attempt(model, false)?);
         }
         let least = rough.iter().filter_map(|law| law.fit_error).fold(f64::INFINITY, f64::min);
         let mut laws = Vec::new();
-        for (model, rough) in Model::ALL.into_iter().zip(rough) {
+        for (model, rough) in MaterialKind::ALL.into_iter().zip(rough) {
             let file = folder.join(format!("{}.json", model.name()));
             let worth = rough.fit_error.is_some_and(|error| error < FULL_FIT_ERROR_RATIO * least);
             let law = match (worth, file.exists()) {
@@ -175,7 +174,7 @@ impl Run<'_> {
     /// Fits a law to the first `fitted` frames, roughly or in full, and predicts the others.
     fn fit_law(
         &self,
-        model: Model,
+        model: MaterialKind,
         input: &Input,
         drawing: &(Drawing, Appearance),
         (fitted, in_full): (usize, bool),
@@ -183,7 +182,7 @@ impl Run<'_> {
         let settings = gic_identify::Settings {
             frames: Some(fitted),
             joint: in_full,
-            resolution_check: None,
+            resolution_check: 0.0,
             fixed: Vec::new(),
             start: None,
             ..self.identify_settings()

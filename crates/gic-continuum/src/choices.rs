@@ -1,0 +1,75 @@
+//! What the user chooses; [`FillSettings`] is the same for one body, with all lengths in metres.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{FillSettings, GroundPlane, Unseen};
+
+/// Settings of filling; lengths that are left out follow from the body.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::Args), group(skip), command(next_help_heading = "Filling"))]
+#[serde(default, deny_unknown_fields)]
+pub struct Settings {
+    /// Distance of neighbouring particles [m]; by default half a grid cell, which is a round number (1, 2, 5 x 10^k) near
+    /// an eighth of the cube root of the body's volume.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "M"))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub particle_spacing_m: Option<f64>,
+    /// Side of the voxels of the first level [m]; by default a tenth of the body's largest side.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "M"))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub voxel_spacing_m: Option<f64>,
+    /// Levels of refinement, the paper's n_u: each but the first halves the voxels.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = Settings::default().levels))]
+    pub levels: usize,
+    /// Density from which a voxel belongs to the body, the paper's th_min.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub th_min: f64,
+    /// Density up to which a voxel of the body belongs to its surface, the paper's th_max.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub th_max: f64,
+    /// Gaussians with less opacity do not count.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub min_opacity: f32,
+    /// The boundary where no view sees it.
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
+    pub unseen: Unseen,
+    /// Whether a body that is its own mirror image is completed by it: what no view sees is what its image shows.
+    #[cfg_attr(
+        feature = "cli",
+        arg(long, value_name = "BOOL", action = clap::ArgAction::Set, default_value_t = Settings::default().symmetry)
+    )]
+    pub symmetry: bool,
+}
+
+impl Default for Settings {
+    fn default() -> Settings {
+        let FillSettings { levels, th_min, th_max, min_opacity, unseen, .. } = FillSettings::for_size(1.0);
+        Settings {
+            particle_spacing_m: None,
+            voxel_spacing_m: None,
+            levels,
+            th_min,
+            th_max,
+            min_opacity,
+            unseen,
+            symmetry: true,
+        }
+    }
+}
+
+impl Settings {
+    /// The same for a body whose largest side at the first frame is `size` [m], on `ground`, if that is known.
+    pub fn for_body(&self, size: f64, ground: Option<GroundPlane>) -> FillSettings {
+        let defaults = FillSettings::for_size(size);
+        FillSettings {
+            grid_spacing: self.voxel_spacing_m.unwrap_or(defaults.grid_spacing),
+            levels: self.levels,
+            th_min: self.th_min,
+            th_max: self.th_max,
+            min_opacity: self.min_opacity,
+            unseen: self.unseen,
+            ground,
+            ..defaults
+        }
+    }
+}
