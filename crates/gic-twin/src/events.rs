@@ -1,4 +1,4 @@
-//! The stream of events: what the pipeline tells the outside. Progress bars, `log.jsonl` and the report consume it.
+//! The stream of events of a command. Progress bars, `log.jsonl` and the report read it.
 
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -63,9 +63,9 @@ pub enum Event {
         stage: String,
         /// Wall-clock seconds.
         seconds: f64,
-        /// CPU seconds over all threads, where the system tells.
+        /// CPU seconds over all threads, where the system counts them.
         cpu_seconds: Option<f64>,
-        /// Peak resident memory during the stage [bytes], where the system tells.
+        /// Peak resident memory during the stage [bytes], where the system counts them.
         peak_memory_bytes: Option<u64>,
     },
     /// The command ends in failure.
@@ -75,20 +75,20 @@ pub enum Event {
     },
 }
 
-/// Someone who wants to hear the events.
+/// A listener.
 pub trait Sink: Send {
     /// Receives one event; must not fail, whatever happens to its own output.
     fn receive(&mut self, event: &Event);
 }
 
-/// The stream: stages write into it, sinks hear it in the order written.
+/// The stream: stages write into it, sinks receive each event in that order.
 #[derive(Default)]
 pub struct Events {
     sinks: Mutex<Vec<Box<dyn Sink>>>,
 }
 
 impl Events {
-    /// A stream that nobody hears.
+    /// A stream without listeners.
     pub fn silent() -> Self {
         Self::default()
     }
@@ -98,7 +98,7 @@ impl Events {
         self.lock().push(Box::new(sink));
     }
 
-    /// Sends one event to everyone.
+    /// Sends one event to all listeners.
     pub fn send(&self, event: &Event) {
         for sink in self.lock().iter_mut() {
             sink.receive(event);
@@ -128,7 +128,7 @@ impl Events {
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, Vec<Box<dyn Sink>>> {
-        // A sink that panicked has lost its own output only; the others still want theirs.
+        // A sink that panicked has lost its own output only; the others go on.
         self.sinks.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 }

@@ -1,4 +1,4 @@
-//! The look of a twin: points finer than the particles that are simulated, bound to them, with trained colours.
+//! The twin in its own colours: Gaussians finer than the simulated particles, each skinned to the nearest one.
 
 use std::path::Path;
 
@@ -12,18 +12,19 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Result, ViewError};
 
-/// The files that hold a look, inside a run folder.
+/// The files that hold the colours, inside a run folder.
 pub const FILES: [&str; 2] = ["appearance/gaussians.ply", "appearance/light.json"];
 const SCHEMA: &str = "gic.light/1";
-/// Points whose normal is shorter than this lie almost two spacings deep, behind nearly opaque ones.
+/// Least length of the outward normal of a Gaussian that can be seen. Shorter ones lie almost two spacings deep, behind
+/// nearly opaque Gaussians.
 const MIN_VISIBLE_NORMAL: f32 = 0.06;
 
-/// Points with colours, each carried by one particle of the simulation.
+/// Gaussians with colours, each moved by one particle of the simulation.
 pub struct SkinnedGaussians {
     lit: LitGaussians,
     /// Distance of neighbouring points [m].
     spacing: f64,
-    /// Index of the particle that carries each point.
+    /// Index of the particle that moves each Gaussian.
     parents: Vec<u32>,
     /// From the particle to the point, at the first frame [m].
     offsets: Vec<DVec3>,
@@ -52,8 +53,8 @@ impl SkinnedGaussians {
         Ok(atomic::write_json(&light, &file)?)
     }
 
-    /// Reads the look of a run and binds it to the particles `rest` [m] that its simulations start from; `None` where
-    /// the run has no colours.
+    /// Reads the colours of a run and skins them to the particles `rest` [m] that its simulations start from; `None`
+    /// where the run has no colours.
     ///
     /// # Errors
     /// Damaged files.
@@ -73,11 +74,11 @@ impl SkinnedGaussians {
         }
         let gaussians = gic_splat::read_ply(&ply).map_err(ViewError::stage("reading the twin's colours"))?.gaussians;
         let lit = LitGaussians { gaussians, light: file.light };
-        Ok(Some(Self::bind(lit, file.point_spacing_m, rest)))
+        Ok(Some(Self::skinned_to(lit, file.point_spacing_m, rest)))
     }
 
-    /// Binds each point to the nearest particle.
-    fn bind(lit: LitGaussians, spacing: f64, rest: &[DVec3]) -> Self {
+    /// Skins each Gaussian to the nearest particle.
+    fn skinned_to(lit: LitGaussians, spacing: f64, rest: &[DVec3]) -> Self {
         let anchors: Vec<[f32; 3]> = rest.iter().map(|p| p.as_vec3().to_array()).collect();
         let tree = KdTree::new(&anchors);
         let points = &lit.gaussians.positions;
@@ -93,12 +94,12 @@ impl SkinnedGaussians {
         self.spacing
     }
 
-    /// Index of the particle that carries each point.
+    /// Index of the particle that moves each Gaussian.
     pub fn parents(&self) -> &[u32] {
         &self.parents
     }
 
-    /// All Gaussians when the particles are at `moved` [m], in the order of those that the look was bound to.
+    /// All Gaussians when the particles are at `moved` [m], in the order of those that they are skinned to.
     pub fn at(&self, moved: &[DVec3]) -> Gaussians {
         let positions = self.positions(moved);
         let normals = outward_normals(&positions, self.spacing);
@@ -132,7 +133,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_look_comes_back_from_disk_and_moves_with_its_particles() {
+    fn colours_come_back_from_disk_and_move_with_their_particles() {
         let folder = tempfile::tempdir().unwrap();
         let rest: Vec<DVec3> =
             (0..27).map(|i| DVec3::new((i % 3) as f64, (i / 3 % 3) as f64, (i / 9) as f64) * 0.01).collect();

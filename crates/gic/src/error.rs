@@ -139,7 +139,7 @@ impl Error {
         move |source| Self::Write { path: path.to_owned(), source }
     }
 
-    /// An [`Error::Stage`] around another room's error.
+    /// An [`Error::Stage`] around another crate's error.
     pub fn stage<E>(stage: &'static str) -> impl FnOnce(E) -> Self
     where
         E: Into<Box<dyn std::error::Error + Send + Sync>>,

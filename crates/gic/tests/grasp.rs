@@ -106,7 +106,8 @@ fn block_errors(cells: f64) -> Vec<(f64, f64)> {
         let hooke = YOUNG * side * side * strain;
         let exact = bar_force(side * side, 1.0 - strain);
         println!(
-            "{cells} cells, strain {:.3} %: {:.4} N, E A strain {hooke:.4} ({:+.2} %), neo-Hookean bar {exact:.4} ({:+.2} %)",
+            "{cells} cells, strain {:.3} %: {:.4} N, E A strain {hooke:.4} ({:+.2} %), neo-Hookean bar {exact:.4} \
+             ({:+.2} %)",
             100.0 * strain,
             w.force_n,
             100.0 * (w.force_n / hooke - 1.0),
@@ -163,7 +164,8 @@ fn hertz_ratio(cells: f64, share: f64) -> f64 {
     let hertz = 4.0 / 3.0 * YOUNG / (1.0 - POISSON * POISSON) * radius.sqrt() * depth.powf(1.5);
     let w = &report.widths[0];
     println!(
-        "{cells} cells a radius, {:.1} % of it on each side (contact of {:.1} cells): {:.4} N, Hertz {hertz:.4} ({:+.2} %), standoff {:.2} cells",
+        "{cells} cells a radius, {:.1} % of it on each side (contact of {:.1} cells): {:.4} N, Hertz {hertz:.4} \
+         ({:+.2} %), standoff {:.2} cells",
         100.0 * share,
         (radius * depth).sqrt() / dx,
         w.force_n,

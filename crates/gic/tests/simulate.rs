@@ -211,7 +211,8 @@ fn ctrl_c_finishes_the_frame_and_says_how_to_go_on() {
 #[test]
 fn a_truncated_ply_is_refused() {
     let case = Case::new();
-    let header = "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
+    let header = "ply\nformat binary_little_endian 1.0\nelement vertex 3\n\
+                  property float x\nproperty float y\nproperty float z\nend_header\n";
     fs::write(case.path("cut.ply"), [header.as_bytes(), &[0; 30]].concat()).unwrap();
     let mut twin = box_twin();
     twin["continuum"] = json!("cut.ply");
@@ -221,7 +222,8 @@ fn a_truncated_ply_is_refused() {
 #[test]
 fn positions_that_are_not_numbers_are_refused() {
     let case = Case::new();
-    let header = "ply\nformat binary_little_endian 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
+    let header = "ply\nformat binary_little_endian 1.0\nelement vertex 2\n\
+                  property float x\nproperty float y\nproperty float z\nend_header\n";
     let numbers = [0.0f32, 1.0, 0.0, 0.0, f32::NAN, 0.0].map(f32::to_le_bytes).concat();
     fs::write(case.path("nan.ply"), [header.as_bytes(), &numbers].concat()).unwrap();
     let mut twin = box_twin();

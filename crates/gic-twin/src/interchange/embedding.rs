@@ -1,8 +1,8 @@
-//! How a mesh follows the particles it was made with.
+//! Points embedded in a cloud of particles: a mesh follows the particles it was made with.
 
 use glam::{DMat3, DVec3};
 
-/// A vertex follows this many particles.
+/// A point follows this many particles.
 const NEIGHBOURS: usize = 24;
 /// Share of the neighbours' mean squared distance that is added along the diagonal: keeps the fit defined in thin
 /// parts.
@@ -42,16 +42,17 @@ impl EmbeddedPoints {
     fn deformed_point(&self, point: DVec3, particles: &[u32], now: &[DVec3]) -> DVec3 {
         let pairs = || particles.iter().map(|&i| (self.rest[i as usize], now[i as usize]));
         let count = particles.len().max(1) as f64;
-        let (before, after) = pairs().fold((DVec3::ZERO, DVec3::ZERO), |(a, b), (p, q)| (a + p / count, b + q / count));
-        let spread = pairs().map(|(p, _)| p.distance_squared(before)).sum::<f64>() / count;
+        let (rest_mean, now_mean) =
+            pairs().fold((DVec3::ZERO, DVec3::ZERO), |(a, b), (p, q)| (a + p / count, b + q / count));
+        let spread = pairs().map(|(p, _)| p.distance_squared(rest_mean)).sum::<f64>() / count;
         let ridge = DMat3::from_diagonal(DVec3::splat(RIDGE * spread.max(f64::MIN_POSITIVE)));
         let (mut moment, mut cross) = (ridge, ridge);
         for (p, q) in pairs() {
-            let (d, e) = ((p - before) / count, q - after);
-            moment += outer(p - before, d);
+            let (d, e) = ((p - rest_mean) / count, q - now_mean);
+            moment += outer(p - rest_mean, d);
             cross += outer(e, d);
         }
-        after + cross * moment.inverse() * (point - before)
+        now_mean + cross * moment.inverse() * (point - rest_mean)
     }
 }
 

@@ -46,13 +46,14 @@ pub fn write_mjcf(path: &Path, mesh: &TetMesh, twin: &Twin) -> Result<()> {
         text += &geom(index, obstacle);
     }
     for (i, (p, mass)) in mesh.vertices.iter().zip(vertex_masses(mesh, twin.density_kg_m3)).enumerate() {
-        // A vertex does not turn, but MuJoCo wants an inertia: that of a ball of this size.
+        // A vertex does not turn, but MuJoCo needs an inertia: that of a ball of this size.
         let inertia = 0.4 * mass * height * height;
         let _ = writeln!(
             text,
-            "    <body name=\"v{i}\" pos=\"{:.7} {:.7} {:.7}\"><inertial pos=\"0 0 0\" mass=\"{mass:.6e}\" diaginertia=\"{inertia:.4e} \
-             {inertia:.4e} {inertia:.4e}\"/><joint type=\"slide\" axis=\"1 0 0\"/><joint type=\"slide\" axis=\"0 1 0\"/><joint \
-             type=\"slide\" axis=\"0 0 1\"/></body>",
+            "    <body name=\"v{i}\" pos=\"{:.7} {:.7} {:.7}\">\
+             <inertial pos=\"0 0 0\" mass=\"{mass:.6e}\" diaginertia=\"{inertia:.4e} {inertia:.4e} {inertia:.4e}\"/>\
+             <joint type=\"slide\" axis=\"1 0 0\"/><joint type=\"slide\" axis=\"0 1 0\"/>\
+             <joint type=\"slide\" axis=\"0 0 1\"/></body>",
             p.x, p.y, p.z
         );
     }

@@ -1,4 +1,4 @@
-//! A twin in the words of other simulators: MuJoCo (MJCF), OpenUSD, and a plain particle set.
+//! A twin in the formats of other simulators: MuJoCo (MJCF), OpenUSD, and a plain particle set.
 
 mod embedding;
 mod mjcf;

@@ -36,8 +36,9 @@ pub fn write_usd(path: &Path, mesh: &TetMesh, twin: &Twin, motion: &MotionSample
     let rate = if motion.frame_rate_hz > 0.0 { motion.frame_rate_hz } else { twin.frame_rate_hz };
     let last = motion.frames.len().saturating_sub(1);
     let mut text = format!(
-        "#usda 1.0\n(\n    defaultPrim = \"World\"\n    metersPerUnit = 1\n    kilogramsPerUnit = 1\n    upAxis = \"{up_axis}\"\n    \
-         startTimeCode = 0\n    endTimeCode = {last}\n    timeCodesPerSecond = {rate}\n    framesPerSecond = {rate}\n    \
+        "#usda 1.0\n(\n    defaultPrim = \"World\"\n    metersPerUnit = 1\n    kilogramsPerUnit = 1\n    \
+         upAxis = \"{up_axis}\"\n    startTimeCode = 0\n    endTimeCode = {last}\n    \
+         timeCodesPerSecond = {rate}\n    framesPerSecond = {rate}\n    \
          doc = \"A twin by gic {}\"\n)\n\ndef Xform \"World\"\n{{\n",
         crate::VERSION
     );
@@ -50,7 +51,8 @@ pub fn write_usd(path: &Path, mesh: &TetMesh, twin: &Twin, motion: &MotionSample
     );
     let _ = write!(
         text,
-        "    def Material \"Matter\" (\n        prepend apiSchemas = [\"OmniPhysicsBaseMaterialAPI\", \"OmniPhysicsDeformableMaterialAPI\"]\n    )\n    \
+        "    def Material \"Matter\" (\n        \
+         prepend apiSchemas = [\"OmniPhysicsBaseMaterialAPI\", \"OmniPhysicsDeformableMaterialAPI\"]\n    )\n    \
          {{\n        float omniphysics:density = {}\n        float omniphysics:youngsModulus = {young}\n        \
          float omniphysics:poissonsRatio = {poisson}\n        custom string gic:model = \"{}\"\n",
         twin.density_kg_m3,
@@ -70,7 +72,8 @@ fn volume(text: &mut String, mesh: &TetMesh, twin: &Twin, motion: &MotionSamples
     let faces = mesh.boundary();
     let _ = write!(
         text,
-        "        def TetMesh \"Volume\" (\n            prepend apiSchemas = [\"MaterialBindingAPI\", \"PhysicsCollisionAPI\", \
+        "        def TetMesh \"Volume\" (\n            \
+         prepend apiSchemas = [\"MaterialBindingAPI\", \"PhysicsCollisionAPI\", \
          \"OmniPhysicsDeformableBodyAPI\", \"OmniPhysicsVolumeDeformableSimAPI\"]\n        )\n        {{\n            \
          rel material:binding:physics = </World/Matter>\n            uniform token purpose = \"guide\"\n            \
          float omniphysics:mass = {}\n            point3f[] omniphysics:restShapePoints = {}\n            \

@@ -96,7 +96,8 @@ impl Mesh {
         let problem = match self.watertightness() {
             _ if self.triangles.is_empty() => "holds no triangles".to_owned(),
             Watertightness::Open { edges, first: [a, b] } => format!(
-                "is not watertight: {edges} edges have a triangle on one side only, the first between ({}, {}, {}) and ({}, {}, {})",
+                "is not watertight: {edges} edges have a triangle on one side only, the first between ({}, {}, {}) and \
+                 ({}, {}, {})",
                 a.x, a.y, a.z, b.x, b.y, b.z
             ),
             Watertightness::Oriented | Watertightness::Unoriented => return Ok(()),

@@ -190,7 +190,8 @@ mod tests {
     fn doubles_keep_their_precision() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("p.ply");
-        let header = "ply\nformat ascii 1.0\nelement vertex 1\nproperty double x\nproperty double y\nproperty int z\nend_header\n";
+        let header = "ply\nformat ascii 1.0\nelement vertex 1\n\
+                      property double x\nproperty double y\nproperty int z\nend_header\n";
         std::fs::write(&path, format!("{header}0.123456789012345 2.5 -3\n")).unwrap();
         let PlyContent::Particles(read) = read_ply(&path).unwrap() else { panic!("no faces were written") };
         assert_eq!(read.positions, [DVec3::new(0.123456789012345, 2.5, -3.0)]);

@@ -36,7 +36,7 @@ pub struct SimulationRequest {
     pub out: PathBuf,
     /// Frames in all, the initial state included; `None` takes the twin's.
     pub frames: Option<usize>,
-    /// Forget what the folder holds.
+    /// Start at frame 0, whatever the folder holds.
     pub restart: bool,
 }
 
@@ -53,7 +53,8 @@ pub struct SimulationOutcome {
 
 /// Simulates a twin and writes every frame; goes on where an earlier call with the same twin and settings stopped.
 ///
-/// # Errors Bad input, an unstable simulation, an unwritable folder; [`TwinError::Interrupted`] after the frame during
+/// # Errors
+/// Bad input, an unstable simulation, an unwritable folder; [`TwinError::Interrupted`] after the frame during
 /// which the interrupt came.
 pub fn simulate(request: &SimulationRequest, events: &Events, interrupt: &Interrupt) -> Result<SimulationOutcome> {
     let shared = SharedWorld::read(request)?;
@@ -98,7 +99,7 @@ struct SimulationRun<'a> {
 }
 
 impl<'a> SimulationRun<'a> {
-    /// Sets up the simulation and takes up what the folder holds of it.
+    /// Sets up the simulation and resumes from what the folder holds of it.
     fn open(request: &'a SimulationRequest, shared: &SharedWorld, frames: usize) -> Result<Self> {
         let options = Options::default();
         let simulator = Simulator::new(&shared.world, &options).map_err(|source| setup_error(&shared.twin, source))?;
@@ -158,7 +159,7 @@ impl<'a> SimulationRun<'a> {
     }
 }
 
-/// The simulator's refusal of a world, in the twin's words.
+/// The error of a world that the simulator refuses, with the twin's name of the obstacle.
 fn setup_error(twin: &Twin, source: SimulationError) -> TwinError {
     let hint = match &source {
         SimulationError::InsideCollider { collider, .. } => {

@@ -38,7 +38,7 @@ impl FromStr for Companion {
     }
 }
 
-/// Everything that is simulated.
+/// The twin and its companions in one world.
 pub(super) struct SharedWorld {
     /// The twin whose world it is, with spacings resolved.
     pub(super) twin: Twin,

@@ -1,8 +1,8 @@
 //! `twin.json`, schema `gic.twin/1`: the contract between identification, simulation and every other tool.
 //!
 //! Lengths in metres, angles in degrees, everything else in SI units; the world frame is the scene's. Required are
-//! `schema`, `material` and `continuum`; every other key has the default stated at its field. Keys that nobody knows
-//! are errors.
+//! `schema`, `material` and `continuum`; every other key has the default stated at its field. Unknown keys are
+//! errors.
 
 mod json_object;
 mod read;
@@ -59,7 +59,7 @@ pub struct Twin {
     pub frame_rate_hz: f64,
     /// How many frames a simulation gives, the initial state included; default 24.
     pub frames: usize,
-    /// Fixed substeps per frame; by default as many as stability asks for.
+    /// Fixed substeps per frame; by default as many as stability needs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub substeps_per_frame: Option<usize>,
     /// The matter at time 0.

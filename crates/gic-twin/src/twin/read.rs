@@ -131,7 +131,8 @@ fn material(m: &JsonObject) -> Result<Material> {
 
 fn continuum(file: &Path, top: &JsonObject) -> Result<MatterSource> {
     let key = "continuum";
-    let hint = "give a file (.ply particles; .obj, .ply or .stl mesh) or a shape such as {\"shape\": \"box\", \"size_m\": [0.2, 0.2, 0.2]}";
+    let hint = "give a file (.ply particles; .obj, .ply or .stl mesh) or a shape such as \
+                {\"shape\": \"box\", \"size_m\": [0.2, 0.2, 0.2]}";
     match top.require(key, hint)? {
         Value::String(name) if !name.is_empty() => {
             let folder = file.parent().unwrap_or(Path::new(""));

@@ -117,7 +117,9 @@ mod tests {
 
     #[test]
     fn another_law_keeps_the_parameters_that_it_has() {
-        let mut twin = json!({"material": {"model": "plasticine", "youngs_modulus_pa": 1e5, "poisson_ratio": 0.3, "yield_stress_pa": 1e3}});
+        let plasticine =
+            json!({"model": "plasticine", "youngs_modulus_pa": 1e5, "poisson_ratio": 0.3, "yield_stress_pa": 1e3});
+        let mut twin = json!({ "material": plasticine });
         let set: Setting = "material.model=elastic".parse().unwrap();
         set.apply(Path::new("t.json"), &mut twin).unwrap();
         assert_eq!(twin["material"], json!({"model": "elastic", "youngs_modulus_pa": 1e5, "poisson_ratio": 0.3}));

@@ -48,7 +48,7 @@ impl Twin {
         Ok((twin, world))
     }
 
-    /// Grid and particle spacing [m]: what the twin says, and what follows from it.
+    /// Grid and particle spacing [m]: given by the twin, or derived from what it gives.
     fn spacings(&self, matter: Option<&Matter>) -> Result<(f64, f64)> {
         match (self.grid_spacing_m, self.particle_spacing_m) {
             (Some(grid), Some(particle)) => Ok((grid, particle)),

@@ -1,5 +1,5 @@
 //! `gic view`: a motion as one HTML page that needs nothing installed: WebGL points, a time slider, orbit, stress and
-//! speed; and, where gic was built with it, as a recording for the Rerun viewer.
+//! speed.
 
 mod points;
 

@@ -30,7 +30,7 @@ struct PointFrame {
 }
 
 impl PagePoints {
-    /// Reads every frame; `tell` hears of each and may stop.
+    /// Reads every frame; `on_frame` is called after each and returns whether to stop.
     pub(super) fn read(motion: &SimulatedMotion, on_frame: &mut dyn FnMut(usize) -> bool) -> Result<Self> {
         let skins = particle_splats::skins(motion).ok();
         let mut frames = Vec::new();
@@ -55,7 +55,7 @@ impl PagePoints {
         let stride = (seen.len() * frames.len()).div_ceil(MAX_POINT_FRAMES).max(1);
         let kept: Vec<usize> = seen.into_iter().step_by(stride).collect();
         frames.iter_mut().for_each(|frame| frame.keep(&kept));
-        // What is left has to cover for what was left out.
+        // Fewer points have to cover the same surface.
         Ok(Self { frames, spacing: spacing * (stride as f64).sqrt(), has_colors: skins.is_some() })
     }
 
@@ -100,7 +100,7 @@ impl PagePoints {
     }
 }
 
-/// Smallest spacing of some looks [m].
+/// Smallest spacing of some bodies [m].
 fn finest(skins: &[(usize, SkinnedGaussians)]) -> f64 {
     skins.iter().map(|(_, skin)| skin.spacing()).fold(f64::INFINITY, f64::min)
 }

@@ -70,7 +70,7 @@ impl FilmEncoder {
                 "GIF, by gic"
             }
             FilmFormat::Mp4 => {
-                // H.264 wants even sizes.
+                // H.264 needs even sizes.
                 let even = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2"];
                 let quality = ["-f", "mp4", "-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "18"];
                 self.ffmpeg(pictures.len(), folder, rate, &[&even[..], &quality].concat())?;
@@ -103,7 +103,7 @@ impl FilmEncoder {
         Ok(atomic::write(&self.path, &bytes)?)
     }
 
-    /// Has ffmpeg encode the first `count` pictures that lie in `folder`.
+    /// Encodes with ffmpeg the first `count` pictures that lie in `folder`.
     fn ffmpeg(&self, count: usize, folder: &Path, rate: f64, codec: &[&str]) -> Result<()> {
         let film = NewFile::at(&self.path).map_err(TwinError::from)?;
         let output = Command::new("ffmpeg")

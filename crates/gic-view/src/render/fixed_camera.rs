@@ -18,8 +18,9 @@ pub struct FixedCameraRenderer {
 }
 
 impl FixedCameraRenderer {
-    /// Looks from the side `from` and a little above at everything within `bounds` [m]; colours run from blue at no von
-    /// Mises stress to red at `most_pa`; particles are `spacing` metres apart. `size` is width and height [pixels].
+    /// A camera that looks from the side `from` and a little above at everything within `bounds` [m]; colours run from
+    /// blue at no von Mises stress to red at `most_pa`; particles are `spacing` metres apart. `size` is width and
+    /// height [pixels].
     pub fn new(bounds: (DVec3, DVec3), up: DVec3, from: DVec3, size: [usize; 2], most_pa: f64, spacing: f64) -> Self {
         let camera = viewpoint::beside(bounds, up, from, size);
         Self { camera, splats: ParticleSplats::ColorMapped { scale: ColorScale::stress(most_pa), spacing }, up }

@@ -19,7 +19,7 @@ const OPACITY: f32 = 0.95;
 pub(super) enum ParticleSplats {
     /// The particles, `spacing` metres apart, in the colours of a scale.
     ColorMapped { scale: ColorScale, spacing: f64 },
-    /// The looks of the bodies, each with its number of particles.
+    /// The bodies in their own colours, each with its number of particles.
     Skinned(Vec<(usize, SkinnedGaussians)>),
 }
 
@@ -80,7 +80,7 @@ impl ParticleSplats {
     }
 }
 
-/// The look of every body, from the run folder in which its matter lies.
+/// The colours of every body, from the run folder in which its matter lies.
 pub(crate) fn skins(motion: &SimulatedMotion) -> Result<Vec<(usize, SkinnedGaussians)>> {
     let without_colors = |continuum: &str| ViewError::Usage {
         problem: format!("{continuum} has no colours beside it"),
@@ -94,7 +94,7 @@ pub(crate) fn skins(motion: &SimulatedMotion) -> Result<Vec<(usize, SkinnedGauss
             let path = Path::new(&continuum);
             let rest = read_particles(path)?.positions;
             let skin = SkinnedGaussians::load(path.parent().unwrap_or(Path::new("")), &rest)?;
-            // A look binds to the particles of its run, and the simulated ones are these.
+            // The colours belong to the particles of their run, which must be the simulated ones.
             let skin = skin.filter(|_| rest.len() == count).ok_or_else(|| without_colors(&continuum))?;
             Ok((count, skin))
         })

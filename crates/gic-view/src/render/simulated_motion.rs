@@ -1,4 +1,4 @@
-//! The motion to render: what `gic simulate` wrote.
+//! A simulated motion on disk, as `gic simulate` writes it.
 
 use std::path::{Path, PathBuf};
 
@@ -68,7 +68,7 @@ impl SimulatedMotion {
         let others = companions.into_iter().flatten().filter_map(|c| c.get("twin"));
         let files = std::iter::once(&self.trajectory.twin).chain(others).map(file);
         match self.trajectory.bodies.as_slice() {
-            // Written before there could be several.
+            // A trajectory of one body may leave the list out.
             [] => files.map(|file| (self.trajectory.particles, file)).collect(),
             counts => counts.iter().copied().zip(files).collect(),
         }
@@ -108,16 +108,16 @@ fn vector(value: &serde_json::Value) -> Option<DVec3> {
 impl FrameParticles {
     /// Median distance [m] of some particles to the nearest of the others.
     pub(crate) fn spacing(&self) -> f64 {
-        /// About so many particles are asked.
+        /// Number of particles, about, whose neighbours are sought.
         const SAMPLE: usize = 500;
         let points: Vec<[f32; 3]> = self.positions.iter().map(|p| p.as_vec3().to_array()).collect();
         let step = (points.len() / SAMPLE).max(2);
         let others: Vec<[f32; 3]> =
             points.iter().enumerate().filter(|(i, _)| !i.is_multiple_of(step)).map(|(_, &p)| p).collect();
         let tree = KdTree::new(&others);
-        let asked = points.iter().step_by(step);
+        let sampled = points.iter().step_by(step);
         let mut distances: Vec<f32> =
-            asked.filter_map(|&p| tree.nearest(p)).map(|(_, squared)| squared.sqrt()).collect();
+            sampled.filter_map(|&p| tree.nearest(p)).map(|(_, squared)| squared.sqrt()).collect();
         distances.sort_by(f32::total_cmp);
         distances.get(distances.len() / 2).copied().filter(|&d| d > 0.0).map_or(0.01, f64::from)
     }

@@ -1,4 +1,4 @@
-//! From where to look.
+//! Cameras of a rendering: those of the scene, or an orbit.
 
 use std::f64::consts::{PI, TAU};
 use std::str::FromStr;
@@ -11,7 +11,7 @@ use super::simulated_motion::SimulatedMotion;
 use super::{Background, RenderRequest, STAGE};
 use crate::error::{Result, ViewError};
 
-/// From where to look.
+/// Where the camera of a rendering is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Viewpoint {
     /// One turn around the motion, from a little above.
@@ -43,7 +43,7 @@ const HALF_ANGLE: f64 = 0.35;
 /// Empty space around the motion, as a factor.
 const MARGIN: f64 = 1.15;
 
-/// The cameras of a rendering, and what stands still in it.
+/// The camera of every frame, and what does not move.
 pub(super) enum CameraPath<'a> {
     Orbit { centre: DVec3, distance: f64, up: DVec3, size: [usize; 2] },
     Fixed { number: usize, camera: Camera, backdrop: Option<Picture>, scene: &'a Scene },

@@ -41,7 +41,8 @@ pub fn chart(caption: &str, series: &[Series], logarithmic: bool) -> String {
         let value = if logarithmic { 10f64.powf(y) } else { y };
         let _ = write!(
             svg,
-            "<line x1=\"{LEFT}\" x2=\"{:.1}\" y1=\"{:.1}\" y2=\"{:.1}\" stroke=\"#8885\"/><text x=\"2\" y=\"{:.1}\">{}</text>",
+            "<line x1=\"{LEFT}\" x2=\"{:.1}\" y1=\"{:.1}\" y2=\"{:.1}\" stroke=\"#8885\"/>\
+             <text x=\"2\" y=\"{:.1}\">{}</text>",
             WIDTH - MARGIN,
             at_y(y),
             at_y(y),
@@ -63,7 +64,8 @@ pub fn chart(caption: &str, series: &[Series], logarithmic: bool) -> String {
         let colour = COLOURS[i % COLOURS.len()];
         let _ = write!(
             svg,
-            "<polyline fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.5\" points=\"{}\"><title>{}</title></polyline>",
+            "<polyline fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.5\" points=\"{}\">\
+             <title>{}</title></polyline>",
             points.join(" "),
             escape(&line.name)
         );

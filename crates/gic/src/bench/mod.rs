@@ -224,7 +224,7 @@ fn run_all(
             }
         }
         running = still;
-        // The runs heard the same Ctrl-C; each saves its state and ends.
+        // The runs get the same Ctrl-C; each saves its state and ends.
         if interrupt.requested() && running.is_empty() {
             return Err(Error::Interrupted {
                 after: format!("{done} of {} scenes", jobs.len()),
@@ -273,8 +273,9 @@ fn table<'a>(evaluations: impl Iterator<Item = &'a Evaluation>) -> Vec<Parameter
 
 fn markdown(rows: &[ParameterRow], outcomes: &[SceneOutcome]) -> String {
     let mut text = String::from(
-        "# Mean absolute error x100\n\nModuli, viscosities and yield stresses as log10, nu as is, the friction angle in radians, v in m/s: \
-         the units of the paper's table.\n\n| material | parameter | scenes | gic | paper (GIC) |\n|---|---|---|---|---|\n",
+        "# Mean absolute error x100\n\nModuli, viscosities and yield stresses as log10, nu as is, the friction angle \
+         in radians, v in m/s: the units of the paper's table.\n\n\
+         | material | parameter | scenes | gic | paper (GIC) |\n|---|---|---|---|---|\n",
     );
     for r in rows {
         let paper = r.paper.map_or("-".into(), |[mean, deviation]| format!("{mean} ± {deviation}"));
@@ -283,7 +284,9 @@ fn markdown(rows: &[ParameterRow], outcomes: &[SceneOutcome]) -> String {
             r.model, r.parameter, r.scenes, r.mean, r.deviation
         );
     }
-    text += "\n# Scenes\n\n| scene | parameter | estimate | 95 % interval | truth | error x100 | inside | determined |\n|---|---|---|---|---|---|---|---|\n";
+    text += "\n# Scenes\n\n\
+             | scene | parameter | estimate | 95 % interval | truth | error x100 | inside | determined |\n\
+             |---|---|---|---|---|---|---|---|\n";
     for outcome in outcomes {
         match &outcome.result {
             Err(reason) => text += &format!("| {} | {reason} | | | | | | |\n", outcome.scene),

@@ -160,8 +160,8 @@ pub(super) fn markdown(rows: &[StateRow], columns: &[SceneColumn]) -> String {
             text +=
                 &format!("| {} | {} | {} | {} |\n", row.figure.name(), row.method, cells.join(" | "), cell(row.mean));
         }
-        text += "\nThe simulated twin against the truth: CD and EMD of particles, PSNR and SSIM of whole pictures over black. gic's mean is over the \
-                 scenes with a value, the paper's over its seven objects.\n";
+        text += "\nThe simulated twin against the truth: CD and EMD of particles, PSNR and SSIM of whole pictures over \
+                 black. gic's mean is over the scenes with a value, the paper's over its seven objects.\n";
     }
     text
 }

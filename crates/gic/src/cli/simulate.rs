@@ -30,7 +30,7 @@ pub(super) fn twin_file(path: &Path) -> PathBuf {
     if path.is_dir() { path.join("twin.json") } else { path.to_owned() }
 }
 
-/// The flags that are other words for settings, then those of `--set`.
+/// The settings of the flags that stand for one, then those of `--set`.
 fn settings(args: &SimulateArgs) -> anyhow::Result<Vec<Setting>> {
     let mut settings = Vec::new();
     if let Some(model) = args.material {

@@ -35,7 +35,7 @@ pub struct PictureError {
     pub held_out_box_psnr_db: Option<f64>,
 }
 
-/// The twin of a run as it looks, and the scene to compare with.
+/// The twin of a run in its colours, and the scene to compare with.
 pub(super) struct Pictures<'a> {
     run: &'a Path,
     scene: Scene,
@@ -54,7 +54,7 @@ impl<'a> Pictures<'a> {
         Ok(Some(Self { run, scene, skin, particles: rest.len(), held_out }))
     }
 
-    /// Compares a frame of the video; `None` where it was not simulated or nobody sees the object.
+    /// Compares a frame of the video; `None` where it was not simulated or no camera sees the object.
     pub(super) fn frame(&self, frame: usize) -> Result<Option<PictureError>> {
         if frame >= self.scene.times.len() {
             return Ok(None);

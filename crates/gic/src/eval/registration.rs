@@ -32,7 +32,7 @@ struct TrueRegistration {
     t: [f64; 3],
 }
 
-/// Compares; `None` where the run has no registration or the truth does not tell of it.
+/// Compares; `None` where the run has no registration or the truth has none.
 pub(super) fn registration_error(run: &Path, truth: &Truth) -> Result<Option<RegistrationError>> {
     let (found, known) = (run.join("registration.json"), truth.folder().join("registration.json"));
     if !(found.exists() && known.exists()) {

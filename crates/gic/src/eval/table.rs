@@ -92,8 +92,8 @@ impl Evaluation {
                 text += &line(name, &frames);
             }
         }
-        text + "CD in 1e3 mm^2, EMD in m; volume and mask IoU of the filling; PSNR [dB] and SSIM of the twin's whole pictures over black, \
-                PSNR also in the box around the object, and of the held-out cameras alone\n"
+        text + "CD in 1e3 mm^2, EMD in m; volume and mask IoU of the filling; PSNR [dB] and SSIM of the twin's whole \
+                pictures over black, PSNR also in the box around the object, and of the held-out cameras alone\n"
     }
 }
 

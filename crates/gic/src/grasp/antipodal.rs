@@ -75,10 +75,10 @@ pub(super) fn search(
 }
 
 /// Mean normal of the surface under a pad: of length 1 where it is flat.
-fn mean_normal(surface: &[(DVec3, DVec3)], frame: DVec3, normal: DVec3, reach: f64, spacing: f64) -> DVec3 {
+fn mean_normal(surface: &[(DVec3, DVec3)], centre: DVec3, normal: DVec3, reach: f64, spacing: f64) -> DVec3 {
     let under = surface.iter().filter(|(p, n)| {
-        p.distance_squared(frame) <= reach * reach
-            && (p - frame).dot(normal).abs() <= 2.0 * spacing
+        p.distance_squared(centre) <= reach * reach
+            && (p - centre).dot(normal).abs() <= 2.0 * spacing
             && n.dot(normal) > 0.0
     });
     let (sum, count) = under.fold((DVec3::ZERO, 0usize), |(sum, count), (_, n)| (sum + n, count + 1));

@@ -38,8 +38,8 @@ impl ContactFaces {
 }
 
 fn under_pads(state: &GraspState, pads: &Pads, up: DVec3, particle: usize) -> bool {
-    let frame = state.position(particle) - up * state.pose.lift_m;
-    frame.y.abs() <= 0.5 * pads.size_m[0] && frame.z.abs() <= 0.5 * pads.size_m[1]
+    let point = state.position(particle) - up * state.pose.lift_m;
+    point.y.abs() <= 0.5 * pads.size_m[0] && point.z.abs() <= 0.5 * pads.size_m[1]
 }
 
 /// The particles that touch a pad, and the area that they cover.

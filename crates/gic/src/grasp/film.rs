@@ -84,7 +84,7 @@ impl GraspFilm {
     /// Draws everything into a folder; says in a sentence what.
     pub(super) fn draw(
         &self,
-        frame: &GripperFrame,
+        gripper_frame: &GripperFrame,
         pads: &Pads,
         up: DVec3,
         report: &GraspReport,
@@ -93,15 +93,21 @@ impl GraspFilm {
     ) -> Result<String> {
         // Of what can be seen: inside, stress may be several times larger.
         let most = self.holds.iter().map(|shot| percentile(&shot.von_mises_pa, 0.98)).fold(0.0, f64::max);
-        let drawer = FilmDrawer { frame, pads, up, spacing: report.particle_spacing_m, report };
+        let drawer = FilmDrawer { gripper_frame, pads, up, spacing: report.particle_spacing_m, report };
         let held: Vec<FrameParticles> = self.holds.iter().map(|shot| drawer.particles(shot)).collect();
         let moving: Vec<FrameParticles> = self.film.iter().map(|shot| drawer.particles(shot)).collect();
         let points = || held.iter().chain(&moving).flat_map(|p| &p.positions);
         let low = points().fold(DVec3::INFINITY, |low, &p| low.min(p));
         let high = points().fold(DVec3::NEG_INFINITY, |high, &p| high.max(p));
-        let side = frame.to_world.z_axis + 0.45 * frame.to_world.x_axis;
-        let studio =
-            FixedCameraRenderer::new((low, high), frame.to_world * up, side, size, most, report.particle_spacing_m);
+        let side = gripper_frame.world_from_gripper.z_axis + 0.45 * gripper_frame.world_from_gripper.x_axis;
+        let studio = FixedCameraRenderer::new(
+            (low, high),
+            gripper_frame.world_from_gripper * up,
+            side,
+            size,
+            most,
+            report.particle_spacing_m,
+        );
         for (particles, width) in held.iter().zip(&report.widths) {
             let path = folder.join(format!("width_{:.1}mm.png", 1e3 * width.width_m));
             studio.picture(particles).save_png(&path).map_err(Error::stage(STAGE))?;
@@ -122,7 +128,7 @@ impl GraspFilm {
 
 /// Turns shots into particles of the world, the pads among them.
 struct FilmDrawer<'a> {
-    frame: &'a GripperFrame,
+    gripper_frame: &'a GripperFrame,
     pads: &'a Pads,
     up: DVec3,
     spacing: f64,
@@ -137,7 +143,7 @@ impl FilmDrawer<'_> {
         // What is no number is drawn grey.
         von_mises_pa.resize(positions.len(), f32::NAN);
         let speeds = vec![0.0; positions.len()];
-        let positions = positions.into_iter().map(|p| self.frame.point_to_world(p)).collect();
+        let positions = positions.into_iter().map(|p| self.gripper_frame.point_to_world(p)).collect();
         FrameParticles { positions, speeds, von_mises_pa }
     }
 

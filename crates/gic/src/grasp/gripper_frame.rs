@@ -1,4 +1,4 @@
-//! The gripper's place: which way it closes, and how the matter lies in its own frame.
+//! The gripper's frame: which way it closes, and how the matter lies in it.
 
 use std::str::FromStr;
 
@@ -54,11 +54,11 @@ pub(super) struct GripperFrame {
     /// Half-way between the pads before they are raised [m].
     pub(super) origin: DVec3,
     /// The gripper's x (closing), y (long side of the pads) and z in the world.
-    pub(super) to_world: DMat3,
+    pub(super) world_from_gripper: DMat3,
 }
 
 impl GripperFrame {
-    /// Chooses a place; `positions` [m] of particles `spacing` [m] apart, `widest` the largest width asked for [m].
+    /// Chooses the frame; `positions` [m] of particles `spacing` [m] apart, `widest` the largest width asked for [m].
     pub(super) fn choose(
         choice: AxisChoice,
         positions: &[DVec3],
@@ -74,27 +74,21 @@ impl GripperFrame {
                 GripLine { middle, direction: DVec3::AXES[axis] }
             }
             AxisChoice::Auto => antipodal::search(positions, spacing, up, gripper.friction, widest, reach)
-                .ok_or_else(|| Error::Usage {
-                    problem: format!(
-                        "no two places of the surface, at least {widest} m apart on a level line, face each other within the friction cone of {}",
-                        gripper.friction
-                    ),
-                    hint: Some("ask for smaller widths, raise --friction, or choose --axis x, y or z yourself".into()),
-                })?,
+                .ok_or_else(|| no_antipodal_pair(widest, gripper.friction))?,
         };
         let x = line.direction;
         let y = up.reject_from_normalized(x).try_normalize().unwrap_or_else(|| x.any_orthonormal_vector());
-        Ok(Self { origin: line.middle, to_world: DMat3::from_cols(x, y, x.cross(y)) })
+        Ok(Self { origin: line.middle, world_from_gripper: DMat3::from_cols(x, y, x.cross(y)) })
     }
 
     /// A direction of the world in the gripper's frame.
     pub(super) fn direction_to_gripper(&self, v: DVec3) -> DVec3 {
-        self.to_world.transpose() * v
+        self.world_from_gripper.transpose() * v
     }
 
     /// A point of the gripper's frame in the world [m].
     pub(super) fn point_to_world(&self, p: DVec3) -> DVec3 {
-        self.origin + self.to_world * p
+        self.origin + self.world_from_gripper * p
     }
 
     /// The body at rest in the gripper's frame, each particle cut into `refine`^3; `spacing` [m] is that of the
@@ -108,7 +102,7 @@ impl GripperFrame {
                 parts.extend((0..refine).map(|k| DVec3::new(offset(i), offset(j), offset(k))));
             }
         }
-        let local = |p: &DVec3| self.to_world.transpose() * (*p - self.origin);
+        let local = |p: &DVec3| self.world_from_gripper.transpose() * (*p - self.origin);
         Body {
             positions: body.positions.iter().flat_map(|p| parts.iter().map(move |part| local(&(*p + *part)))).collect(),
             particle_volume_m3: body.particle_volume_m3 / parts.len() as f64,
@@ -117,5 +111,15 @@ impl GripperFrame {
             angular_velocity_rad_s: DVec3::ZERO,
             ..body.clone()
         }
+    }
+}
+
+fn no_antipodal_pair(width: f64, friction: f64) -> Error {
+    Error::Usage {
+        problem: format!(
+            "no two places of the surface, at least {width} m apart on a level line, face each other within the \
+             friction cone of {friction}"
+        ),
+        hint: Some("ask for smaller widths, raise --friction, or choose --axis x, y or z yourself".into()),
     }
 }

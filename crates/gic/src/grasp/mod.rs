@@ -109,7 +109,7 @@ pub fn grasp(request: &GraspRequest, events: &Events, interrupt: &Interrupt) -> 
     let widths = descending(&request.widths_m)?;
     let twin = Twin { colliders: Vec::new(), ..Twin::read(&request.twin, &request.settings)? };
     check_grippable(&twin.material)?;
-    // Before minutes of simulation.
+    // A film that cannot be made is an error before the simulation.
     let film = request.pictures.then(|| film::FilmTarget::of(&request.film)).transpose()?;
     let (twin, world) = twin.to_world()?;
     atomic::create_folder(&request.out)?;
@@ -119,9 +119,15 @@ pub fn grasp(request: &GraspRequest, events: &Events, interrupt: &Interrupt) -> 
     let report = grasp.run(&widths)?;
     atomic::write_json(&request.out.join("grasp.json"), &report)?;
     if let Some(film) = film {
-        let (frame, simulation) = (&grasp.frame, &grasp.simulation);
-        let text =
-            grasp.film.draw(frame, &simulation.pads, simulation.up, &report, (&request.out, request.size), &film)?;
+        let (gripper_frame, simulation) = (&grasp.gripper_frame, &grasp.simulation);
+        let text = grasp.film.draw(
+            gripper_frame,
+            &simulation.pads,
+            simulation.up,
+            &report,
+            (&request.out, request.size),
+            &film,
+        )?;
         events.note(STAGE, text);
     }
     events.send(&meter.done(STAGE));
@@ -164,7 +170,7 @@ fn check_grippable(material: &Material) -> Result<()> {
 struct Grasp<'a> {
     request: &'a GraspRequest,
     events: &'a Events,
-    frame: GripperFrame,
+    gripper_frame: GripperFrame,
     simulation: PadSimulation<'a>,
     /// Distance of neighbouring particles [m].
     spacing: f64,
@@ -196,12 +202,13 @@ impl<'a> Grasp<'a> {
         let (grid, spacing) = (world.grid_spacing_m / refine as f64, coarse / refine as f64);
         check_pads(&request.gripper, grid, events)?;
         let up = (-world.gravity_m_s2).normalize_or(DVec3::Y);
-        let mut frame = GripperFrame::choose(request.axis, &body.positions, coarse, up, &request.gripper, widest)?;
+        let mut gripper_frame =
+            GripperFrame::choose(request.axis, &body.positions, coarse, up, &request.gripper, widest)?;
         let [short, long] = request.gripper.pad_m;
         let pads = Pads { size_m: [long, short], thickness_m: 6.0 * grid, friction: request.gripper.friction };
         let mut simulation = PadSimulation {
             world: World {
-                bodies: vec![frame.body(body, coarse, refine)],
+                bodies: vec![gripper_frame.body(body, coarse, refine)],
                 colliders: Vec::new(),
                 gravity_m_s2: DVec3::ZERO,
                 grid_spacing_m: grid,
@@ -209,7 +216,7 @@ impl<'a> Grasp<'a> {
                 stepping: Stepping::Bound { courant: 0.4 },
             },
             pads,
-            up: frame.direction_to_gripper(up),
+            up: gripper_frame.direction_to_gripper(up),
             interrupt,
         };
         let faces = ContactFaces::of(&simulation.start(0.0)?, &pads, simulation.up, spacing)
@@ -218,26 +225,27 @@ impl<'a> Grasp<'a> {
         if widest >= object_width {
             return Err(Error::Usage {
                 problem: format!(
-                    "the object is {object_width:.4} m wide between the pads, so closing to {widest} m does not touch it"
+                    "the object is {object_width:.4} m wide between the pads, so closing to {widest} m does not touch \
+                     it"
                 ),
                 hint: Some("ask for widths below that, or choose another --axis".into()),
             });
         }
         let middle = 0.5 * (faces.x_m[0] + faces.x_m[1]);
         simulation.world.bodies[0].positions.iter_mut().for_each(|p| p.x -= middle);
-        frame.origin += frame.to_world.x_axis * middle;
+        gripper_frame.origin += gripper_frame.world_from_gripper.x_axis * middle;
         let modulus = body.material.elastic_moduli().map_or(0.0, |[young, _]| young);
         let wave_speed = (modulus / body.density_kg_m3).sqrt();
         let film = GraspFilm::new(&simulation.world.bodies[0], spacing);
         Ok(Self {
             request,
             events,
-            frame,
+            gripper_frame,
             spacing,
             object_width,
             frame_s: FRAME_WAVE_TIMES * object_width / wave_speed,
             speed: CLOSING_WAVE_SPEEDS * wave_speed,
-            gravity: frame.direction_to_gripper(world.gravity_m_s2),
+            gravity: gripper_frame.direction_to_gripper(world.gravity_m_s2),
             yielded: vec![false; simulation.world.bodies[0].positions.len()],
             film,
             simulation,
@@ -261,8 +269,8 @@ impl<'a> Grasp<'a> {
             schema: "gic.grasp/1".into(),
             gic_version: gic_twin::VERSION.into(),
             axis: self.request.axis.name().into(),
-            axis_direction: self.frame.to_world.x_axis.to_array(),
-            centre_m: self.frame.origin.to_array(),
+            axis_direction: self.gripper_frame.world_from_gripper.x_axis.to_array(),
+            centre_m: self.gripper_frame.origin.to_array(),
             object_width_m: self.object_width,
             pad_m: self.request.gripper.pad_m,
             friction: self.request.gripper.friction,

@@ -89,7 +89,8 @@ impl GraspReport {
     pub fn table(&self) -> String {
         let [x, y, z] = self.axis_direction;
         let mut text = format!(
-            "{} object of {:.1} g, {:.2} mm wide along ({x:.3}, {y:.3}, {z:.3}); pads {:.1} x {:.1} mm, friction {}; lifted by {:.0} mm\n",
+            "{} object of {:.1} g, {:.2} mm wide along ({x:.3}, {y:.3}, {z:.3}); pads {:.1} x {:.1} mm, friction {}; \
+             lifted by {:.0} mm\n",
             self.material,
             1e3 * self.mass_kg,
             1e3 * self.object_width_m,

@@ -18,7 +18,7 @@ use super::{Run, Stage};
 use crate::error::{Error, Result};
 
 /// Grid cells along the side of a cube with the object's volume, before rounding: 0.02 m cells for the paper's objects,
-/// whose boxes are 0.3 to 0.45 m. The volume says it better than the box, which depends on the object's orientation.
+/// whose boxes are 0.3 to 0.45 m. The volume, unlike the box, does not depend on the object's orientation.
 const CELLS_ALONG_CUBE_SIDE: f64 = 8.0;
 /// Spacing of the points that are drawn, over that of the particles that are simulated.
 const DRAWING_SPACING: f64 = 0.6;
@@ -46,7 +46,7 @@ pub struct FillSummary {
     pub drawing_scale: f64,
     /// Agreement of the re-rendered continuum with the mask of each camera at the first frame, intersection over union.
     pub mask_iou: Vec<f64>,
-    /// Mirror planes of the body at the first frame; none of older runs.
+    /// Mirror planes of the body at the first frame.
     #[serde(default)]
     pub mirror_planes: Vec<Mirror>,
     /// Frames whose outlines alone made the body of the first, because the surface showed none of the symmetry that
@@ -84,7 +84,8 @@ pub struct FrameFilling {
     pub views: usize,
     /// Points on the surface.
     pub surface_points: usize,
-    /// Mean overlap of the re-rendered body with the frame's masks, intersection over union; `None` of older runs.
+    /// Mean overlap of the re-rendered body with the frame's masks, intersection over union; `None` where no view
+    /// has a mask.
     #[serde(default)]
     pub mask_iou: Option<f64>,
 }
@@ -211,7 +212,7 @@ impl Run<'_> {
         spacing
     }
 
-    /// The finer points to draw the continuum with, and how they look.
+    /// The finer points to draw the continuum with, and how they are drawn.
     ///
     /// # Errors
     /// Those of filling.
@@ -222,7 +223,7 @@ impl Run<'_> {
         Ok((drawing, Appearance { scale: continuum.summary.drawing_scale, ..continuum.appearance }))
     }
 
-    /// Fills the first frame anew.
+    /// Fills the first frame again.
     pub(super) fn first_filling(&self, continuum: &Continuum) -> Result<Filling> {
         let input = self.fill_input()?;
         let masks = input.masks(0)?;
@@ -291,7 +292,7 @@ impl From<&MirrorPlane> for Mirror {
     }
 }
 
-/// Doubts as read from a file; older runs do not say.
+/// Doubts as read from a file; 0 where the file has none.
 fn known_doubts(read: &[f32]) -> Vec<f32> {
     read.iter().map(|d| if d.is_nan() { 0.0 } else { *d }).collect()
 }

@@ -1,4 +1,4 @@
-//! What the matter is filled from.
+//! What filling starts from: the video with its Gaussians, or the registered scan.
 
 use std::borrow::Cow;
 
@@ -11,8 +11,8 @@ use glam::DVec3;
 use super::Run;
 use crate::error::{Error, Result};
 
-/// Photographs of a scan that the filling looks at. Its thresholds are for the emptiest of about so many views: of
-/// fifty depth maps, three are wrong nearly everywhere, and the body shrank by 7 %.
+/// Largest number of photographs of a scan that filling uses. Its thresholds are for the emptiest of about so many
+/// views: with fifty, a few depth maps are wrong nearly everywhere and the body becomes too small.
 const MAX_SCAN_VIEWS: usize = 12;
 
 /// What the matter is made of: the video with its Gaussians, or the scan, moved to where it lies in the video's first

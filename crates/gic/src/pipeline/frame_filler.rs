@@ -1,4 +1,4 @@
-//! The bodies of all frames, filled one after the other and completed by their mirror planes.
+//! The body of each frame, one after the other, completed by its mirror planes.
 
 use gic_continuum::{Completion, FillSettings, Filling, MaskedView, Symmetry, fill};
 
@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 
 /// Fills frame by frame.
 pub(super) struct FrameFiller {
-    /// Whether mirror planes are looked for.
+    /// Whether mirror planes are sought.
     symmetric: bool,
     /// Planes found in the surface.
     completion: Completion,
@@ -58,7 +58,7 @@ impl FrameFiller {
         self.rigid.as_ref().map_or(0, RigidFrames::frames)
     }
 
-    /// What a person is told of its symmetry.
+    /// The symmetry that was found and how it was used, in a sentence.
     pub(super) fn symmetry_summary(&self, symmetry: &Symmetry) -> String {
         let (planes, off) = (symmetry.planes.len(), 1e3 * symmetry.misfit());
         let how = match self.outline_frames() {

@@ -202,15 +202,16 @@ impl Run<'_> {
         }
         let guess = gic_scene::inspect(&self.scene).map_err(Error::stage("looking for the ground"))?.ground;
         let Some((point, normal, _)) = guess else {
-            let text = "the scene does not say where its ground is, so the object falls through nothing; give --colliders FILE";
+            let text = "the scene does not say where its ground is, so the object falls through nothing; \
+                        give --colliders FILE";
             self.events.warn(Stage::Identify.name(), text);
             return Ok(Vec::new());
         };
         self.events.warn(
             Stage::Identify.name(),
             format!(
-                "the scene does not say where its ground is; taken as the lowest the object gets: the plane through {point:.3?} with \
-                 normal {normal:.2?}, sticky. Give --colliders FILE where that is wrong"
+                "the scene does not say where its ground is; taken as the lowest the object gets: the plane through \
+                 {point:.3?} with normal {normal:.2?}, sticky. Give --colliders FILE where that is wrong"
             ),
         );
         Ok(half_space(point, normal))

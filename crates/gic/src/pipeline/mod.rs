@@ -175,7 +175,7 @@ impl<'a> Run<'a> {
     /// Those of the stages; what was finished before is kept.
     pub fn bring_up_to_date(&self, last: Stage) -> Result<()> {
         if last >= Stage::Identify {
-            // Not after the minutes that the stages before it take.
+            // An unknown material is an error before the first stage starts.
             self.material()?;
         }
         if last == Stage::Register {
@@ -198,8 +198,8 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Runs a stage if need be, and says whether. `before` is the last stage before it that ran anew: what it left may
-    /// differ.
+    /// Runs a stage if its result is missing or outdated; returns whether it ran. `before` is the last stage before it
+    /// that ran anew: what it left may differ.
     fn bring(&self, stage: Stage, before: Option<Stage>) -> Result<bool> {
         let stamp = self.stamp(stage)?;
         let file = self.path(format!("stamps/{}.json", stage.name()));
@@ -328,7 +328,7 @@ fn fitted_part(video: &Scene, config: &Config) -> Result<Scene> {
     }
 }
 
-/// Hash of everything that the stages see of a scene: pictures, masks, cameras, times.
+/// Hash of everything that the stages read of a scene: pictures, masks, cameras, times.
 fn hash_scene(scene: &Scene) -> Result<String> {
     let mut all = Sha256::new();
     all.update(format!("{:?} {:?} {:?} {:?}", scene.format, scene.cameras, scene.times, scene.world));

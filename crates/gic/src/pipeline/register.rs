@@ -105,7 +105,7 @@ impl Run<'_> {
         Ok(atomic::read_json(&self.path("registration.json"))?)
     }
 
-    /// Refuses what cannot end well with a scan, before the minutes that it takes.
+    /// Refuses settings that a scan does not allow, before the first stage starts.
     pub(super) fn check_scan(&self) -> Result<()> {
         let refused =
             |problem: &str, hint: &str| Err(Error::Usage { problem: problem.into(), hint: Some(hint.into()) });
@@ -174,14 +174,15 @@ fn check_placement(record: &RegistrationRecord, bound: f64) -> Result<Option<Str
     if !record.best.overlaps(bound) {
         return Err(Error::Usage {
             problem: format!(
-                "no placement of the scanned object explains the masks of the first frame: the best overlaps with them by {} \
-                 (intersection over union), below {bound}; next best: {}",
+                "no placement of the scanned object explains the masks of the first frame: the best overlaps with them \
+                 by {} (intersection over union), below {bound}; next best: {}",
                 record.overlaps_text(),
                 record.alternatives_text()
             ),
             hint: Some(
-                "look at both with `gic inspect`: the photographs and the video may show different objects, a camera's pose may be wrong, \
-                 or the object may be deformed in the first frame; --set register.least_iou=X accepts less"
+                "look at both with `gic inspect`: the photographs and the video may show different objects, a camera's \
+                 pose may be wrong, or the object may be deformed in the first frame; \
+                 --set register.least_iou=X accepts less"
                     .into(),
             ),
         });
@@ -190,7 +191,8 @@ fn check_placement(record: &RegistrationRecord, bound: f64) -> Result<Option<Str
         |other: &&PlacementRecord| other.loss < AMBIGUOUS_LOSS_RATIO * record.best.loss && other.overlaps(bound);
     Ok(record.alternatives.iter().find(as_good).map(|other| {
         format!(
-            "another placement explains the first frame about as well ({}); if the twin moves oddly, the object looks alike from there",
+            "another placement explains the first frame about as well ({}); if the twin moves oddly, the object looks \
+             alike from there",
             other.describe()
         )
     }))

@@ -1,4 +1,4 @@
-//! The frames in which the object still has the shape that it has in the first, by its outlines alone.
+//! The first frames in which the object keeps its shape, found by its outlines alone.
 //!
 //! Where cameras are so few that the reconstructed surface shows no symmetry, the outlines may: then each frame of
 //! flight shows the same body from as many sides again, and all of them together say where it is not.

@@ -1,4 +1,4 @@
-//! What a stage was made from: lets a later run tell whether it has to run again, and why.
+//! What a stage's result was made from: it decides whether the stage has to run again, and why.
 
 use std::path::{Path, PathBuf};
 
@@ -44,7 +44,7 @@ impl Stamp {
         format!("{:x}", Sha256::digest(text))
     }
 
-    /// Why a result with this stamp does not serve one that wants `wanted`; `None` where it does.
+    /// What differs from the stamp `wanted`; `None` where the result is up to date.
     pub(super) fn outdated_for(&self, wanted: &Self) -> Option<String> {
         if self.gic_version != wanted.gic_version {
             return Some(format!("made by gic {}, this is {}", self.gic_version, wanted.gic_version));

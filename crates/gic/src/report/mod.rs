@@ -39,7 +39,8 @@ pub fn write(run: &Run, events: &Events) -> Result<()> {
 
 fn head(model: &str) -> String {
     format!(
-        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><title>gic: {0} twin</title><style>{1}</style></head>\
+        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\">\
+         <title>gic: {0} twin</title><style>{1}</style></head>\
          <body><h1>Digital twin: {0}</h1>",
         escape(model),
         include_str!("style.css")
@@ -48,7 +49,8 @@ fn head(model: &str) -> String {
 
 fn estimates(found: &IdentifyRecord) -> String {
     let mut text = String::from(
-        "<h2>Estimate</h2><table><tr><th>parameter</th><th>estimate</th><th>95 % interval</th><th>on a finer grid</th><th></th></tr>",
+        "<h2>Estimate</h2>\
+         <table><tr><th>parameter</th><th>estimate</th><th>95 % interval</th><th>on a finer grid</th><th></th></tr>",
     );
     for e in &found.estimates {
         let verdict = match (e.fixed, e.identifiable) {
@@ -71,13 +73,15 @@ fn estimates(found: &IdentifyRecord) -> String {
     for (letter, v, [low, high]) in found.velocity_components() {
         let _ = write!(
             text,
-            "<tr><td>initial velocity {letter} [m/s]</td><td>{v:.4}</td><td>{low:.4} .. {high:.4}</td><td></td><td></td></tr>"
+            "<tr><td>initial velocity {letter} [m/s]</td><td>{v:.4}</td>\
+             <td>{low:.4} .. {high:.4}</td><td></td><td></td></tr>"
         );
     }
     let [x, y, z] = found.angular_velocity_rad_s;
     let _ = write!(
         text,
-        "</table><p>Initial angular velocity ({x:.3}, {y:.3}, {z:.3}) rad/s. Mean distance of surfaces {:.2} mm; masks differ in {:.2} % \
+        "</table><p>Initial angular velocity ({x:.3}, {y:.3}, {z:.3}) rad/s. \
+         Mean distance of surfaces {:.2} mm; masks differ in {:.2} % \
          of the object's pixels; nothing is touched in the first {} frames.</p>",
         1e3 * found.chamfer_m,
         100.0 * found.mask_error,
@@ -92,7 +96,8 @@ fn estimates(found: &IdentifyRecord) -> String {
 /// The laws, by how they predict frames that they were not fitted to.
 fn ranking(selection: &Selection) -> String {
     let mut text = format!(
-        "<h2>Law</h2><p>Each law was fitted to the first {} frames and predicted the others. The run goes on with <b>{}</b>; {}.</p>\
+        "<h2>Law</h2><p>Each law was fitted to the first {} frames and predicted the others. \
+         The run goes on with <b>{}</b>; {}.</p>\
          <table><tr><th>law</th><th>differing pixels, fitted</th><th>predicted</th><th></th></tr>",
         selection.fitted_frames,
         escape(&selection.chosen),
@@ -195,7 +200,8 @@ fn curves(found: &IdentifyRecord, history: &History) -> String {
 
 fn costs(history: &History, found: &IdentifyRecord) -> String {
     let mut text = String::from(
-        "<h2>Times and memory</h2><table><tr><th>stage</th><th>seconds</th><th>CPU seconds</th><th>peak memory [MiB]</th></tr>",
+        "<h2>Times and memory</h2>\
+         <table><tr><th>stage</th><th>seconds</th><th>CPU seconds</th><th>peak memory [MiB]</th></tr>",
     );
     for stage in Stage::ALL.map(Stage::name) {
         if let Some((seconds, cpu, memory)) = history.costs.get(stage) {

@@ -30,7 +30,9 @@ pub(super) fn views(run: &Run, found: &IdentifyRecord, events: &Events) -> Resul
     let mut text = format!(
         "<h2>The twin over the video</h2><p>{} <span class=\"observed\">Green</span>: outline of the observed mask; \
          <span class=\"twin\">red</span>: outline of the simulated twin.{}</p>\
-         <p><button id=\"play\">play / stop</button> <input id=\"frame\" type=\"range\" min=\"0\" max=\"{}\" value=\"0\"> <span id=\"time\"></span></p>\
+         <p><button id=\"play\">play / stop</button> \
+         <input id=\"frame\" type=\"range\" min=\"0\" max=\"{}\" value=\"0\"> \
+         <span id=\"time\"></span></p>\
          <div class=\"views\">",
         what_was_fitted(fitted, frames),
         if drawn.skin.is_some() { " Below each: the twin in its own colours." } else { "" },
@@ -39,13 +41,15 @@ pub(super) fn views(run: &Run, found: &IdentifyRecord, events: &Events) -> Resul
     for name in &scene.camera_names {
         let _ = write!(
             text,
-            "<figure><img class=\"outlines\" alt=\"\"><img class=\"look\" alt=\"\"><figcaption>camera {}: <span></span></figcaption></figure>",
+            "<figure><img class=\"outlines\" alt=\"\"><img class=\"look\" alt=\"\">\
+             <figcaption>camera {}: <span></span></figcaption></figure>",
             escape(name)
         );
     }
     let _ = write!(
         text,
-        "</div><div class=\"charts\">{}</div><script>const TIMES = {times}; const FITTED = {fitted}; const VIEWS = {pictures};\n{}</script>",
+        "</div><div class=\"charts\">{}</div>\
+         <script>const TIMES = {times}; const FITTED = {fitted}; const VIEWS = {pictures};\n{}</script>",
         overlaps(&by_camera, fitted),
         include_str!("script.js")
     );
