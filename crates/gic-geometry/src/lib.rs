@@ -2,6 +2,7 @@
 //!
 //! Positions are in metres in whichever frame the caller works in. Grids are x fastest, then y, then z.
 
+mod distance_transform;
 mod error;
 mod field;
 mod kd_tree;
@@ -12,7 +13,9 @@ mod outward_normals;
 mod surroundings;
 mod tetrahedra;
 mod volume;
+mod weighted_sum;
 
+pub use distance_transform::distance_transform;
 pub use error::GeometryError;
 pub use field::{DensityField, MAX_VOXELS};
 pub use kd_tree::{KdTree, squared_distance};

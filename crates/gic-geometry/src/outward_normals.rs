@@ -2,8 +2,10 @@
 
 use std::ops::Range;
 
-use gic_simd::{Kernel, Lanes, Level, MAX_LANES, dispatch};
+use gic_simd::{Kernel, Lanes, Level, dispatch};
 use rayon::prelude::*;
+
+use crate::weighted_sum::Nearby;
 
 /// Radius of the neighbourhood, in spacings of the points.
 const RADIUS: f64 = 2.5;
@@ -24,12 +26,13 @@ fn normals_with(level: Level, points: &[[f32; 3]], spacing: f64) -> Vec<[f32; 3]
     // Integral of the weighted height over a half ball of matter: pi (R / s)^3 / 24, in units of R.
     let flat = (core::f64::consts::PI * RADIUS.powi(3) / 24.0) as f32;
     let of_task = |task: &[Range<usize>]| {
-        let mut around = Around::default();
+        let mut nearby = Nearby::default();
         let mut normals = Vec::new();
         for own in task {
-            around.gather(&cells, own.start);
+            let runs = cells.around(cells.cells[own.start]);
+            nearby.gather(runs.flat_map(|run| cells.points[run].iter().copied()));
             let points = &cells.points[own.clone()];
-            dispatch(level, Offsets { points, around: &around, flat, normals: &mut normals });
+            dispatch(level, Offsets { points, nearby: &nearby, flat, normals: &mut normals });
         }
         normals
     };
@@ -89,31 +92,10 @@ fn cell(p: [f32; 3]) -> [i32; 3] {
     p.map(|x| x.floor() as i32)
 }
 
-/// All that may be near the points of a cell, axis by axis, up to a whole number of lanes.
-#[derive(Default)]
-struct Around {
-    axes: [Vec<f32>; 3],
-}
-
-impl Around {
-    /// For the cell that the point `own` of `cells` is in.
-    fn gather(&mut self, cells: &Cells, own: usize) {
-        self.axes.iter_mut().for_each(Vec::clear);
-        for run in cells.around(cells.cells[own]) {
-            for point in &cells.points[run] {
-                self.axes.iter_mut().zip(point).for_each(|(axis, x)| axis.push(*x));
-            }
-        }
-        let whole = self.axes[0].len().next_multiple_of(MAX_LANES);
-        // Too far away to weigh anything.
-        self.axes.iter_mut().for_each(|axis| axis.resize(whole, f32::MAX));
-    }
-}
-
-/// The normals of some points: the weighted sum of their offsets from those around.
+/// The normals of some points: the weighted sum of their offsets from those nearby.
 struct Offsets<'a> {
     points: &'a [[f32; 3]],
-    around: &'a Around,
+    nearby: &'a Nearby,
     /// What a flat surface gives.
     flat: f32,
     normals: &'a mut Vec<[f32; 3]>,
@@ -124,23 +106,8 @@ impl Kernel for Offsets<'_> {
 
     #[inline(always)]
     fn run<L: Lanes<Scalar = f32>>(self) {
-        let [xs, ys, zs] = &self.around.axes;
         for p in self.points {
-            let (px, py, pz) = (L::of(p[0]), L::of(p[1]), L::of(p[2]));
-            let (mut x, mut y, mut z) = (L::zero(), L::zero(), L::zero());
-            let mut at = 0;
-            while at < xs.len() {
-                let (dx, dy, dz) = (px - L::load(&xs[at..]), py - L::load(&ys[at..]), pz - L::load(&zs[at..]));
-                let left = L::one() - dx.mul_add(dx, dy.mul_add(dy, dz * dz));
-                // Phrased so that points that are no numbers, or too far away to be squared, weigh nothing.
-                let near = L::lt(L::zero(), left);
-                let weight = L::select(near, left * left, L::zero());
-                x = weight.mul_add(L::select(near, dx, L::zero()), x);
-                y = weight.mul_add(L::select(near, dy, L::zero()), y);
-                z = weight.mul_add(L::select(near, dz, L::zero()), z);
-                at += L::LANES;
-            }
-            let offset = [x.sum_lanes(), y.sum_lanes(), z.sum_lanes()];
+            let offset = self.nearby.sums::<L, true>(*p).offset;
             self.normals.push(shortened(offset.map(|o| o as f32 / self.flat)));
         }
     }
