@@ -112,6 +112,41 @@ impl Step {
     }
 }
 
+/// Adam as published, in double precision, for few unknowns: its epsilon is 1e-8.
+#[derive(Clone, Debug)]
+pub struct Adam {
+    first: Vec<f64>,
+    second: Vec<f64>,
+    steps: i32,
+}
+
+impl Adam {
+    const BETA1: f64 = 0.9;
+    const BETA2: f64 = 0.999;
+    const EPSILON: f64 = 1e-8;
+
+    /// Before the first step of `len` unknowns.
+    pub fn new(len: usize) -> Adam {
+        Adam { first: vec![0.0; len], second: vec![0.0; len], steps: 0 }
+    }
+
+    /// The next step from a gradient and a learning rate per unknown, both shape [n]: to be added to the unknowns.
+    pub fn step(&mut self, gradient: &[f64], rates: &[f64]) -> Vec<f64> {
+        assert!(gradient.len() == self.first.len() && rates.len() == gradient.len(), "a gradient and a rate each");
+        self.steps += 1;
+        let (correction1, correction2) = (1.0 - Self::BETA1.powi(self.steps), 1.0 - Self::BETA2.powi(self.steps));
+        let moments = self.first.iter_mut().zip(&mut self.second);
+        (moments.zip(gradient.iter().zip(rates)))
+            .map(|((first, second), (slope, rate))| {
+                *first = Self::BETA1 * *first + (1.0 - Self::BETA1) * slope;
+                *second = Self::BETA2 * *second + (1.0 - Self::BETA2) * slope * slope;
+                let (mean, variance) = (*first / correction1, *second / correction2);
+                -rate * mean / (variance.sqrt() + Self::EPSILON)
+            })
+            .collect()
+    }
+}
+
 /// Exponential decay from `ends.0` at `fraction` 0 to `ends.1` at 1.
 pub fn decayed(ends: (f64, f64), fraction: f64) -> f64 {
     ends.0 * (ends.1 / ends.0).powf(fraction.clamp(0.0, 1.0))
@@ -132,6 +167,20 @@ mod tests {
         }
         for (x, t) in x.iter().zip(target) {
             assert!((x - t).abs() < 1e-3, "{x} against {t}");
+        }
+    }
+
+    #[test]
+    fn both_precisions_agree() {
+        let gradients: Vec<[f64; 2]> = (0..20).map(|i| [f64::from(i).sin(), 3.0 + f64::from(i).cos()]).collect();
+        let (mut single, mut double) = ([0.0f32; 2], [0.0f64; 2]);
+        let (mut moments, mut adam) = (Moments::zeros(2), Adam::new(2));
+        for (i, gradient) in gradients.iter().enumerate() {
+            moments.update(&mut single, &gradient.map(|g| g as f32), 0.01, i + 1);
+            double.iter_mut().zip(adam.step(gradient, &[0.01; 2])).for_each(|(x, step)| *x += step);
+        }
+        for (single, double) in single.iter().zip(double) {
+            assert!((f64::from(*single) - double).abs() < 1e-6 && double.abs() > 1e-3, "{single} against {double}");
         }
     }
 

@@ -1,5 +1,7 @@
 //! Minimisers that several stages share.
 
 mod adam;
+mod damped_step;
 
-pub use adam::{Moments, decayed};
+pub use adam::{Adam, Moments, decayed};
+pub use damped_step::damped_step;

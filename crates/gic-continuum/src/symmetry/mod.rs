@@ -14,6 +14,7 @@
 mod outline;
 
 use gic_geometry::{DensityField, KdTree};
+use gic_optimize::damped_step;
 use glam::{DAffine3, DMat3, DVec3};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -366,10 +367,8 @@ impl KnownSurface {
                 }
             }
             let mean = matrix.diagonal().sum() / unknowns as f64;
-            for i in 0..unknowns {
-                matrix[(i, i)] += DAMPING * matrix[(i, i)] + 1e-9 * mean + f64::MIN_POSITIVE;
-            }
-            let Some(step) = matrix.cholesky().map(|c| -c.solve(&pull)) else { break };
+            let damping = |own: f64| DAMPING * own + 1e-9 * mean + f64::MIN_POSITIVE;
+            let Some(step) = damped_step(&matrix, &pull, damping) else { break };
             let turn = DVec3::new(step[0], step[1], step[2]);
             let rotation = glam::DQuat::from_scaled_axis(turn.clamp_length_max(0.1));
             let arrived = turn.length() < ARRIVED && step.rows_range(3..).amax() < ARRIVED * self.size;

@@ -4,6 +4,8 @@
 //! somewhere pass within all the other outlines and all their mirror images: silhouette coherence (Hernandez, Schmitt & Cipolla 2007, who
 //! find the motion of a turntable by it). Three cameras and three planes make twenty-four outlines, which a wrong plane contradicts by pixels.
 
+use gic_geometry::distance_transform;
+use gic_optimize::damped_step;
 use gic_scene::{Camera, Hull, HullSettings, HullView, Mask};
 use glam::{DMat3, DQuat, DVec3};
 use nalgebra::{DMatrix, DVector};
@@ -53,7 +55,8 @@ impl Outline {
     fn new(camera: &Camera, mask: &[f32]) -> Outline {
         let inside: Vec<bool> = mask.iter().map(|m| *m >= 0.5).collect();
         let outside: Vec<bool> = inside.iter().map(|i| !i).collect();
-        let (to_outside, to_inside) = (distances(&outside, camera.width), distances(&inside, camera.width));
+        let (to_outside, to_inside) =
+            (distance_transform(&outside, camera.width), distance_transform(&inside, camera.width));
         let signed = |(out, into): (f32, f32)| if out > 0.0 { out - 0.5 } else { 0.5 - into };
         Outline { camera: camera.clone(), distance: to_outside.into_iter().zip(to_inside).map(signed).collect() }
     }
@@ -181,11 +184,7 @@ impl Outlines {
             let least = 1e-9 + 1e-6 * hessian.trace();
             let mut gained = 0.0;
             for _ in 0..5 {
-                let mut damped = hessian.clone();
-                for i in 0..unknowns {
-                    damped[(i, i)] += damping * (hessian[(i, i)] + least);
-                }
-                let Some(step) = damped.cholesky().map(|c| -c.solve(&gradient)) else { break };
+                let Some(step) = damped_step(&hessian, &gradient, |own| damping * (own + least)) else { break };
                 let moved = self.moved(&symmetry, &step);
                 let new = self.misses(&moved);
                 gained = before - new.norm_squared();
@@ -315,51 +314,6 @@ impl Symmetry {
             })
             .collect()
     }
-}
-
-/// Distance of each pixel from the nearest of those that are `set` [pixels], row-major: lower envelopes of parabolas along columns, then along
-/// rows (Felzenszwalb & Huttenlocher 2012).
-fn distances(set: &[bool], width: usize) -> Vec<f32> {
-    let height = set.len() / width;
-    let far = (width * width + height * height) as f64;
-    let mut squares: Vec<f64> = set.iter().map(|s| if *s { 0.0 } else { far }).collect();
-    for x in 0..width {
-        let column: Vec<f64> = (0..height).map(|y| squares[y * width + x]).collect();
-        envelope(&column).into_iter().enumerate().for_each(|(y, d)| squares[y * width + x] = d);
-    }
-    for row in squares.chunks_exact_mut(width) {
-        let lowest = envelope(row);
-        row.copy_from_slice(&lowest);
-    }
-    squares.into_iter().map(|d| d.sqrt() as f32).collect()
-}
-
-/// At each place the least of all parabolas `heights[q] + (p - q)^2`.
-fn envelope(heights: &[f64]) -> Vec<f64> {
-    // The lowest parabolas from left to right, and from where each is the lowest.
-    let mut lowest: Vec<(usize, f64)> = Vec::new();
-    for (q, height) in heights.iter().enumerate() {
-        let from = loop {
-            let Some(&(r, since)) = lowest.last() else { break f64::NEG_INFINITY };
-            let (a, b) = (q as f64, r as f64);
-            let meet = (height + a * a - heights[r] - b * b) / (2.0 * (a - b));
-            if meet > since {
-                break meet;
-            }
-            lowest.pop();
-        };
-        lowest.push((q, from));
-    }
-    let mut k = 0;
-    (0..heights.len())
-        .map(|p| {
-            while k + 1 < lowest.len() && lowest[k + 1].1 <= p as f64 {
-                k += 1;
-            }
-            let q = lowest[k].0;
-            heights[q] + (p as f64 - q as f64).powi(2)
-        })
-        .collect()
 }
 
 #[cfg(test)]
@@ -546,17 +500,6 @@ pub(crate) mod tests {
         for (mirrored, image) in symmetry.cameras(camera).iter().zip(images) {
             let found = mirrored.project(image).unwrap();
             assert!(found.0.distance(seen.0) < 1e-9 && (found.1 - seen.1).abs() < 1e-12);
-        }
-    }
-
-    #[test]
-    fn distances_agree_with_brute_force() {
-        let width = 23;
-        let set: Vec<bool> = (0..width * 17).map(|i| (i * 7919 + i * i * 31) % 53 == 0).collect();
-        let (x, y) = (|i: usize| (i % width) as f32, |i: usize| (i / width) as f32);
-        for (i, found) in distances(&set, width).into_iter().enumerate() {
-            let nearest = (0..set.len()).filter(|k| set[*k]).map(|k| (x(i) - x(k)).hypot(y(i) - y(k)));
-            assert!((found - nearest.fold(f32::INFINITY, f32::min)).abs() < 1e-4);
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The paper's optimiser, for comparison: Adam with its learning rates, on the simulator's adjoint.
 
 use gic_mpm::gradient;
+use gic_optimize::Adam;
 use glam::DVec3;
 
 use crate::forward::footprint::IsotropicGaussians;
@@ -10,8 +11,6 @@ use crate::solve::loss::frame_loss;
 use crate::stages::Identification;
 use crate::unknowns::state::{State, Unknown};
 
-const BETA: (f64, f64) = (0.9, 0.999);
-const EPSILON: f64 = 1e-8;
 /// Consecutive failed rollouts after which the search ends with its best iterate.
 const MOST_FAILURES: usize = 10;
 
@@ -20,7 +19,7 @@ pub(crate) fn adam(job: &Identification, free: usize, start: State, iterations: 
     let unknowns = job.free_materials();
     let mut state = start;
     let mut best: Option<(f64, State)> = None;
-    let (mut first, mut second) = (vec![0.0; unknowns.len()], vec![0.0; unknowns.len()]);
+    let mut optimiser = Adam::new(unknowns.len());
     let (mut failures, mut rate) = (0, 1.0);
     let mut count = 0;
     for _ in 0..iterations {
@@ -40,18 +39,19 @@ pub(crate) fn adam(job: &Identification, free: usize, start: State, iterations: 
         }
         job.report(Stage::Material, &Iterate { steps: count as usize, state: state.clone(), cost: loss })?;
         count += 1;
-        let mut delta = Vec::new();
-        for (k, unknown) in unknowns.iter().enumerate() {
-            let Unknown::Material(i) = *unknown else { continue };
-            first[k] = BETA.0 * first[k] + (1.0 - BETA.0) * slope[k];
-            second[k] = BETA.1 * second[k] + (1.0 - BETA.1) * slope[k] * slope[k];
-            let mean = first[k] / (1.0 - BETA.0.powi(count));
-            let variance = second[k] / (1.0 - BETA.1.powi(count));
-            delta.push(-rate * job.parameters()[i].adam_rate() * mean / (variance.sqrt() + EPSILON));
-        }
+        let rates: Vec<f64> = materials(&unknowns).map(|i| rate * job.parameters()[i].adam_rate()).collect();
+        let delta = optimiser.step(&slope, &rates);
         state = state.moved(&unknowns, &delta, job.parameters());
     }
     best.map(|(_, state)| state).ok_or_else(|| "no iteration was asked for".to_owned())
+}
+
+/// Numbers of the law's parameters among unknowns.
+fn materials(unknowns: &[Unknown]) -> impl Iterator<Item = usize> {
+    unknowns.iter().filter_map(|unknown| match *unknown {
+        Unknown::Material(i) => Some(i),
+        _ => None,
+    })
 }
 
 /// Loss of eq. 8, mean over frames, and its derivative by the search coordinates of `unknowns`.
@@ -79,15 +79,11 @@ fn loss_and_gradient(
         Some(loss.gradient.iter().map(|g: &DVec3| *g * share).collect())
     })
     .map_err(|error| error.to_string())?;
-    let slope = unknowns
-        .iter()
-        .filter_map(|unknown| match *unknown {
-            Unknown::Material(i) => {
-                let (p, at) = (job.parameters()[i], state.material[i]);
-                let chain = (p.value(at + 1e-6) - p.value(at - 1e-6)) / 2e-6;
-                Some(gradient.bodies[0].material[i] * chain)
-            }
-            _ => None,
+    let slope = materials(unknowns)
+        .map(|i| {
+            let (p, at) = (job.parameters()[i], state.material[i]);
+            let chain = (p.value(at + 1e-6) - p.value(at - 1e-6)) / 2e-6;
+            gradient.bodies[0].material[i] * chain
         })
         .collect();
     Ok((total, slope))

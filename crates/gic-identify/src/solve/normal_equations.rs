@@ -1,5 +1,6 @@
 //! Gauss-Newton's normal equations: the weighted sum of all blocks, and steps on its quadratic model.
 
+use gic_optimize::damped_step;
 use nalgebra::{DMatrix, DVector};
 
 use crate::solve::residual_block::{ResidualBlock, Weights};
@@ -47,13 +48,9 @@ impl Normal {
 
     /// The damped step -(H + lambda diag H)^-1 g; `None` where the matrix is not positive definite.
     pub(crate) fn step(&self, lambda: f64) -> Option<DVector<f64>> {
-        let mut damped = self.hessian.clone();
-        let largest = (0..damped.nrows()).map(|i| damped[(i, i)]).fold(0.0, f64::max);
-        for i in 0..damped.nrows() {
-            // An unknown without any effect keeps its value.
-            damped[(i, i)] += lambda * damped[(i, i)] + 1e-12 * largest + f64::MIN_POSITIVE;
-        }
-        Some(-damped.cholesky()?.solve(&self.gradient))
+        let largest = self.hessian.diagonal().iter().copied().fold(0.0, f64::max);
+        // An unknown without any effect keeps its value.
+        damped_step(&self.hessian, &self.gradient, |own| lambda * own + 1e-12 * largest + f64::MIN_POSITIVE)
     }
 }
 
