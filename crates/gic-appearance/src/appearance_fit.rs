@@ -17,12 +17,8 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use crate::light::{IRRADIANCE_TERMS, Light, terms};
+use crate::tuning::{MAX_OPACITY, WINDOW_MARGIN_PX};
 use crate::{AppearanceError, AppearanceFitSettings};
-
-/// Pixels around the mask in which what is drawn counts.
-const WINDOW_MARGIN_PX: usize = 12;
-/// Opacities stay below this, so that their logits stay finite.
-const MAX_OPACITY: f64 = 0.99;
 
 /// Gaussians that know their albedo instead of their colour, and the light that they are in.
 #[derive(Clone, Debug, PartialEq)]

@@ -8,6 +8,7 @@ mod error;
 mod light;
 mod register;
 mod settings;
+mod tuning;
 
 pub use appearance_fit::{AppearanceProgress, LitGaussians, PosedPoints, fit_appearance};
 pub use error::AppearanceError;

@@ -19,6 +19,7 @@ mod settings;
 mod storage;
 mod tensor_file;
 mod trainer;
+mod tuning;
 
 pub use base::{Affine, BaseMotion, Lattice, Pose};
 pub use error::MotionError;

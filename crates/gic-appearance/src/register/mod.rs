@@ -17,27 +17,15 @@ use gic_splat::Gaussians;
 use glam::DVec3;
 use rayon::prelude::*;
 
+use crate::tuning::{
+    COARSE_OBJECT_PX, COARSE_RATES, FINALISTS, FINE_RATES, FIRST_SIZE_SHARE, MAX_OUTLINE_POINTS, MIN_BASELINE_RAD,
+    MIN_OPAQUE_GAUSSIANS, MIN_OUTLINE_OPACITY, SAME_PLACEMENT_RAD, START_SEPARATION_RAD,
+};
 use crate::{AppearanceError, RegisterSettings};
 use covering::angle;
 use outline::{Outline, align_outlines};
 use placement::Placement;
 use refine::{DescentSchedule, PlacementScore, refine, score_placement};
-
-/// At most this many points of the scan are drawn for an outline.
-const MAX_OUTLINE_POINTS: usize = 2_500;
-/// Gaussians of less opacity are no part of the outline.
-const MIN_OUTLINE_OPACITY: f32 = 0.3;
-/// Starts nearer than this to a better one lead to the same place.
-const START_SEPARATION_RAD: f64 = 25.0 * RADIANS_PER_DEGREE;
-/// Fits nearer than this are the same.
-const SAME_PLACEMENT_RAD: f64 = 8.0 * RADIANS_PER_DEGREE;
-const RADIANS_PER_DEGREE: f64 = std::f64::consts::PI / 180.0;
-/// Rays to the object closer together than this do not tell its size from its distance.
-const MIN_BASELINE_RAD: f64 = 3.0 * RADIANS_PER_DEGREE;
-/// Pictures of the first fits are this wide across the object, at most [pixels].
-const COARSE_OBJECT_PX: f64 = 90.0;
-/// Fits of the second round.
-const FINALISTS: usize = 3;
 
 /// One way to place the scan.
 #[derive(Clone, Debug, PartialEq)]
@@ -95,7 +83,7 @@ pub fn register(
     let (first, of) = (starts.len(), starts.len() + FINALISTS.min(starts.len()));
     let mut fits: Vec<(Placement, PlacementScore)> = Vec::new();
     for start in starts {
-        let schedule = DescentSchedule { steps: settings.steps, rates: (3e-2, 3e-3) };
+        let schedule = DescentSchedule { steps: settings.steps, rates: COARSE_RATES };
         let placement = refine((scan, body.radius), &small, start, schedule, &weights)?;
         fits.push((placement, score_placement(scan, &small, &placement, &weights)?));
         if callback(fits.len(), of).is_break() {
@@ -104,7 +92,7 @@ pub fn register(
     }
     let mut fits = distinct(fits);
     for (done, (placement, _)) in fits.iter_mut().enumerate().take(FINALISTS) {
-        let schedule = DescentSchedule { steps: settings.final_steps, rates: (6e-3, 1e-4) };
+        let schedule = DescentSchedule { steps: settings.final_steps, rates: FINE_RATES };
         *placement = refine((scan, body.radius), &views, *placement, schedule, &weights)?;
         if callback(first + done + 1, of).is_break() {
             break;
@@ -201,7 +189,7 @@ impl ScanPoints {
             .filter(|&i| scan.opacities[i] >= MIN_OUTLINE_OPACITY)
             .map(|i| DVec3::from_array(scan.positions[i].map(f64::from)))
             .collect();
-        if opaque.len() < 100 {
+        if opaque.len() < MIN_OPAQUE_GAUSSIANS {
             let reason =
                 format!("the scan has only {} opaque Gaussians: look at its masks with `gic inspect`", opaque.len());
             return Err(AppearanceError::Unregistrable(reason));
@@ -220,7 +208,7 @@ fn starts(body: &ScanPoints, views: &[Target], ball: &Ball, settings: &RegisterS
     let mut scored: Vec<(Placement, f64)> = covering::super_fibonacci_rotations(settings.starts)
         .into_par_iter()
         .map(|rotation| {
-            let scale = 0.7 * ball.radius / body.radius;
+            let scale = FIRST_SIZE_SHARE * ball.radius / body.radius;
             align_outlines(
                 &body.points,
                 &outlines,

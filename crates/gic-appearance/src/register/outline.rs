@@ -5,13 +5,7 @@ use gic_scene::Camera;
 use glam::{DMat3, DVec2, DVec3};
 
 use super::placement::Placement;
-
-/// Side of a square with the mask's area, in cells of the outline: fine enough for limbs, coarse enough that the points leave no holes.
-const CELLS_ACROSS_MASK: f64 = 20.0;
-/// Air around the mask, in sizes of the mask.
-const OUTLINE_MARGIN: f64 = 0.5;
-/// Rounds of moving and growing a start so that its outlines lie on the masks'.
-const ALIGNMENT_ROUNDS: usize = 4;
+use crate::tuning::{ALIGNMENT_ROUNDS, CELLS_ACROSS_MASK, OUTLINE_MARGIN};
 
 /// A mask as bits.
 pub(crate) struct Outline {

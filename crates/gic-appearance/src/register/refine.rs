@@ -9,6 +9,7 @@ use rayon::prelude::*;
 
 use super::placement::{Placement, UNKNOWNS};
 use crate::AppearanceError;
+use crate::tuning::{MAX_CHANNEL_GAIN, SIZE_STEP_SHARE};
 
 /// Length of a step: turn [rad], and shift in radii of the object. The size changes half as fast.
 #[derive(Clone, Copy)]
@@ -44,7 +45,7 @@ pub(crate) fn refine(
             gradient.iter_mut().zip(one).for_each(|(s, d)| *s += d);
         }
         let length = placement.scale * radius;
-        let units = [1.0, 1.0, 1.0, length, length, length, 0.5];
+        let units = [1.0, 1.0, 1.0, length, length, length, SIZE_STEP_SHARE];
         // In these units the seven numbers move the pictures alike.
         let gradient: Vec<f32> = gradient.iter().zip(units).map(|(g, unit)| (g * unit) as f32).collect();
         let mut change = [0.0f32; UNKNOWNS];
@@ -112,6 +113,6 @@ fn channel_gains(drawn: &[[f32; 3]], wanted: &[[f32; 3]]) -> [f32; 3] {
             both += f64::from(d[k] * w[k]);
             own += f64::from(d[k] * d[k]);
         }
-        if own > 0.0 { (both / own).clamp(0.1, 10.0) as f32 } else { 1.0 }
+        if own > 0.0 { (both / own).clamp(1.0 / MAX_CHANNEL_GAIN, MAX_CHANNEL_GAIN) as f32 } else { 1.0 }
     })
 }

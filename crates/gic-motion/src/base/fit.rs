@@ -4,9 +4,7 @@ use gic_optimize::Moments;
 
 use crate::base::{BaseMotion, Lattice, PoseGradient};
 use crate::gaussians::smoothing::NeighbourGraph;
-
-/// Neighbouring nodes of the lattice share their pull over about this many cells.
-const LATTICE_SMOOTHING_CELLS: f64 = 1.0;
+use crate::tuning::LATTICE_SMOOTHING_CELLS;
 
 /// Adam's state of one pose.
 #[derive(Clone, Debug, PartialEq)]

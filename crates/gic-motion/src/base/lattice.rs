@@ -1,9 +1,7 @@
 //! A displacement field on a lattice, for what an affine map cannot follow.
 
+use crate::tuning::CELLS_ALONG_LONGEST_SIDE;
 use serde::{Deserialize, Serialize};
-
-/// Cells along the longest side of the points' box.
-const CELLS_ALONG_LONGEST_SIDE: f64 = 10.0;
 
 /// A regular lattice around the canonical points; values in between are trilinear, beyond it those of its faces.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

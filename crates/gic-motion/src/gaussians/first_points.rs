@@ -6,11 +6,10 @@ use rand::{Rng, RngExt};
 use rayon::prelude::*;
 
 use crate::pictures::{Ball, Target};
-
-/// Cells along the hull for the first, coarse carving.
-const COARSE_HULL_RESOLUTION: usize = 40;
-/// The hull is carved from at most this many pictures, evenly spread.
-const MAX_HULL_VIEWS: usize = 64;
+use crate::tuning::{
+    COARSE_HULL_RESOLUTION, MAX_HULL_RESOLUTION, MAX_HULL_VIEWS, MIN_HULL_RESOLUTION, SPACING_SAMPLE,
+    SPARSE_POINT_MASK_SHARE,
+};
 
 /// Points with colours, all the same size.
 #[derive(Clone, Debug, Default)]
@@ -23,7 +22,7 @@ pub(crate) struct FirstPoints {
 
 /// The scene's sparse points near the object: those that most masks show.
 pub(crate) fn sparse(scene: &Scene, targets: &[&Target]) -> FirstPoints {
-    let points: Vec<_> = scene.points.iter().filter(|p| share(targets, p.position) > 0.9).collect();
+    let points: Vec<_> = scene.points.iter().filter(|p| share(targets, p.position) > SPARSE_POINT_MASK_SHARE).collect();
     let positions: Vec<[f32; 3]> = points.iter().map(|p| p.position.as_vec3().to_array()).collect();
     let spacing = mean_spacing(&positions);
     FirstPoints { colors: points.iter().map(|p| p.rgb).collect(), positions, spacing }
@@ -66,7 +65,9 @@ pub(crate) fn hull_surface(
     let coarse = carve(COARSE_HULL_RESOLUTION)?;
     // The number of surface cells grows with the square of the resolution.
     let factor = (count as f64 / coarse.surface().len().max(1) as f64).sqrt();
-    let hull = carve(((COARSE_HULL_RESOLUTION as f64 * factor).round() as usize).clamp(8, 400))?;
+    let hull = carve(
+        ((COARSE_HULL_RESOLUTION as f64 * factor).round() as usize).clamp(MIN_HULL_RESOLUTION, MAX_HULL_RESOLUTION),
+    )?;
     let surface = hull.surface();
     let pictures: Vec<(&Camera, &Picture)> =
         views.iter().map(|(target, _, picture)| (&target.camera, picture)).collect();
@@ -93,7 +94,7 @@ pub(crate) fn random(ball: &Ball, count: usize, rng: &mut impl Rng) -> FirstPoin
 
 /// Median distance to the nearest neighbour among a sample of the points.
 fn mean_spacing(positions: &[[f32; 3]]) -> f64 {
-    let stride = (positions.len() / 500).max(1);
+    let stride = (positions.len() / SPACING_SAMPLE).max(1);
     let mut nearest: Vec<f64> = positions
         .par_iter()
         .enumerate()

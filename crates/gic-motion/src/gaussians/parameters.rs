@@ -8,6 +8,7 @@ use glam::{Quat, Vec3};
 use rand::{Rng, RngExt};
 use rayon::prelude::*;
 
+use crate::tuning::{SH_REST_SLOWDOWN, SPLIT_SHRINKAGE};
 use crate::{DensitySettings, LearningRates};
 
 /// Gaussians per parallel task, at least.
@@ -218,7 +219,13 @@ impl ParameterMoments {
         self.opacity_logits.update(&mut p.opacity_logits, &g.opacity_logits, rate(rates.opacity), step);
         let (sh, width) = (g.sh.as_flattened(), 3 * (rest_per_gaussian(p.sh_degree) + 1));
         self.sh_dc.update_columns(p.sh_dc.as_flattened_mut(), (sh, width), 0..3, feature, step);
-        self.sh_rest.update_columns(p.sh_rest.as_flattened_mut(), (sh, width), 3..width, feature / 20.0, step);
+        self.sh_rest.update_columns(
+            p.sh_rest.as_flattened_mut(),
+            (sh, width),
+            3..width,
+            feature / SH_REST_SLOWDOWN,
+            step,
+        );
     }
 
     /// The history of `rows` of parameters that have `axes` scales and the degree `sh_degree`.
@@ -271,7 +278,7 @@ pub(crate) struct DensityChange {
 
 /// Adds Gaussians where the projected centres are pulled hardest and removes transparent ones (3DGS, section 5.2).
 ///
-/// Small Gaussians are cloned, large ones split into two, 1.6 times smaller, drawn from their own distribution. At most
+/// Small Gaussians are cloned, large ones split into two smaller ones drawn from their own distribution. At most
 /// `room` Gaussians are added, the hardest pulled first.
 pub(crate) fn control_density(
     p: &mut Parameters,
@@ -309,7 +316,7 @@ pub(crate) fn control_density(
         for (x, d) in p.positions[i].iter_mut().zip(offset) {
             *x += d;
         }
-        log_scales.iter_mut().for_each(|s| *s -= 1.6f32.ln());
+        log_scales.iter_mut().for_each(|s| *s -= SPLIT_SHRINKAGE.ln());
     }
     DensityChange { cloned: cloned.len(), split: split.len(), pruned }
 }
@@ -445,7 +452,7 @@ mod tests {
         assert_eq!(p.positions[..3], [before.positions[0], before.positions[2], before.positions[0]]);
         assert_eq!(moments.log_scales.first, [1.0, 3.0, 0.0, 0.0, 0.0]);
         for half in 3..5 {
-            assert!((p.log_scales[half] - (0.2f32 / 1.6).ln()).abs() < 1e-6);
+            assert!((p.log_scales[half] - (0.2f32 / SPLIT_SHRINKAGE).ln()).abs() < 1e-6);
             assert_ne!(p.positions[half], before.positions[1]);
         }
     }
@@ -470,7 +477,7 @@ mod tests {
             let offset: [f32; 3] = core::array::from_fn(|k| p.positions[half][k] - before.positions[0][k]);
             assert!(offset[1].abs() > 1e-3 && offset[0].abs() < 1e-3 && offset[2].abs() < 1e-3, "{offset:?}");
             for axis in 0..3 {
-                let expected = before.log_scales[axis] - 1.6f32.ln();
+                let expected = before.log_scales[axis] - SPLIT_SHRINKAGE.ln();
                 assert!((p.log_scales[3 * half + axis] - expected).abs() < 1e-6);
             }
         }

@@ -5,15 +5,8 @@
 //! nearest neighbours, is the steepest descent under a metric in which rough displacements are long (Nicolet et al. 2021, "Large
 //! steps in inverse rendering of geometry", there for meshes): neighbours move alike over about s spacings, no place is ruled out.
 
+use crate::tuning::{MAX_SMOOTHING_ITERATIONS, NEIGHBOURS, SEARCH_RADIUS_SPACINGS, SMOOTHING_TOLERANCE};
 use rayon::prelude::*;
-
-/// Neighbours of each point before the relation is made symmetric.
-const NEIGHBOURS: usize = 8;
-/// The search for neighbours looks this many spacings far at least.
-const SEARCH_RADIUS_SPACINGS: f64 = 2.0;
-/// Conjugate gradients stop at this residual, relative to the right-hand side: a preconditioner need not be exact.
-const RESIDUAL_TOLERANCE: f64 = 1e-2;
-const MAX_ITERATIONS: usize = 60;
 
 /// Which points are neighbours; symmetric.
 #[derive(Clone, Debug, Default)]
@@ -101,8 +94,8 @@ impl NeighbourGraph {
         let mut direction = residual.clone();
         let mut image = vec![0.0f32; right.len()];
         let mut size = dot(&residual, &residual);
-        let enough = RESIDUAL_TOLERANCE * RESIDUAL_TOLERANCE * size;
-        for _ in 0..MAX_ITERATIONS {
+        let enough = SMOOTHING_TOLERANCE * SMOOTHING_TOLERANCE * size;
+        for _ in 0..MAX_SMOOTHING_ITERATIONS {
             if size <= enough {
                 break;
             }
@@ -236,7 +229,7 @@ mod tests {
             graph.apply(9.0, &x, &mut image);
             let norm = |v: &[f32]| v.iter().map(|x| x * x).sum::<f32>().sqrt();
             let error: Vec<f32> = image.iter().zip(&right).map(|(a, b)| a - b).collect();
-            assert!(norm(&error) < 2.0 * RESIDUAL_TOLERANCE as f32 * norm(&right));
+            assert!(norm(&error) < 2.0 * SMOOTHING_TOLERANCE as f32 * norm(&right));
             assert!(norm(&x) < 0.5 * norm(&right), "noise averages out");
         }
         // A common pull stays what it is: L of a constant is zero.

@@ -9,6 +9,7 @@ use rand::Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use crate::tuning::BASES_OUTPUT_GAIN;
 use encoding::{Encoding, encode_backward};
 use mlp::{Activations, Mlp};
 use nodes::Nodes;
@@ -135,7 +136,7 @@ impl<T: Scalar> MotionNetwork<T> {
     /// A network at its random start: hidden layers by fan-in, the motion bases close to no motion.
     pub fn random(architecture: Architecture, rng: &mut impl Rng) -> Self {
         let mut network = Self::zeros(architecture);
-        network.backbone.initialise(&mut network.parameters, 0.01, rng);
+        network.backbone.initialise(&mut network.parameters, BASES_OUTPUT_GAIN, rng);
         network.coefficients.initialise(&mut network.parameters, 1.0, rng);
         network
     }

@@ -5,9 +5,8 @@ use gic_splat::{ImageGradients, Rendered};
 use rayon::prelude::*;
 
 use crate::LossWeights;
+use crate::tuning::MIN_AREA_SHARE;
 
-/// Smallest area that picture terms are divided by, as a fraction of the window: an almost empty mask must not dominate.
-const MIN_AREA_SHARE: f64 = 0.02;
 /// Pixels per parallel task.
 const PIXELS_PER_TASK: usize = 1 << 13;
 

@@ -4,12 +4,8 @@ use super::schedule::Trained;
 use super::state::{Best, State};
 use super::training::Training;
 use crate::gaussians::parameters::Parameters;
+use crate::tuning::{MIN_PROGRESS_DB, MIN_PROGRESS_LOSS};
 use crate::{BaseMotion, Displacement, Domain, DynamicGaussians, MotionError, MotionNetwork, ViewScore, evaluate};
-
-/// A smaller gain on the held-out views does not count as progress [dB].
-const MIN_PROGRESS_DB: f64 = 0.02;
-/// Nor does a smaller relative gain of the loss, where nothing is held out.
-const MIN_PROGRESS_LOSS: f64 = 0.005;
 
 impl Training<'_> {
     /// Measures the held-out views when it is time, and remembers the best state.

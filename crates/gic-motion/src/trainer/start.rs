@@ -6,17 +6,14 @@ use gic_splat::{coefficient_of_color, logit};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::state::{NETWORK_UNIT_RADII, State};
-use super::training::{MIN_GAUSSIANS, Training};
+use super::state::State;
+use super::training::Training;
 use crate::gaussians::first_points::{self, FirstPoints};
 use crate::gaussians::parameters::{ParameterMoments, Parameters, ScreenGradients, rest_per_gaussian};
 use crate::gaussians::smoothing::SmoothingGraph;
 use crate::pictures::{self, Ball, Target};
+use crate::tuning::{MIN_GAUSSIANS, NETWORK_UNIT_RADII, TOLERATED_MISS_SHARE};
 use crate::{Domain, GaussianShape, InitialPoints, MotionError, MotionNetwork};
-
-/// A point belongs to the hull of a moving object seen by one camera at a time unless more than this share of the pictures
-/// miss it.
-const TOLERATED_MISS_SHARE: f64 = 0.3;
 
 impl Training<'_> {
     /// The state before the first step.

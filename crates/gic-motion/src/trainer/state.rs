@@ -6,10 +6,8 @@ use gic_splat::Gaussians;
 use crate::base::fit::BaseFit;
 use crate::gaussians::parameters::{ParameterMoments, Parameters, ScreenGradients};
 use crate::gaussians::smoothing::SmoothingGraph;
+use crate::tuning::NETWORK_UNIT_RADII;
 use crate::{BaseMotion, Deformation, Domain, MotionNetwork, Pose};
-
-/// Length of the network's unit, in radii of the object's ball at the first frame.
-pub(super) const NETWORK_UNIT_RADII: f64 = 2.0;
 
 /// Everything that changes during training; what a checkpoint holds.
 #[derive(Clone, Debug)]

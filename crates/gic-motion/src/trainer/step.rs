@@ -9,12 +9,8 @@ use super::training::Training;
 use super::view_gradient::ViewGradient;
 use crate::base::fit::Freedom;
 use crate::gaussians::parameters::ParameterGradient;
+use crate::tuning::{LOSS_AVERAGE_WEIGHT, NETWORK_RISE_STEPS};
 use crate::{Deformation, MotionError};
-
-/// Weight of the newest step in the moving average of the loss.
-const LOSS_AVERAGE_WEIGHT: f64 = 0.02;
-/// Steps over which the network's learning rate rises to its full value.
-const NETWORK_RISE_STEPS: f64 = 100.0;
 
 impl Training<'_> {
     /// One step of training; returns the PSNR of what it rendered.

@@ -8,16 +8,8 @@ use super::state::State;
 use super::training::Training;
 use super::view_gradient::ViewGradient;
 use crate::base::fit::{BaseFit, Freedom, PoseMoments};
+use crate::tuning::{EXPLAINED_LOSS_RATIO, TRACKING_BEND_RATE, TRACKING_MAP_RATE, TRACKING_VIEWS_PER_STEP};
 use crate::{BaseMotion, Lattice, MotionError};
-
-/// Learning rate of the first fit of a frame's affine map, first and last step; shifts in units of the object's size.
-const TRACKING_MAP_RATE: (f64, f64) = (1.5e-2, 1.5e-3);
-/// The same of its bend.
-const TRACKING_BEND_RATE: (f64, f64) = (4.0e-3, 8.0e-4);
-/// Views per step of these fits.
-const TRACKING_VIEWS_PER_STEP: usize = 4;
-/// An affine map explains a frame whose loss is at most this many times the first frame's.
-const EXPLAINED_LOSS_RATIO: f64 = 1.5;
 
 impl Training<'_> {
     /// The first base motion: the pose of every frame, each fitted from where the last two lead. Frames bend from the first one

@@ -10,10 +10,8 @@ use rayon::prelude::*;
 
 use crate::pictures::{self, Target};
 use crate::settings::MIN_SYNCHRONOUS;
+use crate::tuning::MIN_GAUSSIANS;
 use crate::{MotionError, TrainSettings};
-
-/// Never start with, or stay below, fewer Gaussians than this.
-pub(super) const MIN_GAUSSIANS: usize = 100;
 
 /// What stays the same during a training: settings and pictures.
 pub(super) struct Training<'a> {
