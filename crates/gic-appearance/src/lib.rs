@@ -13,5 +13,5 @@ mod tuning;
 pub use appearance_fit::{AppearanceProgress, LitGaussians, PosedPoints, fit_appearance};
 pub use error::AppearanceError;
 pub use light::{IRRADIANCE_TERMS, Light};
-pub use register::{Candidate, Registration, check_registrable, placed, register};
+pub use register::{Candidate, Registration, check_registrable, place_scan, register};
 pub use settings::{AppearanceFitSettings, RegisterSettings};

@@ -6,7 +6,7 @@ mod common;
 use std::f64::consts::TAU;
 use std::ops::ControlFlow;
 
-use gic_appearance::{AppearanceError, RegisterSettings, Registration, placed, register};
+use gic_appearance::{AppearanceError, RegisterSettings, Registration, place_scan, register};
 use gic_scene::{Camera, Scene, Similarity};
 use gic_splat::{Gaussians, Shape};
 use glam::{DMat3, DQuat, DVec2, DVec3, EulerRot};
@@ -86,7 +86,7 @@ fn find(scan: &Gaussians, video: &Scene) -> Result<Registration, AppearanceError
 }
 
 fn video(cameras: &[Camera]) -> (tempfile::TempDir, Scene) {
-    common::scene(cameras, &[(0.0, placed(&scan(), &truth()))])
+    common::scene(cameras, &[(0.0, place_scan(&scan(), &truth()))])
 }
 
 #[test]
@@ -94,11 +94,12 @@ fn the_pose_is_found_from_nothing() {
     let (_folder, video) = video(&cameras());
     let found = find(&scan(), &video).unwrap();
     let (best, truth) = (&found.candidates[0], truth());
-    let turn = DQuat::from_mat3(&(best.similarity.rotation * truth.rotation.transpose())).to_scaled_axis().length();
+    let turn =
+        DQuat::from_mat3(&(best.world_from_scan.rotation * truth.rotation.transpose())).to_scaled_axis().length();
     assert!(turn.to_degrees() < 0.5, "turned by {} degrees", turn.to_degrees());
-    assert!((best.similarity.scale / truth.scale - 1.0).abs() < 0.005, "scale {}", best.similarity.scale);
+    assert!((best.world_from_scan.scale / truth.scale - 1.0).abs() < 0.005, "scale {}", best.world_from_scan.scale);
     let centre = DVec3::new(2.1, 1.1, -0.4);
-    let shift = (best.similarity.point(centre) - truth.point(centre)).length();
+    let shift = (best.world_from_scan.point(centre) - truth.point(centre)).length();
     assert!(shift < 1e-3, "{shift} m away");
     assert!(best.least_iou() > 0.97 && best.apart_rad == 0.0, "{:?}", best.iou);
     assert_eq!(found.cameras, [0, 1, 2]);

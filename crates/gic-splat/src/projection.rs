@@ -99,11 +99,11 @@ enum CovarianceRoot {
 }
 
 impl CovarianceRoot {
-    fn new(gaussians: &Gaussians, i: usize, to_camera: DMat3) -> CovarianceRoot {
+    fn new(gaussians: &Gaussians, i: usize, camera_from_world: DMat3) -> CovarianceRoot {
         match &gaussians.shape {
             Shape::Isotropic { scales } => CovarianceRoot::Isotropic { scale: scales[i].into() },
             Shape::Anisotropic { scales, rotations } => CovarianceRoot::Anisotropic {
-                axes: to_camera * DMat3::from_quat(unit_quaternion(rotations[i]).0),
+                axes: camera_from_world * DMat3::from_quat(unit_quaternion(rotations[i]).0),
                 scales: DVec3::from_array(scales[i].map(f64::from)),
             },
         }
@@ -149,7 +149,7 @@ fn unit_quaternion(q: [f32; 4]) -> (DQuat, f64) {
 pub(crate) struct CameraProjection<'a> {
     camera: &'a Camera,
     settings: &'a RenderSettings,
-    to_camera: DMat3,
+    camera_from_world: DMat3,
     /// Limits of (x/z, y/z) for the affine approximation.
     low: DVec2,
     high: DVec2,
@@ -188,7 +188,7 @@ impl<'a> CameraProjection<'a> {
         CameraProjection {
             camera,
             settings,
-            to_camera: camera.rotation.transpose(),
+            camera_from_world: camera.rotation.transpose(),
             low: (-FRUSTUM_MARGIN * size - camera.principal) / camera.focal,
             high: ((1.0 + FRUSTUM_MARGIN) * size - camera.principal) / camera.focal,
             with_color: settings.channels.color(),
@@ -201,7 +201,7 @@ impl<'a> CameraProjection<'a> {
     }
 
     fn root(&self, gaussians: &Gaussians, i: usize) -> CovarianceRoot {
-        CovarianceRoot::new(gaussians, i, self.to_camera)
+        CovarianceRoot::new(gaussians, i, self.camera_from_world)
     }
 
     /// The Jacobian's rows without their factor focal / z.
@@ -211,7 +211,7 @@ impl<'a> CameraProjection<'a> {
 
     /// `None` where the Gaussian cannot be projected: not in front of the near plane, without extent, or boundless.
     fn geometry(&self, position: DVec3, root: CovarianceRoot) -> Option<Geometry> {
-        let p = self.to_camera * (position - self.camera.centre);
+        let p = self.camera_from_world * (position - self.camera.centre);
         let in_front = p.z >= self.settings.near.into() && p.z > 0.0;
         if !in_front {
             return None;
@@ -364,7 +364,7 @@ impl<'a> CameraProjection<'a> {
         let f = self.camera.focal / g.p.z;
         let dot = |m: Sym2, d: Sym2| m.xx * d.xx + 2.0 * m.xy * d.xy + m.yy * d.yy;
         for (out, motion) in out.iter_mut().zip(moves) {
-            let d_p = self.to_camera * DVec3::from_array(motion.map(f64::from));
+            let d_p = self.camera_from_world * DVec3::from_array(motion.map(f64::from));
             let d_uv = (DVec2::new(d_p.x, d_p.y) - g.uv * d_p.z) / g.p.z;
             let d_mean = self.camera.focal * d_uv;
             let d_limited = d_uv * g.slope;

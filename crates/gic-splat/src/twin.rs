@@ -256,8 +256,8 @@ fn project(
     let jacobian = [DVec3::new(f.x, 0.0, -f.x * u.0) / p.z, DVec3::new(0.0, f.y, -f.y * v.0) / p.z];
 
     let root = rotation_matrix(set.rotations[i]) * DMat3::from_diagonal(set.scales[i]);
-    let to_camera = camera.rotation.transpose();
-    let camera_covariance = to_camera * root * root.transpose() * to_camera.transpose();
+    let camera_from_world = camera.rotation.transpose();
+    let camera_covariance = camera_from_world * root * root.transpose() * camera_from_world.transpose();
     let entry = |a: usize, b: usize| jacobian[a].dot(camera_covariance * jacobian[b]);
     let bare = DMat2::from_cols_array(&[entry(0, 0), entry(0, 1), entry(0, 1), entry(1, 1)]);
     let dilated = bare + DMat2::from_diagonal(DVec2::splat(settings.dilation.into()));

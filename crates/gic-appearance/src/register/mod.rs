@@ -31,7 +31,7 @@ use refine::{DescentSchedule, PlacementScore, refine, score_placement};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
     /// From the scan's frame to the world of the video [m].
-    pub similarity: Similarity,
+    pub world_from_scan: Similarity,
     /// Overlap with the mask in each view, intersection over union, in the order of [`Registration::cameras`].
     pub iou: Vec<f64>,
     /// Mean loss over the views.
@@ -104,7 +104,7 @@ pub fn register(
     let fits = distinct(fits);
     let best = fits[0].0.rotation;
     let candidate = |(placement, score): (Placement, PlacementScore)| Candidate {
-        similarity: placement.similarity(),
+        world_from_scan: placement.similarity(),
         iou: score.iou,
         loss: score.loss,
         apart_rad: angle(placement.rotation, best),
@@ -125,9 +125,10 @@ pub fn check_registrable(video: &Scene) -> Result<(), AppearanceError> {
 
 /// A scan moved into the world. Colours lose their dependence on direction (degrees above 0), which is not turned.
 #[must_use]
-pub fn placed(scan: &Gaussians, to: &Similarity) -> Gaussians {
-    let rotation = glam::DQuat::from_mat3(&to.rotation);
-    let placement = Placement { pivot: DVec3::ZERO, scale: to.scale, rotation, place: to.translation };
+pub fn place_scan(scan: &Gaussians, world_from_scan: &Similarity) -> Gaussians {
+    let rotation = glam::DQuat::from_mat3(&world_from_scan.rotation);
+    let placement =
+        Placement { pivot: DVec3::ZERO, scale: world_from_scan.scale, rotation, place: world_from_scan.translation };
     let mut moved = placement.gaussians(scan);
     let per_gaussian = moved.sh_per_gaussian();
     moved.sh = moved.sh.into_iter().step_by(per_gaussian).collect();

@@ -99,7 +99,7 @@ enum Containment {
 pub(super) struct MaskTable<'a> {
     camera: &'a Camera,
     mask: &'a Mask,
-    to_camera: DMat3,
+    camera_from_world: DMat3,
     /// `sums[row * (width + 1) + column]`: mask pixels above and to the left.
     sums: Vec<u32>,
     /// Whether the object reaches the border of the picture: then what lies outside the picture is unknown, not empty.
@@ -118,7 +118,7 @@ impl<'a> MaskTable<'a> {
                 sums[(row + 1) * stride + column + 1] = sums[row * stride + column + 1] + along;
             }
         }
-        MaskTable { camera, mask, to_camera: camera.rotation.transpose(), sums, cropped: mask.touches_border() }
+        MaskTable { camera, mask, camera_from_world: camera.rotation.transpose(), sums, cropped: mask.touches_border() }
     }
 
     /// Mask pixels in columns `x0..x1`, rows `y0..y1`.
@@ -129,7 +129,7 @@ impl<'a> MaskTable<'a> {
 
     /// Judges all points of the ball around `centre`.
     fn classify_ball(&self, centre: DVec3, radius: f64) -> Containment {
-        let c = self.to_camera * (centre - self.camera.centre);
+        let c = self.camera_from_world * (centre - self.camera.centre);
         if c.z + radius <= 0.0 {
             return Containment::Outside;
         }
@@ -161,7 +161,7 @@ impl<'a> MaskTable<'a> {
 
     /// Judges one point.
     pub(super) fn contains_point(&self, x: DVec3) -> bool {
-        let c = self.to_camera * (x - self.camera.centre);
+        let c = self.camera_from_world * (x - self.camera.centre);
         if c.z <= 0.0 {
             return false;
         }

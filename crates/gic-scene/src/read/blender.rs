@@ -7,8 +7,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::draft::{Draft, DraftCamera, DraftView, Intrinsics};
-use super::json;
-use super::pose::{self, Axes};
+use super::{json, pose};
 use crate::error::{Problem, SceneError};
 use crate::format::Format;
 use crate::settings::SceneSettings;
@@ -77,7 +76,7 @@ fn draft_frame(root: &Path, list: &Path, index: usize, value: Value) -> Result<R
         let reason = "the time is not finite".into();
         return Err(Problem::BadEntry { path: list.to_owned(), entry: name, reason });
     }
-    let pose = pose::from_c2w(&frame.transform_matrix, Axes::OpenGl).map_err(no_pose)?;
+    let pose = pose::from_opengl_c2w(&frame.transform_matrix).map_err(|error| no_pose(error.to_string()))?;
     let file = frame.file_path.trim_start_matches("./").to_owned();
     let mut picture = root.join(&file);
     if !picture.is_file() {

@@ -8,7 +8,7 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 
 use super::draft::{Draft, DraftCamera, DraftView, Intrinsics};
 use super::mask_file::find_mask;
-use super::pose;
+use super::pose::{self, UnsupportedModel};
 use crate::error::{Problem, SceneError};
 use crate::format::Format;
 use crate::lens::Lens;
@@ -109,7 +109,7 @@ fn draft_camera(
 ) -> Result<DraftCamera, Problem> {
     let no_pose = |reason: String| Problem::NoPose { path: images_file.to_owned(), camera: image.name.clone(), reason };
     let model = cameras.get(&image.camera).ok_or_else(|| no_pose(format!("camera {} does not exist", image.camera)))?;
-    let ((focal, principal), lens) = lens_of(model).map_err(|model| Problem::UnsupportedCamera {
+    let ((focal, principal), lens) = lens_of(model).map_err(|UnsupportedModel(model)| Problem::UnsupportedCamera {
         path: cameras_file.to_owned(),
         camera: format!("camera {}", image.camera),
         model,
@@ -118,9 +118,9 @@ fn draft_camera(
     if !(norm > 0.5 && norm < 2.0 && image.translation.is_finite()) {
         return Err(no_pose("the quaternion or translation is not a pose".into()));
     }
-    let to_camera = DMat3::from_quat(image.rotation.normalize());
-    pose::check_rotation(to_camera).map_err(no_pose)?;
-    let rotation = to_camera.transpose();
+    let camera_from_world = DMat3::from_quat(image.rotation.normalize());
+    pose::check_rotation(camera_from_world).map_err(|error| no_pose(error.to_string()))?;
+    let rotation = camera_from_world.transpose();
     Ok(DraftCamera {
         name: image.name.clone(),
         intrinsics: Intrinsics::Pixels { focal, principal, size: Some((model.width, model.height)) },
@@ -133,12 +133,12 @@ fn draft_camera(
 
 type Pinhole = (DVec2, DVec2);
 
-/// Focal lengths, principal point and lens of a camera, or the name of a model that is not supported.
-fn lens_of(camera: &ModelCamera) -> Result<(Pinhole, Option<Lens>), String> {
+/// Focal lengths, principal point and lens of a camera whose model is supported.
+fn lens_of(camera: &ModelCamera) -> Result<(Pinhole, Option<Lens>), UnsupportedModel> {
     let p = &camera.parameters;
     let expected = MODELS.iter().find(|(name, _)| *name == camera.model).map(|(_, count)| *count);
     if expected.is_some_and(|count| count != p.len()) {
-        return Err(format!("{} with {} parameters", camera.model, p.len()));
+        return Err(UnsupportedModel(format!("{} with {} parameters", camera.model, p.len())));
     }
     let one = |p: &[f64]| (DVec2::splat(p[0]), DVec2::new(p[1], p[2]));
     let two = |p: &[f64]| (DVec2::new(p[0], p[1]), DVec2::new(p[2], p[3]));
@@ -156,11 +156,11 @@ fn lens_of(camera: &ModelCamera) -> Result<(Pinhole, Option<Lens>), String> {
         "FOV" => (two(p), Some(Lens::FieldOfView { omega: p[4] })),
         "SIMPLE_RADIAL_FISHEYE" => (one(p), Some(Lens::Fisheye { k: [p[3], 0.0, 0.0, 0.0] })),
         "RADIAL_FISHEYE" => (one(p), Some(Lens::Fisheye { k: [p[3], p[4], 0.0, 0.0] })),
-        other => return Err(other.to_owned()),
+        other => return Err(UnsupportedModel(other.to_owned())),
     };
     let finite = p.iter().all(|value| value.is_finite());
     if !(finite && pinhole.0.x > 0.0 && pinhole.0.y > 0.0) {
-        return Err(format!("{} with focal lengths that are not positive", camera.model));
+        return Err(UnsupportedModel(format!("{} with focal lengths that are not positive", camera.model)));
     }
     Ok((pinhole, lens.and_then(Lens::unless_trivial)))
 }

@@ -7,7 +7,7 @@ use serde_json::Value;
 use super::draft::{Draft, DraftCamera, DraftView, Intrinsics};
 use super::json;
 use super::mask_file::find_mask;
-use super::pose::{self, Axes};
+use super::pose::{self, CameraError, UnsupportedModel};
 use crate::error::{Problem, SceneError};
 use crate::format::Format;
 use crate::lens::Lens;
@@ -65,9 +65,9 @@ fn draft_view(root: &Path, list: &Path, index: usize, keys: &Keys, draft: &mut D
     }
     let matrix = keys.frame.get("transform_matrix").ok_or_else(|| no_pose("transform_matrix is missing".into()))?;
     let rows: Vec<Vec<f64>> = json::entry(matrix.clone(), list, || name.clone())?;
-    let (rotation, centre) = pose::from_c2w(&rows, Axes::OpenGl).map_err(no_pose)?;
-    let intrinsics = intrinsics_of(keys).map_err(no_pose)?;
-    let lens = lens_of(keys).map_err(|model| Problem::UnsupportedCamera {
+    let (rotation, centre) = pose::from_opengl_c2w(&rows).map_err(|error| no_pose(error.to_string()))?;
+    let intrinsics = intrinsics_of(keys).map_err(|error| no_pose(error.to_string()))?;
+    let lens = lens_of(keys).map_err(|UnsupportedModel(model)| Problem::UnsupportedCamera {
         path: list.to_owned(),
         camera: name.clone(),
         model,
@@ -84,32 +84,34 @@ fn draft_view(root: &Path, list: &Path, index: usize, keys: &Keys, draft: &mut D
     Ok(())
 }
 
-fn intrinsics_of(keys: &Keys) -> Result<Intrinsics, String> {
+fn intrinsics_of(keys: &Keys) -> Result<Intrinsics, CameraError> {
     let size = match (keys.number("w"), keys.number("h")) {
         (Some(w), Some(h)) if w >= 1.0 && h >= 1.0 => Some((w as usize, h as usize)),
         (None, None) => None,
-        _ => return Err("w and h must both be given, as positive numbers".into()),
+        _ => return Err(CameraError::Keys("w and h must both be given, as positive numbers")),
     };
     let Some(fx) = keys.number("fl_x") else {
-        let angle = keys.number("camera_angle_x").ok_or("neither fl_x nor camera_angle_x is given")?;
+        let angle =
+            keys.number("camera_angle_x").ok_or(CameraError::Keys("neither fl_x nor camera_angle_x is given"))?;
         let possible = angle > 0.0 && angle < std::f64::consts::PI;
-        return possible.then_some(Intrinsics::HorizontalAngle(angle)).ok_or("camera_angle_x is not an angle".into());
+        let wrong = CameraError::Keys("camera_angle_x is not an angle");
+        return possible.then_some(Intrinsics::HorizontalAngle(angle)).ok_or(wrong);
     };
     let focal = DVec2::new(fx, keys.number("fl_y").unwrap_or(fx));
     let middle = size.map(|(w, h)| DVec2::new(w as f64 / 2.0, h as f64 / 2.0));
     let principal = match (keys.number("cx"), keys.number("cy"), middle) {
         (Some(cx), Some(cy), _) => DVec2::new(cx, cy),
         (_, _, Some(middle)) => middle,
-        _ => return Err("neither cx and cy nor w and h are given".into()),
+        _ => return Err(CameraError::Keys("neither cx and cy nor w and h are given")),
     };
     if !(focal.x > 0.0 && focal.y > 0.0 && focal.is_finite() && principal.is_finite()) {
-        return Err("fl_x and fl_y must be positive, cx and cy finite".into());
+        return Err(CameraError::Keys("fl_x and fl_y must be positive, cx and cy finite"));
     }
     Ok(Intrinsics::Pixels { focal, principal, size })
 }
 
-/// The lens, or the name of the model that is not supported.
-fn lens_of(keys: &Keys) -> Result<Option<Lens>, String> {
+/// The lens, if the model is supported.
+fn lens_of(keys: &Keys) -> Result<Option<Lens>, UnsupportedModel> {
     let k = |number: usize| keys.coefficient(&format!("k{number}"));
     let model = keys.get("camera_model").and_then(Value::as_str).unwrap_or("OPENCV");
     let lens = match model {
@@ -117,7 +119,7 @@ fn lens_of(keys: &Keys) -> Result<Option<Lens>, String> {
         "OPENCV" | "SIMPLE_RADIAL" | "RADIAL" | "FULL_OPENCV" => {
             // nerfstudio's k4 is the r^8 coefficient of a polynomial, OpenCV's full model divides by it: only zero is clear.
             if k(4) != 0.0 {
-                return Err(format!("{model} with k4 = {}", k(4)));
+                return Err(UnsupportedModel(format!("{model} with k4 = {}", k(4))));
             }
             Lens::Perspective {
                 k: [k(1), k(2), k(3), 0.0, 0.0, 0.0],
@@ -125,7 +127,7 @@ fn lens_of(keys: &Keys) -> Result<Option<Lens>, String> {
             }
         }
         "OPENCV_FISHEYE" => Lens::Fisheye { k: [k(1), k(2), k(3), k(4)] },
-        other => return Err(other.to_owned()),
+        other => return Err(UnsupportedModel(other.to_owned())),
     };
     Ok(lens.unless_trivial())
 }

@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::draft::{Draft, DraftCamera, DraftView, Intrinsics};
 use super::json;
-use super::pose::{self, Axes};
+use super::pose::{self, CameraError};
 use crate::error::{Problem, SceneError};
 use crate::format::Format;
 use crate::settings::SceneSettings;
@@ -51,7 +51,8 @@ pub(super) fn read(root: &Path, _: &SceneSettings) -> Result<Draft, SceneError> 
                 numbers.insert(number, draft.cameras.len());
                 draft.cameras.push(camera);
             }
-            Err(reason) => {
+            Err(error) => {
+                let reason = error.to_string();
                 draft.problems.push(Problem::NoPose { path: list.clone(), camera: format!("camera {number}"), reason });
             }
         }
@@ -118,8 +119,8 @@ fn numbers_of(file: &str) -> Option<(u32, i32)> {
     Some((camera.parse().ok()?, frame.parse().ok()?))
 }
 
-fn draft_camera(number: u32, entry: &Entry) -> Result<DraftCamera, String> {
-    let (rotation, centre) = pose::from_c2w(&entry.c2w, Axes::OpenGl)?;
+fn draft_camera(number: u32, entry: &Entry) -> Result<DraftCamera, CameraError> {
+    let (rotation, centre) = pose::from_opengl_c2w(&entry.c2w)?;
     let (focal, principal) = pose::from_intrinsic_matrix(&entry.intrinsic)?;
     let intrinsics = Intrinsics::Pixels { focal, principal, size: None };
     Ok(DraftCamera { name: number.to_string(), intrinsics, rotation, centre, lens: None, background: None })

@@ -10,6 +10,7 @@ use serde_json::Value;
 
 use super::draft::{Draft, DraftCamera, DraftView, Intrinsics};
 use super::mask_file::find_mask;
+use super::pose::CameraError;
 use super::{colmap, finish, json, pose};
 use crate::error::{Problem, SceneError};
 use crate::format::Format;
@@ -56,7 +57,8 @@ pub(super) fn read(root: &Path, settings: &SceneSettings) -> Result<Draft, Scene
         let pose = pose_of(calibration.get(&name));
         let (rotation, centre) = match pose {
             Ok(pose) => pose,
-            Err(reason) => {
+            Err(error) => {
+                let reason = error.to_string();
                 draft.problems.push(Problem::NoPose { path: calibration_file.clone(), camera: name, reason });
                 continue;
             }
@@ -125,7 +127,7 @@ fn calibrated(calibration: &BTreeMap<String, Value>, path: &Path) -> Result<Cali
     let matrix =
         calibration.get("camera_matrix").cloned().ok_or_else(|| malformed("camera_matrix is missing".into()))?;
     let rows: Vec<Vec<f64>> = serde_json::from_value(matrix).map_err(|error| malformed(error.to_string()))?;
-    let pinhole = pose::from_intrinsic_matrix(&rows).map_err(malformed)?;
+    let pinhole = pose::from_intrinsic_matrix(&rows).map_err(|error| malformed(error.to_string()))?;
     let distortion: Vec<Vec<f64>> = match calibration.get("distortion_coefficient") {
         Some(value) => serde_json::from_value(value.clone()).map_err(|error| malformed(error.to_string()))?,
         None => Vec::new(),
@@ -141,19 +143,21 @@ fn calibrated(calibration: &BTreeMap<String, Value>, path: &Path) -> Result<Cali
 }
 
 /// Rotation (columns: right, down, forward) and centre from OpenCV's world-to-camera vectors.
-fn pose_of(entry: Option<&Value>) -> Result<(DMat3, DVec3), String> {
-    let entry = entry.ok_or("it is not in this file")?;
-    let extrinsics: Extrinsics = serde_json::from_value(entry.clone()).map_err(|error| error.to_string())?;
-    let vector = |rows: &[Vec<f64>], name: &str| match rows.iter().flatten().copied().collect::<Vec<f64>>()[..] {
+fn pose_of(entry: Option<&Value>) -> Result<(DMat3, DVec3), CameraError> {
+    let entry = entry.ok_or(CameraError::Missing)?;
+    let extrinsics: Extrinsics =
+        serde_json::from_value(entry.clone()).map_err(|error| CameraError::Json(error.to_string()))?;
+    let vector = |rows: &[Vec<f64>], name: &'static str| match rows.iter().flatten().copied().collect::<Vec<f64>>()[..]
+    {
         [x, y, z] if x.is_finite() && y.is_finite() && z.is_finite() => Ok(DVec3::new(x, y, z)),
-        _ => Err(format!("{name} must hold three finite numbers")),
+        _ => Err(CameraError::Vector(name)),
     };
     let (turn, shift) = (vector(&extrinsics.rvecs, "rvecs")?, vector(&extrinsics.tvecs, "tvecs")?);
-    let to_camera = match turn.try_normalize() {
+    let camera_from_world = match turn.try_normalize() {
         Some(axis) => DMat3::from_axis_angle(axis, turn.length()),
         None => DMat3::IDENTITY,
     };
-    let rotation = to_camera.transpose();
+    let rotation = camera_from_world.transpose();
     Ok((rotation, -(rotation * shift)))
 }
 

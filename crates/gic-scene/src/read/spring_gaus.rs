@@ -7,8 +7,7 @@ use serde::Deserialize;
 use serde_json::{Map, Value};
 
 use super::draft::{Draft, DraftCamera, DraftView, Intrinsics};
-use super::json;
-use super::pose::{self, Axes};
+use super::{json, pose};
 use crate::error::{Problem, SceneError};
 use crate::format::Format;
 use crate::settings::SceneSettings;
@@ -84,8 +83,9 @@ fn draft_camera(list: &Path, index: usize, value: Value) -> Result<DraftCamera, 
         return Err(no_pose(format!("{} is missing", missing.join(" and "))));
     }
     let entry: Entry = json::entry(value, list, || name.clone())?;
-    let (rotation, centre) = pose::from_c2w(&entry.c2w, Axes::OpenGl).map_err(no_pose)?;
-    let (focal, principal) = pose::from_intrinsic_matrix(&entry.intrinsic).map_err(no_pose)?;
+    let (rotation, centre) = pose::from_opengl_c2w(&entry.c2w).map_err(|error| no_pose(error.to_string()))?;
+    let (focal, principal) =
+        pose::from_intrinsic_matrix(&entry.intrinsic).map_err(|error| no_pose(error.to_string()))?;
     let intrinsics = Intrinsics::Pixels { focal, principal, size: None };
     Ok(DraftCamera { name: entry.camera, intrinsics, rotation, centre, lens: None, background: None })
 }

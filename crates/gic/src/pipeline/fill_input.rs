@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use gic_appearance::placed;
+use gic_appearance::place_scan;
 use gic_continuum::MaskedView;
 use gic_motion::DynamicGaussians;
 use gic_scene::{Camera, Mask, Picture, Scene};
@@ -56,7 +56,7 @@ impl Run<'_> {
         let gaussians = self.gaussians()?;
         let Some(scan) = self.scan() else { return Ok(FillInput { scene: Cow::Borrowed(&self.scene), gaussians }) };
         let similarity = self.registration()?.best.similarity();
-        let canonical = placed(&gaussians.canonical, &similarity);
+        let canonical = place_scan(&gaussians.canonical, &similarity);
         let gaussians = DynamicGaussians { canonical, motion: None };
         let scene = scan.moved(&similarity);
         let cameras = far_apart(&scene.cameras, &gaussians.canonical.positions, MAX_SCAN_VIEWS);

@@ -49,9 +49,9 @@ pub struct PlacementRecord {
 
 impl PlacementRecord {
     fn new(candidate: &Candidate) -> Self {
-        let Similarity { scale, rotation, translation } = candidate.similarity;
+        let Similarity { scale, rotation, translation } = candidate.world_from_scan;
         Self {
-            matrix: candidate.similarity.matrix(),
+            matrix: candidate.world_from_scan.matrix(),
             scale,
             rotation: rotation.transpose().to_cols_array_2d(),
             translation_m: translation.into(),
@@ -245,7 +245,7 @@ mod tests {
             rotation: DMat3::from_rotation_z(0.4) * DMat3::from_rotation_x(-1.0),
             translation: DVec3::new(0.1, 0.2, 0.3),
         };
-        let candidate = Candidate { similarity, iou: vec![0.9], loss: 0.1, apart_rad: 0.0 };
+        let candidate = Candidate { world_from_scan: similarity, iou: vec![0.9], loss: 0.1, apart_rad: 0.0 };
         let text = serde_json::to_string(&record(PlacementRecord::new(&candidate), Vec::new())).unwrap();
         let back: RegistrationRecord = serde_json::from_str(&text).unwrap();
         assert_eq!(back.best.similarity(), similarity);
