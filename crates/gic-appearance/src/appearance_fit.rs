@@ -1,7 +1,9 @@
 //! Colours for matter whose motion is known: what the identified twin looks like (paper section 5.2, "appearance").
 //!
-//! The positions of all times are given; albedo, opacity and a bounded scale of each Gaussian and one light for all are trained on
-//! the pictures. The light is what lets colours follow an object that turns: an albedo alone keeps the shading of where it was seen.
+//! A Gaussian with albedo a and outward normal n has the colour `c = a E(n)`, with E the irradiance of one light for
+//! all ([`Light`]). The positions of all times are given; albedo, opacity and a bounded scale of each Gaussian and the
+//! light are trained on the pictures. The light lets colours follow an object that turns: an albedo alone keeps the
+//! shading of where it was seen.
 
 use std::ops::ControlFlow;
 
@@ -30,7 +32,8 @@ pub struct LitGaussians {
 }
 
 impl LitGaussians {
-    /// The Gaussians to draw when they are at `positions` [m] with outward `normals` ([`gic_geometry::outward_normals`]), both shape [n, 3].
+    /// The Gaussians to draw when they are at `positions` [m] with outward `normals`
+    /// ([`gic_geometry::outward_normals`]), both shape [n, 3].
     pub fn at(&self, positions: Vec<[f32; 3]>, normals: &[[f32; 3]]) -> Gaussians {
         let lit = |(sh, &normal): (&[f32; 3], &[f32; 3])| {
             let light = self.light.at(normal);
@@ -68,10 +71,11 @@ pub struct AppearanceProgress {
     pub psnr: f64,
 }
 
-/// Trains the look of Gaussians on the scene's pictures of the frames in `posed`, those of the cameras `held_out` excepted.
+/// Trains the look of Gaussians on the scene's pictures of the frames in `posed`, those of the cameras `held_out`
+/// excepted.
 ///
-/// `bare` gives the scales (isotropic) and opacities to start from; its colours are not looked at. The same input gives the same
-/// bits, whatever the number of threads. `callback` may end training early; what was reached is returned.
+/// `bare` gives the scales (isotropic) and opacities to start from; its colours are not looked at. The same input gives
+/// the same bits, whatever the number of threads. `callback` may end training early; what was reached is returned.
 ///
 /// # Errors
 /// Unreadable pictures, no picture of these frames, a loss that is not finite.

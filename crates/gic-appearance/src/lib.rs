@@ -1,6 +1,7 @@
 //! What Gaussians fitted to pictures need besides motion: the colours of a twin, and the pose of a scan.
 //!
-//! - [`fit_appearance`] trains albedo, opacity, scale and one light for Gaussians whose positions are known at all times.
+//! - [`fit_appearance`] trains albedo, opacity, scale and one light for Gaussians whose positions are known at all
+//!   times.
 //! - [`register`] finds where a scan of the object lies in the first frame of a video.
 
 mod appearance_fit;

@@ -1,12 +1,13 @@
-//! Light from everywhere, as a Lambertian surface feels it.
+//! Light from everywhere, as a Lambertian surface feels it: `E(n) = sum_k e_k p_k(n)`, with p_k the nine polynomials of
+//! degree 2 and below in the unit normal (Ramamoorthi and Hanrahan 2001).
 
 use serde::{Deserialize, Serialize};
 
 /// Terms of an irradiance: all polynomials of degree 2 on the sphere.
 pub const IRRADIANCE_TERMS: usize = 9;
 
-/// How bright a white surface is, by its normal: a polynomial of degree 2 in the normal per colour, which holds 99 % of what any
-/// distant light does to a Lambertian surface (Ramamoorthi and Hanrahan 2001). Constant in time and space.
+/// How bright a white surface is, by its normal: a polynomial of degree 2 in the normal per colour, which holds 99 % of
+/// what any distant light does to a Lambertian surface (Ramamoorthi and Hanrahan 2001). Constant in time and space.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Light {
     /// Coefficients of 1, x, y, z, xy, yz, zx, x^2 - y^2, z^2 - (x^2 + y^2) / 2, in RGB.

@@ -24,8 +24,8 @@ pub(crate) const MIN_OUTLINE_OPACITY: f32 = 0.3;
 pub(crate) const CELLS_ACROSS_MASK: f64 = 20.0;
 /// Room around the mask, in sizes of the mask. Derived: a scan that starts beside the mask is still seen.
 pub(crate) const OUTLINE_MARGIN: f64 = 0.5;
-/// The first radius of the scan, as a share of the object's ball: a root mean square against a radius that holds all. Derived:
-/// that of a ball's volume is sqrt(3/5) = .77, of bodies with limbs less.
+/// The first radius of the scan, as a share of the object's ball: a root mean square against a radius that holds all.
+/// Derived: that of a ball's volume is sqrt(3/5) = .77, of bodies with limbs less.
 pub(crate) const FIRST_SIZE_SHARE: f64 = 0.7;
 /// Rounds of moving and growing a start so that its outlines lie on the masks'. Budget: each draws all outlines once.
 pub(crate) const ALIGNMENT_ROUNDS: usize = 4;
@@ -44,14 +44,17 @@ pub(crate) const FINALISTS: usize = 3;
 
 // The fit to the pictures.
 
-/// Pictures of the first fits are at most this wide across the object [pixels]. Budget: such pictures cost a fraction of whole ones.
+/// Pictures of the first fits are at most this wide across the object [pixels]. Budget: such pictures cost a fraction
+/// of whole ones.
 pub(crate) const COARSE_OBJECT_PX: f64 = 90.0;
-/// Length of a step of the first fits, first and last: turn [rad], shift in radii of the object. Fitted on: Spring-Gaus' real
-/// captures.
+/// Length of a step of the first fits, first and last: turn [rad], shift in radii of the object. Fitted on:
+/// Spring-Gaus' real captures.
 pub(crate) const COARSE_RATES: (f64, f64) = (3e-2, 3e-3);
 /// The same of the second fits. Fitted on: Spring-Gaus' real captures.
 pub(crate) const FINE_RATES: (f64, f64) = (6e-3, 1e-4);
-/// The logarithm of the size changes by this share of the turn's step. Derived: then all seven numbers move pictures alike.
+/// The logarithm of the size changes by this share of the turn's step. Derived: then all seven numbers move pictures
+/// alike.
 pub(crate) const SIZE_STEP_SHARE: f64 = 0.5;
-/// A colour of the scan is at most this many times brighter or darker than the video's. Derived: what cameras differ by.
+/// A colour of the scan is at most this many times brighter or darker than the video's. Derived: what cameras differ
+/// by.
 pub(crate) const MAX_CHANNEL_GAIN: f64 = 10.0;

@@ -1,9 +1,9 @@
 //! Reconstructs a scene and prints how well a held-out camera is reproduced.
 //!
-//! `cargo run --release -p gic-motion --example train_scene -- SCENE [--held-out 3] [--out FOLDER] [--settings FILE.json]
-//! [--set KEY=JSON]... [--paper] [--seed 0] [--pictures FOLDER] [--checkpoint FOLDER] [--stop-at STEP]`, where KEY is a path such
-//! as `loss.scale`. The pictures show each view: rendered, true, their difference, and the depth. A run that was stopped at a step
-//! is measured as it is then, and goes on from its checkpoint.
+//! `cargo run --release -p gic-motion --example train_scene -- SCENE [--held-out 3] [--out FOLDER] [--settings
+//! FILE.json] [--set KEY=JSON]... [--paper] [--seed 0] [--pictures FOLDER] [--checkpoint FOLDER] [--stop-at STEP]`,
+//! where KEY is a path such as `loss.scale`. The pictures show each view: rendered, true, their difference, and the
+//! depth. A run that was stopped at a step is measured as it is then, and goes on from its checkpoint.
 
 use std::error::Error;
 use std::ops::ControlFlow;

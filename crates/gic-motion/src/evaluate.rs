@@ -41,8 +41,8 @@ impl ViewScore {
     }
 }
 
-/// Scores of every picture of the cameras `held_out`, or of the scene's own test pictures when that is empty; views without
-/// the object are left out.
+/// Scores of every picture of the cameras `held_out`, or of the scene's own test pictures when that is empty; views
+/// without the object are left out.
 ///
 /// # Errors
 /// When a picture cannot be read or compared.

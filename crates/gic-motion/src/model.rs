@@ -1,4 +1,7 @@
 //! What training gives: canonical Gaussians and their motion, so Gaussians at any time.
+//!
+//! `mu(t) = b(mu_0, t) + sum_i w_i d mu_i(t)` and `ln s(t) = ln s_0 + sum_i w_i d s_i(t)`: paper eq. 3 with the base
+//! motion b in front. Without a base motion, b is the identity.
 
 use gic_splat::{Gaussians, Shape};
 use serde::{Deserialize, Serialize};
@@ -58,8 +61,8 @@ pub struct Displacement {
 }
 
 impl DynamicGaussians {
-    /// The Gaussians at `time` [s from the first frame]: paper eq. 3 with the base motion in front, and s the logarithm of the
-    /// scale.
+    /// The Gaussians at `time` [s from the first frame]: paper eq. 3 with the base motion in front, and s the logarithm
+    /// of the scale.
     pub fn at(&self, time: f64) -> Gaussians {
         let mut gaussians = self.canonical.clone();
         let Some(Displacement { network, domain, base }) = &self.motion else { return gaussians };

@@ -26,7 +26,8 @@ struct Version {
 const SCHEMA: &str = "gic.motion/2";
 
 impl DynamicGaussians {
-    /// Writes `canonical.ply` and, for a moving scene, `motion.safetensors` into `folder`, which is made if it is missing.
+    /// Writes `canonical.ply` and, for a moving scene, `motion.safetensors` into `folder`, which is made if it is
+    /// missing.
     ///
     /// # Errors
     /// When a file cannot be written.

@@ -7,7 +7,8 @@ use serde::{Serialize, de::DeserializeOwned};
 
 use crate::{BaseMotion, MotionError};
 
-/// Name of the tensor of bytes that holds the JSON text. Not in the format's own metadata, whose order in the file is random.
+/// Name of the tensor of bytes that holds the JSON text. Not in the format's own metadata, whose order in the file is
+/// random.
 const TEXT: &str = "json";
 
 /// Writes the tensors (name, columns of a row, numbers) and the text.
@@ -78,8 +79,8 @@ impl TensorFile {
         Ok(numbers.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect())
     }
 
-    /// Reads the fields of a base motion whose other parts are known; leaves them out where the lattice is none, which the
-    /// motion's owner will complain of.
+    /// Reads the fields of a base motion whose other parts are known; leaves them out where the lattice is none, which
+    /// the motion's owner will complain of.
     pub(crate) fn fields(&self, prefix: &str, base: &mut BaseMotion) -> Result<(), MotionError> {
         if base.lattice.is_valid() {
             let nodes = base.lattice.nodes();

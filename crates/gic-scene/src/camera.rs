@@ -1,4 +1,5 @@
-//! The one camera convention of gic: x right, y down, z forward (OpenCV); pixel centres at +0.5; world frame = the dataset's.
+//! The one camera convention of gic: x right, y down, z forward (OpenCV); pixel centres at +0.5; world frame = the
+//! dataset's.
 
 use glam::{DMat3, DVec2, DVec3};
 

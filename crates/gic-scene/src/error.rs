@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 /// What to do about a missing mask.
-pub(crate) const MASK_HINT: &str = "add a mask file or an alpha channel, a picture of the empty background of this camera, or \
-                                    give a matting network (--matting model.onnx)";
+pub(crate) const MASK_HINT: &str = "add a mask file or an alpha channel, a picture of the empty background of this \
+                                    camera, or give a matting network (--matting model.onnx)";
 
 /// One thing wrong with the data of a scene. The text names the file and says what to do.
 #[derive(Clone, Debug, PartialEq, Error)]
@@ -63,7 +63,10 @@ pub enum Problem {
         reason: String,
     },
     /// A lens or camera model that is not supported.
-    #[error("{}: {camera} uses the camera model {model}, which is not supported; undistort the pictures first", path.display())]
+    #[error(
+        "{}: {camera} uses the camera model {model}, which is not supported; undistort the pictures first",
+        path.display()
+    )]
     UnsupportedCamera {
         /// The file that names the model.
         path: PathBuf,
@@ -91,13 +94,19 @@ pub enum Problem {
         other: PathBuf,
     },
     /// A fixed single camera: no geometry can be recovered.
-    #[error("{}: only one camera position; at least two (better four or more) are needed to recover shape", path.display())]
+    #[error(
+        "{}: only one camera position; at least two (better four or more) are needed to recover shape",
+        path.display()
+    )]
     OneCamera {
         /// The file that lists the cameras.
         path: PathBuf,
     },
     /// Times that do not increase with the frame number.
-    #[error("{}: {picture} has time {time} s, not after {previous} s of the frame before it; correct the times", path.display())]
+    #[error(
+        "{}: {picture} has time {time} s, not after {previous} s of the frame before it; correct the times",
+        path.display()
+    )]
     TimesNotIncreasing {
         /// The file that lists the times.
         path: PathBuf,
@@ -115,7 +124,10 @@ pub enum Problem {
         path: PathBuf,
     },
     /// A frame in which every camera's mask is empty.
-    #[error("{}: the masks of all cameras are empty at frame {frame} ({time} s); remove the frame or correct the masks", path.display())]
+    #[error(
+        "{}: the masks of all cameras are empty at frame {frame} ({time} s); remove the frame or correct the masks",
+        path.display()
+    )]
     EmptyFrame {
         /// The root of the scene.
         path: PathBuf,
@@ -125,7 +137,10 @@ pub enum Problem {
         time: f64,
     },
     /// A camera of a synchronised set lacks a frame that others have.
-    #[error("{}: camera {camera} has no picture of frame {frame}; the frame is used without this camera", path.display())]
+    #[error(
+        "{}: camera {camera} has no picture of frame {frame}; the frame is used without this camera",
+        path.display()
+    )]
     MissingFrame {
         /// The file that lists the pictures.
         path: PathBuf,
@@ -173,9 +188,10 @@ pub enum SceneError {
     },
     /// The folder holds no scene in a known format.
     #[error(
-        "{}: not a scene in a known format; expected one of: all_data.json (PAC-NeRF), camera.json with frame.json (Spring-Gaus \
-         synthetic), dynamic/cameras_calib.json (Spring-Gaus real capture), transforms_train.json (Blender, D-NeRF), \
-         transforms.json (nerfstudio), cameras/images .bin or .txt in sparse/0, sparse, colmap or the folder itself (COLMAP)",
+        "{}: not a scene in a known format; expected one of: all_data.json (PAC-NeRF), camera.json with frame.json \
+         (Spring-Gaus synthetic), dynamic/cameras_calib.json (Spring-Gaus real capture), transforms_train.json \
+         (Blender, D-NeRF), transforms.json (nerfstudio), cameras/images .bin or .txt in sparse/0, sparse, colmap or \
+         the folder itself (COLMAP)",
         path.display()
     )]
     UnknownFormat {

@@ -15,7 +15,8 @@ use crate::scene::Scene;
 use crate::sheet;
 use crate::view::{MaskSource, Split};
 
-/// Everything worth knowing about a scene before working with it. Lengths in metres where [`Inspection::metric`] says so.
+/// Everything worth knowing about a scene before working with it. Lengths in metres where [`Inspection::metric`] says
+/// so.
 #[derive(Clone, Debug, Serialize)]
 pub struct Inspection {
     /// The folder.
@@ -159,7 +160,8 @@ pub fn inspect(scene: &Scene) -> Result<Inspection, SceneError> {
         cameras.iter().filter(|camera| camera.coverage > 0.98).map(|camera| camera.name.as_str()).collect();
     if !full.is_empty() {
         warnings.push(format!(
-            "the masks of {} of {} cameras cover whole pictures ({}): an alpha channel that is opaque everywhere is no mask",
+            "the masks of {} of {} cameras cover whole pictures ({}): an alpha channel that is opaque \
+             everywhere is no mask",
             full.len(),
             cameras.len(),
             full[..full.len().min(5)].join(", ")
@@ -358,7 +360,8 @@ fn diagnose(views: &[HullView], names: &[&str], overlaps: &[f64]) -> Vec<String>
     let best = tried.into_iter().fold((0.0, ""), |best, tried| if tried.0 > best.0 { tried } else { best });
     if best.0 > MIN_GOOD_IOU - 0.05 && best.0 > now + 0.05 {
         return vec![format!(
-            "the cameras' axes check_view flipped: silhouettes and masks overlap by {now:.2}, but by {:.2} after this change: {}",
+            "the cameras' axes look flipped: silhouettes and masks overlap by {now:.2}, but by {:.2} after \
+             this change: {}",
             best.0, best.1
         )];
     }
@@ -375,7 +378,8 @@ fn diagnose(views: &[HullView], names: &[&str], overlaps: &[f64]) -> Vec<String>
         let outlier = (0..views.len()).max_by(|&a, &b| without[a].total_cmp(&without[b])).unwrap_or(0);
         if without[outlier] > now + 0.03 && without[outlier] > MIN_GOOD_IOU - 0.05 {
             return vec![format!(
-                "camera {} disagrees with the others: without it, silhouettes and masks overlap by {:.2} instead of {now:.2}; \
+                "camera {} disagrees with the others: without it, silhouettes and masks overlap by {:.2} \
+                 instead of {now:.2}; \
                  check its pose (a flipped axis?) and its masks",
                 names[outlier], without[outlier]
             )];
@@ -384,7 +388,8 @@ fn diagnose(views: &[HullView], names: &[&str], overlaps: &[f64]) -> Vec<String>
     let low = names.iter().zip(overlaps).filter(|(_, overlap)| **overlap < MIN_GOOD_IOU);
     let listed: Vec<String> = low.map(|(name, overlap)| format!("{name} ({overlap:.2})")).collect();
     vec![format!(
-        "the hull's silhouettes and the masks overlap poorly for {} of {} cameras: {}; check poses, intrinsics and masks",
+        "the hull's silhouettes and the masks overlap poorly for {} of {} cameras: {}; check poses, \
+         intrinsics and masks",
         listed.len(),
         views.len(),
         listed.join(", ")

@@ -1,7 +1,7 @@
 //! Cameras, images and masks; readers for each dataset format; matting; the visual hull.
 //!
-//! Open a folder with [`Scene::open`], load pixels with [`Scene::load_view`]. What each format means (axes, units, files)
-//! is written down in the page of [conventions].
+//! Open a folder with [`Scene::open`], load pixels with [`Scene::load_view`]. What each format means (axes, units,
+//! files) is written down in the page of [conventions].
 
 mod camera;
 mod error;

@@ -20,11 +20,11 @@ pub(crate) fn from_white(picture: &Picture, over_white: &Picture) -> Mask {
 
 /// The object's coverage in a picture, by comparing it with the picture of the empty background (of the same size).
 ///
-/// A shadow scales the background's colour, the object changes it: for each pixel I of the picture over B of the background,
-/// the shade s = <I, B> / <B, B> and the residual |I - s B| tell them apart. Pixels with a residual above the noise, brighter
-/// than the background or far darker than a soft shadow seed the object; clean-up closes gaps, fills small holes and keeps
-/// the largest component. Across the outline, coverage a solves I = a F + (1 - a) s B with F the colours just inside and s
-/// the shade just outside.
+/// A shadow scales the background's colour, the object changes it: for each pixel I of the picture over B of the
+/// background, the shade s = <I, B> / <B, B> and the residual |I - s B| tell them apart. Pixels with a residual above
+/// the noise, brighter than the background or far darker than a soft shadow seed the object; clean-up closes gaps,
+/// fills small holes and keeps the largest component. Across the outline, coverage a solves I = a F + (1 - a) s B with
+/// F the colours just inside and s the shade just outside.
 pub fn difference_matte(picture: &Picture, background: &Picture) -> Mask {
     let (width, height) = (picture.width.min(background.width), picture.height.min(background.height));
     let shading: Vec<Shading> = (0..width * height)
@@ -64,8 +64,8 @@ struct Shading {
 
 /// Shades of soft shadows: darker or brighter pixels belong to the object.
 const SHADOW_SHADES: std::ops::RangeInclusive<f32> = 0.3..=1.05;
-/// Smallest residual that seeds the object, in units of full brightness: above the rounding of 8-bit pictures and the coloured
-/// light that an object throws on the floor (0.012 in the measured scenes).
+/// Smallest residual that seeds the object, in units of full brightness: above the rounding of 8-bit pictures and the
+/// coloured light that an object throws on the floor (0.012 in the measured scenes).
 const MIN_OBJECT_RESIDUAL: f32 = 0.02;
 
 impl Shading {

@@ -1,8 +1,9 @@
 //! Masks from a matting network that the user gives as an ONNX file (cargo feature `onnx`).
 //!
-//! The network has one input, shape [1, 3, height, width], red, green, blue scaled to [-1, 1] (as MODNet takes it), and gives
-//! the object's coverage in [0, 1] as its first output, shape [1, 1, h, w] or [1, h, w]. A network with a fixed input size sees
-//! the picture resized to it; any other sees it resized to the next multiples of 32 pixels, which encoders need.
+//! The network has one input, shape [1, 3, height, width], red, green, blue scaled to [-1, 1] (as MODNet takes it), and
+//! gives the object's coverage in [0, 1] as its first output, shape [1, 1, h, w] or [1, h, w]. A network with a fixed
+//! input size sees the picture resized to it; any other sees it resized to the next multiples of 32 pixels, which
+//! encoders need.
 
 #[cfg(feature = "onnx")]
 pub(crate) use runtime::Network;
@@ -23,8 +24,8 @@ mod stub {
 
     impl Network {
         pub(crate) fn open(path: &Path) -> Result<Network, SceneError> {
-            let reason = "this build cannot run matting networks; build gic with `--features onnx`, or make the masks with \
-                          another tool and store them as mask files";
+            let reason = "this build cannot run matting networks; build gic with `--features onnx`, or make the \
+                          masks with another tool and store them as mask files";
             Err(SceneError::Matting { path: path.to_owned(), reason: reason.to_owned() })
         }
 

@@ -88,8 +88,8 @@ impl Picture {
         .map_err(|failed| SceneError::Io { path: failed.path, source: failed.source })
     }
 
-    /// The picture over a uniform `background`: `coverage * rgb + (1 - coverage) * background`, shape [height * width, 3].
-    /// The mask has the same size.
+    /// The picture over a uniform `background`: `coverage * rgb + (1 - coverage) * background`, shape [height * width,
+    /// 3]. The mask has the same size.
     pub fn composited(&self, mask: &Mask, background: [f32; 3]) -> Vec<f32> {
         let pixels = self.rgb.chunks_exact(3).zip(&mask.coverage);
         pixels.flat_map(|(rgb, a)| std::array::from_fn::<_, 3, _>(|c| a * rgb[c] + (1.0 - a) * background[c])).collect()
@@ -136,7 +136,8 @@ impl Mask {
     }
 }
 
-/// Whether a pixel on the border of a picture is covered at least by half; `coverage` is row-major, `width` pixels a row.
+/// Whether a pixel on the border of a picture is covered at least by half; `coverage` is row-major, `width` pixels a
+/// row.
 pub fn touches_border(coverage: &[f32], width: usize) -> bool {
     let mut rows = coverage.chunks_exact(width.max(1));
     let covered = |a: &f32| *a >= 0.5;

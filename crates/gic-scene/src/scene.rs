@@ -13,10 +13,12 @@ use crate::world::{ColouredPoint, World};
 /// A multi-view video, a monocular video with a moving camera, or a set of photographs, with masks.
 ///
 /// * Fixed synchronised cameras: `cameras.len()` cameras times `times.len()` frames, one view for each pair.
-/// * A moving camera: every view has a camera of its own (`cameras.len() == views.len()`), several views may share a time.
+/// * A moving camera: every view has a camera of its own (`cameras.len() == views.len()`), several views may share a
+///   time.
 /// * A static scene: one time, 0.
 ///
-/// Opening reads the lists and the headers of all picture files; pixels are decoded by [`Scene::load`] and its relatives.
+/// Opening reads the lists and the headers of all picture files; pixels are decoded by [`Scene::load`] and its
+/// relatives.
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// The folder.

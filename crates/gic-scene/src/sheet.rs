@@ -12,7 +12,8 @@ const MAX_COLUMNS: usize = 8;
 const OUTLINE_COLOUR: [f32; 3] = [1.0, 0.15, 0.55];
 const SHEET_COLOUR: [f32; 3] = [0.12; 3];
 
-/// Which views go on the sheet, as indices into the views of the scene: rows of columns; `None` where a view is missing.
+/// Which views go on the sheet, as indices into the views of the scene: rows of columns; `None` where a view is
+/// missing.
 pub(crate) fn layout(scene: &Scene) -> Vec<Vec<Option<usize>>> {
     if scene.has_fixed_cameras() {
         let frames = evenly_spaced(scene.times.len(), MAX_COLUMNS);

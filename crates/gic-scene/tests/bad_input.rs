@@ -1,4 +1,5 @@
-//! Everything that is wrong with a scene is listed at once, with the names of the files; and odd files that are fine work.
+//! Everything that is wrong with a scene is listed at once, with the names of the files; and odd files that are fine
+//! work.
 
 mod common;
 

@@ -1,5 +1,5 @@
-//! Every format is read into the same cameras, times and masks: known points project where they must, and the masks agree
-//! with an independent ray tracer of the same ball.
+//! Every format is read into the same cameras, times and masks: known points project where they must, and the masks
+//! agree with an independent ray tracer of the same ball.
 
 mod common;
 

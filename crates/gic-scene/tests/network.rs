@@ -1,5 +1,5 @@
-//! Masks from an ONNX network: `cargo test -p gic-scene --features onnx --test network`. The network is written here, byte by
-//! byte: a 1x1 convolution (red minus blue, times 8) and a sigmoid.
+//! Masks from an ONNX network: `cargo test -p gic-scene --features onnx --test network`. The network is written here,
+//! byte by byte: a 1x1 convolution (red minus blue, times 8) and a sigmoid.
 #![cfg(feature = "onnx")]
 
 mod common;

@@ -25,7 +25,8 @@ fn particles(path: &Path) -> Vec<DVec3> {
     values.chunks_exact(3).map(|x| DVec3::new(x[0].into(), x[1].into(), x[2].into())).collect()
 }
 
-/// Fraction of the points that fall on the mask, and fraction of the mask's pixels within a particle's spacing of a point.
+/// Fraction of the points that fall on the mask, and fraction of the mask's pixels within a particle's spacing of a
+/// point.
 fn overlap(camera: &Camera, mask: &Mask, points: &[DVec3], spacing: f64) -> (f64, f64) {
     let mut near = vec![false; mask.width * mask.height];
     let mut inside = 0;

@@ -20,8 +20,8 @@ use rand_chacha::ChaCha8Rng;
 #[global_allocator]
 static ALLOCATOR: MiMalloc = MiMalloc;
 
-/// Time on the processor of the thread that measures, where the system tells (Linux); time on the wall elsewhere. Other work
-/// on the machine does not count in it.
+/// Time on the processor of the thread that measures, where the system tells (Linux); time on the wall elsewhere. Other
+/// work on the machine does not count in it.
 struct ThreadTime {
     origin: Instant,
 }
@@ -60,7 +60,8 @@ impl Measurement for ThreadTime {
     }
 }
 
-/// A camera in the origin that looks along z at a ball of radius 0.2 m in 1 m distance, whose disc is a fifth of the picture.
+/// A camera in the origin that looks along z at a ball of radius 0.2 m in 1 m distance, whose disc is a fifth of the
+/// picture.
 fn camera(side: usize) -> Camera {
     let radius = (0.2 / std::f64::consts::PI).sqrt() * side as f64;
     Camera {

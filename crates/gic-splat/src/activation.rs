@@ -1,5 +1,5 @@
-//! The coordinates in which 3DGS trains and stores opacities and colours (Kerbl et al. 2023): logits, and coefficients of the
-//! constant spherical harmonic.
+//! The coordinates in which 3DGS trains and stores opacities and colours (Kerbl et al. 2023): logits, and coefficients
+//! of the constant spherical harmonic.
 
 use crate::sh::C0;
 

@@ -16,7 +16,8 @@ pub enum Shape {
     Anisotropic {
         /// Standard deviations along the local axes [m], shape [n, 3].
         scales: Vec<[f32; 3]>,
-        /// Unit quaternions (w, x, y, z) from local to world axes, shape [n, 4]; normalised when used, rejected if shorter than 1e-6.
+        /// Unit quaternions (w, x, y, z) from local to world axes, shape [n, 4]; normalised when used, rejected if
+        /// shorter than 1e-6.
         rotations: Vec<[f32; 4]>,
     },
 }

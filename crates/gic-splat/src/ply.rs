@@ -1,9 +1,9 @@
 //! Gaussians as PLY files in the 3DGS convention, which the usual splat viewers open.
 //!
 //! One element `vertex` with float properties `x y z nx ny nz f_dc_0..2 f_rest_0..m opacity scale_0..2 rot_0..3`:
-//! normals are zero, `f_rest` has all coefficients of one channel before the next channel's, `opacity` is a logit, `scale` the natural
-//! logarithm of a standard deviation [m], `rot` a quaternion (w, x, y, z). Isotropic Gaussians are written with three equal
-//! scales and no rotation, and recognised by the equal scales when read.
+//! normals are zero, `f_rest` has all coefficients of one channel before the next channel's, `opacity` is a logit,
+//! `scale` the natural logarithm of a standard deviation [m], `rot` a quaternion (w, x, y, z). Isotropic Gaussians are
+//! written with three equal scales and no rotation, and recognised by the equal scales when read.
 
 use std::fs::File;
 use std::io::{BufReader, ErrorKind};
@@ -131,8 +131,8 @@ impl PropertyAccess for Row {
 
 /// Reads Gaussians.
 ///
-/// Vertices with a value that is not finite are left out, and so are properties and elements outside the convention; the
-/// result says so.
+/// Vertices with a value that is not finite are left out, and so are properties and elements outside the convention;
+/// the result says so.
 ///
 /// # Errors
 /// A [`PlyError`] that names the file, when it cannot be read, is truncated or damaged, or holds no Gaussians.
@@ -203,7 +203,8 @@ fn check_header(header: &Header, path: &Path) -> Result<usize, PlyError> {
     match rest {
         0 | 9 | 24 | 45 if complete => Ok(rest / 3),
         _ => Err(wrong(format!(
-            "{rest} properties f_rest_*; 0, 9, 24 or 45 belong to spherical harmonics of degree 0 to 3, export it with one of these"
+            "{rest} properties f_rest_*; 0, 9, 24 or 45 belong to spherical harmonics of degree 0 to 3, \
+             export it with one of these"
         ))),
     }
 }
@@ -243,8 +244,8 @@ fn from_rows(rows: &[Row], rest: usize) -> Gaussians {
 
 /// Writes Gaussians, binary little-endian.
 ///
-/// Returns what the file does not hold exactly, a sentence each: opacities of 0 and 1 and scales of 0 have no finite logit or
-/// logarithm and are moved by a hair; Gaussians without colour become grey.
+/// Returns what the file does not hold exactly, a sentence each: opacities of 0 and 1 and scales of 0 have no finite
+/// logit or logarithm and are moved by a hair; Gaussians without colour become grey.
 ///
 /// # Errors
 /// A [`PlyError`] that names the file, when the Gaussians are not valid or the file cannot be written.

@@ -1,6 +1,9 @@
-//! From Gaussians in the world to ellipses in the picture, and back with gradients.
+//! From Gaussians in the world to ellipses in the picture, and back with gradients: EWA splatting (Zwicker et al. 2001)
+//! as 3DGS has it (Kerbl et al. 2023, eq. 5).
 //!
-//! In f64 and once per Gaussian; what is done once per pixel lives in [`crate::raster`].
+//! With W the world-to-camera rotation and J the Jacobian of the perspective at the centre, the covariance `Sigma = R
+//! S^2 R^T` becomes `Sigma' = J W Sigma W^T J^T`. In f64 and once per Gaussian; what is done once per pixel lives in
+//! [`crate::raster`].
 
 use gic_scene::Camera;
 use glam::{DMat3, DQuat, DVec2, DVec3};
@@ -36,7 +39,8 @@ pub(crate) struct SplatGradient {
     pub(crate) depth: f64,
 }
 
-/// Gradient with respect to the attributes of one Gaussian, without its spherical harmonics and what they add to the position.
+/// Gradient with respect to the attributes of one Gaussian, without its spherical harmonics and what they add to the
+/// position.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct AttributeGradient {
     pub(crate) position: [f32; 3],
@@ -61,10 +65,12 @@ struct Sym2 {
     yy: f64,
 }
 
-/// A Gaussian with a wider projected standard deviation than this [pixels] is not drawn: f32 pixels could not follow it.
+/// A Gaussian with a wider projected standard deviation than this [pixels] is not drawn: f32 pixels could not follow
+/// it.
 const MAX_SIGMA_PX: f64 = 1e6;
 
-/// Colour coefficients and depths [m] beyond this are taken for damage: sums of them and their gradients would leave f32.
+/// Colour coefficients and depths [m] beyond this are taken for damage: sums of them and their gradients would leave
+/// f32.
 const MAX_VALUE: f64 = 1e9;
 
 impl Sym2 {
@@ -276,8 +282,8 @@ impl<'a> CameraProjection<'a> {
         })
     }
 
-    /// Whether the spherical harmonics in use are numbers within reason. The sum would not tell: a harmonic that is zero in this
-    /// direction has a gradient all the same.
+    /// Whether the spherical harmonics in use are numbers within reason. The sum would not tell: a harmonic that is
+    /// zero in this direction has a gradient all the same.
     fn has_color(&self, gaussians: &Gaussians, i: usize) -> bool {
         let first = i * gaussians.sh_per_gaussian();
         let used = &gaussians.sh[first..first + (self.sh_degree + 1).pow(2)];
@@ -411,8 +417,8 @@ impl<'a> CameraProjection<'a> {
         (sum, direction, distance)
     }
 
-    /// The colour's part of the backward pass, for a Gaussian that was drawn: writes the gradient with respect to its spherical
-    /// harmonics to `d_sh` [(degree + 1)^2] and adds that with respect to its position.
+    /// The colour's part of the backward pass, for a Gaussian that was drawn: writes the gradient with respect to its
+    /// spherical harmonics to `d_sh` [(degree + 1)^2] and adds that with respect to its position.
     pub(crate) fn color_backward(
         &self,
         gaussians: &Gaussians,
@@ -441,7 +447,8 @@ impl<'a> CameraProjection<'a> {
     }
 }
 
-/// Columns (or rows) whose pixel centres lie within `half` of `centre`; a hundredth more, against rounding in the raster.
+/// Columns (or rows) whose pixel centres lie within `half` of `centre`; a hundredth more, against rounding in the
+/// raster.
 fn pixel_range(centre: f64, half: f64, count: usize) -> [u32; 2] {
     let half = half + 0.01;
     // Casts from f64 saturate, and send NaN to 0: an empty range.

@@ -1,5 +1,8 @@
 //! One tile, pixel by pixel: blending front to back, and its gradient back to front.
 //!
+//! `C = sum_i T_i alpha_i c_i` with `T_i = prod_{j < i} (1 - alpha_j)` (paper eq. 2), and the same for depth; `A = 1 -
+//! T`.
+//!
 //! The kernels run over the splats of a tile and, for each, over the pixels in its box, [`Lanes`] at a time. All that
 //! is known per pixel lives in small arrays ([`PixelPlane`]) in the first-level cache.
 
@@ -331,8 +334,8 @@ impl<const COLOR: bool, const DEPTH: bool> Kernel for DrawBackward<'_, COLOR, DE
     type Output = ();
 
     /// Back to front. With v = d loss / d (what one unit of light that ends at this splat adds), and B the same for the
-    /// light that passes it, averaged over where it ends: d loss / d alpha = T (v - B), and in front of the splat
-    /// B <- alpha v + (1 - alpha) B. Without colour and depth, v is the same for all, and T (v - B) = v T_end / (1 - alpha).
+    /// light that passes it, averaged over where it ends: d loss / d alpha = T (v - B), and in front of the splat B <-
+    /// alpha v + (1 - alpha) B. Without colour and depth, v is the same for all, and T (v - B) = v T_end / (1 - alpha).
     #[inline(always)]
     fn run<L: Lanes<Scalar = f32>>(self) {
         let TileInput { splats, entries, tile, .. } = self.input;

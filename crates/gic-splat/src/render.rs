@@ -16,7 +16,8 @@ pub struct Rendered {
     pub color: Vec<[f32; 3]>,
     /// Accumulated alpha A(u), shape [height * width].
     pub alpha: Vec<f32>,
-    /// Accumulated depth D(u) = sum T alpha d (not divided by alpha) [m], shape [height * width]; empty if not asked for.
+    /// Accumulated depth D(u) = sum T alpha d (not divided by alpha) [m], shape [height * width]; empty if not asked
+    /// for.
     pub depth: Vec<f32>,
     /// Gaussians that were left out because an attribute was not finite, a scale or opacity negative, or a colour
     /// coefficient or depth [m] beyond 1e9. Such a Gaussian gets a zero gradient; [`Gaussians::validate`] names it.
@@ -48,14 +49,15 @@ pub struct ImageGradients {
 
 /// Draws the Gaussians as `camera` sees them (paper eq. 2).
 ///
-/// A Gaussian with centre `x`, covariance `Sigma = R S^2 R^T` and opacity `o` has camera coordinates `p = W (x - c)`, image
-/// centre `m` and projected covariance `Sigma' = J W Sigma W^T J^T + dilation I`. In a pixel at `u` its alpha is
-/// `o exp(-(u - m)^T Sigma'^-1 (u - m) / 2)`: nothing below [`crate::ALPHA_MIN`], at most [`crate::ALPHA_MAX`]. Gaussians are blended in the
-/// order of the depth of their centres (rounded to f32; ties: by index), until the transmittance is below
-/// [`crate::TRANSMITTANCE_MIN`]. [`crate::twin`] is the same in plain f64.
+/// A Gaussian with centre `x`, covariance `Sigma = R S^2 R^T` and opacity `o` has camera coordinates `p = W (x - c)`,
+/// image centre `m` and projected covariance `Sigma' = J W Sigma W^T J^T + dilation I`. In a pixel at `u` its alpha is
+/// `o exp(-(u - m)^T Sigma'^-1 (u - m) / 2)`: nothing below [`crate::ALPHA_MIN`], at most [`crate::ALPHA_MAX`].
+/// Gaussians are blended in the order of the depth of their centres (rounded to f32; ties: by index), until the
+/// transmittance is below [`crate::TRANSMITTANCE_MIN`]. [`crate::twin`] is the same in plain f64.
 ///
 /// # Panics
-/// If the arrays of `gaussians` do not belong together ([`Gaussians::validate`] tells), or colour is asked for without `sh`.
+/// If the arrays of `gaussians` do not belong together ([`Gaussians::validate`] tells), or colour is asked for without
+/// `sh`.
 pub fn render(gaussians: &Gaussians, camera: &Camera, settings: &RenderSettings) -> Rendered {
     let (splats, rejected) = splats(gaussians, camera, settings);
     let tiles = Tiles::new(&splats, camera.width, camera.height);
@@ -157,8 +159,9 @@ fn fill<T: Send>(
 
 /// Gradient of a loss on the pictures with respect to every attribute of the Gaussians.
 ///
-/// `rendered` is what [`render`] made of the same Gaussians, camera and settings; `loss` the derivative of the loss with
-/// respect to its pictures. The sums are taken in a fixed order: the result does not depend on the number of threads.
+/// `rendered` is what [`render`] made of the same Gaussians, camera and settings; `loss` the derivative of the loss
+/// with respect to its pictures. The sums are taken in a fixed order: the result does not depend on the number of
+/// threads.
 ///
 /// # Panics
 /// If a picture in `loss` is neither empty nor of the camera's size.
@@ -225,7 +228,8 @@ fn attributes_backward(
     let view = CameraProjection::new(gaussians, camera, settings);
     let ForwardPass { splats, tiles, .. } = saved;
     let mut out = GaussianGradients::zeros(gaussians);
-    // Front to back, the splats' entries lie one after the other in every tile; in any other order, each is a cache miss.
+    // Front to back, the splats' entries lie one after the other in every tile; in any other order, each is a cache
+    // miss.
     let attributes: Vec<(AttributeGradient, [f32; 3])> = splats
         .par_iter()
         .enumerate()

@@ -26,7 +26,8 @@ impl Channels {
     }
 }
 
-/// What to draw over, and what to draw. Make one with `..Default::default()`, [`RenderSettings::pictures`] or [`RenderSettings::masks`].
+/// What to draw over, and what to draw. Make one with `..Default::default()`, [`RenderSettings::pictures`] or
+/// [`RenderSettings::masks`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct RenderSettings {
     /// Background colour in [0, 1].

@@ -92,7 +92,8 @@ mod tests {
     use super::*;
     use std::f64::consts::PI;
 
-    /// The basis is orthonormal over the sphere: products integrate to the identity (midpoint rule in height and azimuth).
+    /// The basis is orthonormal over the sphere: products integrate to the identity (midpoint rule in height and
+    /// azimuth).
     #[test]
     fn basis_is_orthonormal() {
         let (rows, columns) = (400, 32);

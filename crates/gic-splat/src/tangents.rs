@@ -1,7 +1,8 @@
 //! Forward-mode derivatives of the alpha picture along given motions of the Gaussians.
 //!
-//! With A = 1 - prod (1 - alpha_i), dA = T_end sum_i d alpha_i / (1 - alpha_i): one pass for any number of tangents, and the
-//! order does not matter. `d alpha_i = alpha_i d ln alpha_i`, and d ln alpha_i is a quadratic in the pixel's offset.
+//! With A = 1 - prod (1 - alpha_i), dA = T_end sum_i d alpha_i / (1 - alpha_i): one pass for any number of tangents,
+//! and the order does not matter. `d alpha_i = alpha_i d ln alpha_i`, and d ln alpha_i is a quadratic in the pixel's
+//! offset.
 
 use gic_scene::Camera;
 use gic_simd::{Kernel, Lanes, dispatch};
@@ -25,8 +26,8 @@ pub struct AlphaTangents {
 
 /// Draws the alpha picture together with its derivatives along motions of the Gaussians' centres.
 ///
-/// `tangents[k][i]` is d position of Gaussian i [m] per unit of parameter k, shape [n, 3]. Scales and opacities stay. The
-/// channels in `settings` are not looked at.
+/// `tangents[k][i]` is d position of Gaussian i [m] per unit of parameter k, shape [n, 3]. Scales and opacities stay.
+/// The channels in `settings` are not looked at.
 ///
 /// # Panics
 /// If a tangent has another length than the Gaussians, or their arrays do not belong together.

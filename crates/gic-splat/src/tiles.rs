@@ -31,7 +31,8 @@ pub(crate) struct Tiles {
     pub(crate) slot_starts: Vec<u32>,
 }
 
-/// The splats among the outcomes, front to back; equal depths by index. Depths are positive, so their bits order as they do.
+/// The splats among the outcomes, front to back; equal depths by index. Depths are positive, so their bits order as
+/// they do.
 pub(crate) fn front_to_back(outcomes: &[Projected]) -> Vec<Splat> {
     let key = |(i, outcome): (usize, &Projected)| match outcome {
         Projected::Drawn(splat) => Some(u64::from(splat.depth.to_bits()) << 32 | i as u64),

@@ -4,11 +4,11 @@
 //! pass is textbook reverse mode over the same steps, and finite differences check it attribute by attribute. The fast
 //! path is tested against this twin, so the two share the definition's constants and nothing of its derivation.
 //!
-//! The definition. A Gaussian with centre `x`, covariance `Sigma = R S^2 R^T` and opacity `o` has camera coordinates
-//! `p = W (x - c)`, image centre `m = (fx p_x/p_z + cx, fy p_y/p_z + cy)` and projected covariance
-//! `Sigma' = J W Sigma W^T J^T + dilation I`. In a pixel at `u` its alpha is `o exp(-(u - m)^T Sigma'^-1 (u - m) / 2)`,
-//! nothing below 1/255 and at most 0.99. Gaussians are blended in the order of the depth of their centres (ties: by index),
-//! until the transmittance is below 1e-4.
+//! The definition. A Gaussian with centre `x`, covariance `Sigma = R S^2 R^T` and opacity `o` has camera coordinates `p
+//! = W (x - c)`, image centre `m = (fx p_x/p_z + cx, fy p_y/p_z + cy)` and projected covariance `Sigma' = J W Sigma W^T
+//! J^T + dilation I`. In a pixel at `u` its alpha is `o exp(-(u - m)^T Sigma'^-1 (u - m) / 2)`, nothing below 1/255 and
+//! at most 0.99. Gaussians are blended in the order of the depth of their centres (ties: by index), until the
+//! transmittance is below 1e-4.
 
 use gic_scene::Camera;
 use glam::{DMat2, DMat3, DVec2, DVec3};
@@ -116,8 +116,9 @@ impl From<&ImageGradients> for PicturesF64 {
 
 /// How the cut-offs of the definition are made.
 ///
-/// The hard ones are the definition; their jumps have no derivative, so finite differences are taken with the smooth ones,
-/// where each jump is a logistic step and each clamp a soft one. The one jump that stays is a change of the depth order.
+/// The hard ones are the definition; their jumps have no derivative, so finite differences are taken with the smooth
+/// ones, where each jump is a logistic step and each clamp a soft one. The one jump that stays is a change of the depth
+/// order.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Cutoffs {
     /// As defined.

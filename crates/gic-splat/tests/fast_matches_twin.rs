@@ -1,4 +1,5 @@
-//! The fast path against the f64 twin: pictures and gradients, isotropic and anisotropic, at every SIMD level of this machine.
+//! The fast path against the f64 twin: pictures and gradients, isotropic and anisotropic, at every SIMD level of this
+//! machine.
 
 use gic_scene::Camera;
 use gic_simd::Level;

@@ -66,7 +66,9 @@ proptest! {
         height in prop::sample::select(vec![1usize, 3, 16, 33]),
         dilation in prop::sample::select(vec![0.0f32, 0.3]),
         compensate: bool,
-        channels in prop::sample::select(vec![Channels::ColorAlphaDepth, Channels::ColorAlpha, Channels::AlphaDepth, Channels::Alpha]),
+        channels in prop::sample::select(vec![
+            Channels::ColorAlphaDepth, Channels::ColorAlpha, Channels::AlphaDepth, Channels::Alpha,
+        ]),
     ) {
         let camera = camera(width, height);
         let n = width * height;

@@ -36,7 +36,8 @@ fn scene(isotropic: bool, n: usize) -> (Gaussians, Vec<Vec<[f32; 3]>>) {
     (gaussians, tangents)
 }
 
-/// The hard cut-offs jump in single pixels: where no Gaussian crosses one between the two pictures, the difference is smooth.
+/// The hard cut-offs jump in single pixels: where no Gaussian crosses one between the two pictures, the difference is
+/// smooth.
 #[test]
 fn tangents_match_finite_differences_of_the_twin() {
     for isotropic in [true, false] {

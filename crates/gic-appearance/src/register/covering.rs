@@ -4,8 +4,9 @@ use std::f64::consts::TAU;
 
 use glam::DQuat;
 
-/// `count` rotations on a spiral over the sphere of quaternions (Alexa, "Super-Fibonacci Spirals: Fast, Low-Discrepancy Sampling
-/// of SO(3)", CVPR 2022, algorithm 1). For 4,000 the farthest rotation is about 16 degrees from its nearest one.
+/// `count` rotations on a spiral over the sphere of quaternions (Alexa, "Super-Fibonacci Spirals: Fast, Low-Discrepancy
+/// Sampling of SO(3)", CVPR 2022, algorithm 1). For 4,000 the farthest rotation is about 16 degrees from its nearest
+/// one.
 pub(crate) fn super_fibonacci_rotations(count: usize) -> Vec<DQuat> {
     let first = std::f64::consts::SQRT_2;
     // The positive root of x^4 = x + 4.

@@ -1,7 +1,8 @@
 //! Registration: where a scan of the object lies in the first frame of a video, from pictures and masks alone.
 //!
-//! Nobody gives a pose. From every rotation of a covering of SO(3) the scan is moved and grown until its outlines lie on the masks;
-//! the best of them that differ are fitted to the pictures with the rasteriser's gradients, first small pictures, then whole ones.
+//! Nobody gives a pose. From every rotation of a covering of SO(3) the scan is moved and grown until its outlines lie
+//! on the masks; the best of them that differ are fitted to the pictures with the rasteriser's gradients, first small
+//! pictures, then whole ones.
 
 mod covering;
 mod outline;
@@ -58,8 +59,8 @@ pub struct Registration {
 
 /// Finds where `scan`, Gaussians in a frame of their own, lies at the first frame of `video`.
 ///
-/// Its colours must not depend on the direction (degree 0). `callback` hears how many of how many fits are done and may end the
-/// search, with what was found until then.
+/// Its colours must not depend on the direction (degree 0). `callback` hears how many of how many fits are done and may
+/// end the search, with what was found until then.
 ///
 /// # Errors
 /// [`AppearanceError::Unregistrable`] where the views cannot tell; unreadable pictures.
@@ -144,19 +145,23 @@ fn object(views: &[Target], video: &Scene) -> Result<Ball, AppearanceError> {
     if seen.len() < 2 {
         let who = seen.first().map_or("no camera shows".into(), |view| format!("only camera {} shows", name(view)));
         return unregistrable(format!(
-            "{who} the object in the first frame; one view cannot tell its size from its distance, at least two are needed"
+            "{who} the object in the first frame; one view cannot tell its size from its distance, at least \
+             two are needed"
         ));
     }
     let Some(ball) = pictures::ball(&seen) else {
         return unregistrable(
-            "the rays through the masks of the first frame do not meet in front of the cameras: a pose is wrong or mirrored".into(),
+            "the rays through the masks of the first frame do not meet in front of the cameras: a pose is \
+             wrong or mirrored"
+                .into(),
         );
     };
     let direction = |view: &Target| (ball.centre - view.camera.centre).normalize();
     let widest = seen.iter().map(|view| direction(view).angle_between(direction(seen[0]))).fold(0.0, f64::max);
     if widest < MIN_BASELINE_RAD {
         return unregistrable(format!(
-            "the cameras look at the object from directions only {:.1} degrees apart, which cannot tell its size from its distance",
+            "the cameras look at the object from directions only {:.1} degrees apart, which cannot tell its \
+             size from its distance",
             widest.to_degrees()
         ));
     }
@@ -165,8 +170,9 @@ fn object(views: &[Target], video: &Scene) -> Result<Ball, AppearanceError> {
         let miss = (ball.centre - view.camera.centre).reject_from(ray).length();
         if miss > ball.radius {
             return unregistrable(format!(
-                "the ray through the mask of camera {} passes {miss:.3} m from where the cameras' rays meet, and the object's radius is \
-                 {:.3} m: the pose of that camera or another is wrong or mirrored, or its mask shows another object",
+                "the ray through the mask of camera {} passes {miss:.3} m from where the cameras' rays meet, \
+                 and the object's radius is {:.3} m: the pose of that camera or another is wrong or mirrored, or its \
+                 mask shows another object",
                 name(view),
                 ball.radius
             ));

@@ -1,9 +1,9 @@
 //! Where a scan lies in another world: its Gaussians there, and the chain rule from them to turn, shift and size.
 //!
-//! Small changes act about the scan's own centre c, which lies at p: x' = s R (x - c) + p is followed by a turn by the vector w,
-//! a shift t and a growth of the logarithm of the size by g. At zero, dx'/dw = w x (x' - p), dx'/dt = t, dx'/dg = x' - p; the
-//! orientation q' of an ellipsoid follows the turn, dq'/dw = (0, w) q' / 2, and its axes grow as everything does. About the centre,
-//! the seven numbers hardly influence one another.
+//! Small changes act about the scan's own centre c, which lies at p: x' = s R (x - c) + p is followed by a turn by the
+//! vector w, a shift t and a growth of the logarithm of the size by g. At zero, dx'/dw = w x (x' - p), dx'/dt = t,
+//! dx'/dg = x' - p; the orientation q' of an ellipsoid follows the turn, dq'/dw = (0, w) q' / 2, and its axes grow as
+//! everything does. About the centre, the seven numbers hardly influence one another.
 
 use gic_scene::Similarity;
 use gic_splat::{GaussianGradients, Gaussians, Shape};

@@ -105,7 +105,8 @@ fn compare_view(
     Ok(ViewComparison { loss: loss.value, iou: mask_iou(&rendered.alpha, &mask)?, slope })
 }
 
-/// The factor per colour that brings `drawn` nearest to `wanted`: photographs and video have lights and white balances of their own.
+/// The factor per colour that brings `drawn` nearest to `wanted`: photographs and video have lights and white balances
+/// of their own.
 fn channel_gains(drawn: &[[f32; 3]], wanted: &[[f32; 3]]) -> [f32; 3] {
     std::array::from_fn(|k| {
         let (mut both, mut own) = (0.0, 0.0);

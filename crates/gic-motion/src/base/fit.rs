@@ -68,9 +68,10 @@ impl BaseFit {
         self.fits.push(PoseMoments::new(&self.motion.lattice));
     }
 
-    /// One step of the pose of `frame` down `slope`; the object is `size` metres wide, which is what one unit of the rate stands
-    /// for. While there are only maps, the first frame's stays: the canonical Gaussians are what is seen there. Once everything bends, no
-    /// frame is better than another, and the canonical Gaussians need not serve the first at the others' cost.
+    /// One step of the pose of `frame` down `slope`; the object is `size` metres wide, which is what one unit of the
+    /// rate stands for. While there are only maps, the first frame's stays: the canonical Gaussians are what is seen
+    /// there. Once everything bends, no frame is better than another, and the canonical Gaussians need not serve the
+    /// first at the others' cost.
     pub(crate) fn update(&mut self, frame: usize, mut slope: PoseGradient, freedom: Freedom, (rate, size): (f64, f64)) {
         if frame == 0 && freedom == Freedom::Map {
             return;

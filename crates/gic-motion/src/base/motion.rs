@@ -1,7 +1,12 @@
-//! The base motion: an affine map and a coarse displacement field per frame, beside which the network's residuals are small.
+//! The base motion: an affine map and a coarse displacement field per frame, beside which the network's residuals are
+//! small.
 //!
-//! A network that must learn the whole way of an object from single pictures forgets one moment while it learns another. Twelve
-//! numbers per frame carry what a body does as a whole (fall, turn, stretch), a lattice how it bends; the network adds the rest.
+//! In frame f a canonical point goes to `b(x) = A_f (x - o) + o + t_f + u_f(x)`, with the field u trilinear on a
+//! lattice. Between frames A, t and u are cubic in time.
+//!
+//! A network that must learn the whole way of an object from single pictures forgets one moment while it learns
+//! another. Twelve numbers per frame carry what a body does as a whole (fall, turn, stretch), a lattice how it bends;
+//! the network adds the rest.
 
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
@@ -77,8 +82,8 @@ impl BaseMotion {
         Pose { map: self.maps[frame], bend: self.bends[frame].clone(), shade: self.shades[frame].clone() }
     }
 
-    /// The pose at a time [s]: a cubic through the frames' poses whose slope at each is that of the parabola through it and its
-    /// neighbours, so that free fall is met exactly; outside the frames' times, the nearest frame's pose.
+    /// The pose at a time [s]: a cubic through the frames' poses whose slope at each is that of the parabola through it
+    /// and its neighbours, so that free fall is met exactly; outside the frames' times, the nearest frame's pose.
     pub fn at(&self, time: f64) -> Pose {
         let mut map = Affine { matrix: [0.0; 9], shift: [0.0; 3] };
         let mut bend = vec![[0.0f32; 3]; self.lattice.nodes()];
@@ -142,8 +147,8 @@ impl BaseMotion {
         (pose.map.linear() * offset + origin + DVec3::from_array(pose.map.shift) + bend).as_vec3().to_array()
     }
 
-    /// From the loss's derivative with respect to the moved points to that with respect to the pose but its shade, and to the
-    /// points themselves, to which it is added.
+    /// From the loss's derivative with respect to the moved points to that with respect to the pose but its shade, and
+    /// to the points themselves, to which it is added.
     pub(crate) fn pull_back(
         &self,
         pose: &Pose,

@@ -1,7 +1,8 @@
 //! The base motion's part in the colours: how light changes on what moves.
 //!
-//! The paper's colours do not change. But light falls differently on an object that turns, bends or comes near the ground, and
-//! colours that are the same at all times then pull the Gaussians out of place. Each frame multiplies them by a smooth field.
+//! The paper's colours do not change. But light falls differently on an object that turns, bends or comes near the
+//! ground, and colours that are the same at all times then pull the Gaussians out of place. Each frame multiplies them
+//! by a smooth field.
 
 use super::{BaseMotion, Pose};
 use crate::gaussians::parameters::{ParameterGradient, Parameters, rest_per_gaussian};
@@ -26,8 +27,8 @@ impl BaseMotion {
         }
     }
 
-    /// Turns the gradient with respect to shaded colours in `gradient` into that of the colours themselves, adds the positions'
-    /// part, and returns that of the pose's shade.
+    /// Turns the gradient with respect to shaded colours in `gradient` into that of the colours themselves, adds the
+    /// positions' part, and returns that of the pose's shade.
     pub(crate) fn shade_back(&self, pose: &Pose, p: &Parameters, gradient: &mut ParameterGradient) -> Vec<[f32; 3]> {
         let sh_rest = rest_per_gaussian(p.sh_degree);
         let mut d_shade = vec![[0.0; 3]; pose.shade.len()];

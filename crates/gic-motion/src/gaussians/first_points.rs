@@ -1,4 +1,4 @@
-//! The first points, from masks and cameras alone: where the object is, and the surface of its visual hull.
+//! The first points: the surface of the visual hull, the scene's sparse points, or points drawn in the object's box.
 
 use gic_scene::{Camera, Hull, HullSettings, HullView, Mask, Picture, Scene};
 use glam::DVec3;
@@ -47,8 +47,8 @@ fn share(targets: &[&Target], x: DVec3) -> f64 {
 
 /// About `count` points on the surface of the visual hull of `targets`, coloured by the pictures that see them.
 ///
-/// The hull is what at most the share `misses` of the masks does not show. Points are the surface cells of a grid as fine as
-/// `count` asks for, moved at random within them.
+/// The hull is what at most the share `misses` of the masks does not show. Points are the surface cells of a grid as
+/// fine as `count` asks for, moved at random within them.
 pub(crate) fn hull_surface(
     targets: &[&Target],
     misses: f64,

@@ -1,9 +1,10 @@
 //! Sharing the pull on a point with its neighbours, so that a surface moves as a surface.
 //!
-//! Pictures pull each Gaussian its own way, and where few cameras look, noise wins: the surface turns into a cloud that fits the
-//! pictures it was trained on. Preconditioning the gradient with `(I + s^2 L)^-1`, where L is the Laplacian of the graph of
-//! nearest neighbours, is the steepest descent under a metric in which rough displacements are long (Nicolet et al. 2021, "Large
-//! steps in inverse rendering of geometry", there for meshes): neighbours move alike over about s spacings, no place is ruled out.
+//! Pictures pull each Gaussian its own way, and where few cameras look, noise wins: the surface turns into a cloud that
+//! fits the pictures it was trained on. Preconditioning the gradient with `(I + s^2 L)^-1`, where L is the Laplacian of
+//! the graph of nearest neighbours, is the steepest descent under a metric in which rough displacements are long
+//! (Nicolet et al. 2021, "Large steps in inverse rendering of geometry", there for meshes): neighbours move alike over
+//! about s spacings, no place is ruled out.
 
 use crate::tuning::{MAX_SMOOTHING_ITERATIONS, NEIGHBOURS, SEARCH_RADIUS_SPACINGS, SMOOTHING_TOLERANCE};
 use rayon::prelude::*;
@@ -68,8 +69,9 @@ impl NeighbourGraph {
         }
     }
 
-    /// Adds to `slope` the derivative of `weight` times the mean over points of half their squared distances [spacings^2] to their
-    /// neighbours, and returns its value: the tension of a film. What no picture holds gives way to it.
+    /// Adds to `slope` the derivative of `weight` times the mean over points of half their squared distances
+    /// [spacings^2] to their neighbours, and returns its value: the tension of a film. What no picture holds gives way
+    /// to it.
     pub(crate) fn tension(&self, weight: f64, positions: &[[f32; 3]], spacing: f64, slope: &mut [[f32; 3]]) -> f64 {
         let unit = weight / (NEIGHBOURS * positions.len().max(1)) as f64 / (spacing * spacing);
         let mut sum = 0.0;

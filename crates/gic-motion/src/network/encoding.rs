@@ -18,9 +18,9 @@ impl Encoding {
 
     /// Writes `x` and `a^k sin(2^k pi x), a^k cos(2^k pi x), k = 0 .. frequencies` for one coordinate, a the falloff.
     ///
-    /// The paper prints the sines and cosines alone, with a = 1; its release, like NeRF, also passes `x` itself, and so does
-    /// this. The higher frequencies come from the lower by doubling the angle, in f64, so that one sine and one cosine are
-    /// evaluated per coordinate.
+    /// The paper prints the sines and cosines alone, with a = 1; its release, like NeRF, also passes `x` itself, and so
+    /// does this. The higher frequencies come from the lower by doubling the angle, in f64, so that one sine and one
+    /// cosine are evaluated per coordinate.
     pub(super) fn encode<T: Scalar>(self, x: T, out: &mut [T]) {
         debug_assert_eq!(out.len(), self.len());
         out[0] = x;
@@ -35,7 +35,8 @@ impl Encoding {
     }
 }
 
-/// Gradient with respect to the coordinate, from the encoding that [`Encoding::encode`] gave and the gradient with respect to it.
+/// Gradient with respect to the coordinate, from the encoding that [`Encoding::encode`] gave and the gradient with
+/// respect to it.
 pub(super) fn encode_backward<T: Scalar>(encoded: &[T], gradient: &[T]) -> T {
     let mut total = gradient[0];
     let mut angular = core::f64::consts::PI;

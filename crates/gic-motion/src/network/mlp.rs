@@ -9,8 +9,8 @@ use super::Scalar;
 
 /// Layers of a fully connected network; the numbers live in the caller's flat parameter vector.
 ///
-/// `depth` hidden layers of `width` with ReLU, then one linear layer. The hidden layer `skip` sees the input again beside the
-/// previous layer's output. Each layer is `y = x W + b` with W of shape [inputs, outputs], row-major.
+/// `depth` hidden layers of `width` with ReLU, then one linear layer. The hidden layer `skip` sees the input again
+/// beside the previous layer's output. Each layer is `y = x W + b` with W of shape [inputs, outputs], row-major.
 #[derive(Clone, Debug)]
 pub(super) struct Mlp {
     inputs: usize,
@@ -83,7 +83,8 @@ impl Mlp {
         Mlp { inputs: self.inputs, outputs: self.outputs, layers: layers.collect() }
     }
 
-    /// Draws the parameters: uniform by fan-in for ReLU (He), zero biases, and `output_gain` times that in the last layer.
+    /// Draws the parameters: uniform by fan-in for ReLU (He), zero biases, and `output_gain` times that in the last
+    /// layer.
     pub(super) fn initialise<T: Scalar>(&self, parameters: &mut [T], output_gain: f64, rng: &mut impl Rng) {
         let last = self.layers.len() - 1;
         for (i, layer) in self.layers.iter().enumerate() {
@@ -125,8 +126,8 @@ impl Mlp {
         (output, Activations { hidden })
     }
 
-    /// Adds the parameters' gradient to `gradient` (the whole flat vector) and the input's, [rows, inputs], to `d_input`, if that is
-    /// wanted: it costs as much as that of the parameters that multiply the input.
+    /// Adds the parameters' gradient to `gradient` (the whole flat vector) and the input's, [rows, inputs], to
+    /// `d_input`, if that is wanted: it costs as much as that of the parameters that multiply the input.
     pub(super) fn backward<T: Scalar>(
         &self,
         parameters: &[T],

@@ -1,4 +1,8 @@
-//! The motion-factorised network (paper section 4.1, A.1): shared motion bases, combined per point by coefficients.
+//! The motion-factorised network (paper section 4.1, A.1).
+//!
+//! A backbone f_t turns the encoded time into N_m motion bases `(d mu_i, d s_i)(t)`, shared by all points; a second
+//! network f_p turns a point's encoded place and time into coefficients `w_i(mu_0, t)`. A point moves by their sum
+//! (paper eq. 3): `mu(t) = mu_0 + sum_i w_i d mu_i(t)`, `s(t) = s_0 + sum_i w_i d s_i(t)`.
 
 mod encoding;
 mod mlp;
@@ -17,8 +21,8 @@ pub use scalar::Scalar;
 
 /// Numbers per basis: displacement (x, y, z) and change of the scale.
 const RESIDUALS: usize = 4;
-/// Rows are split into at most this many blocks, each with its own gradient: what bounds the memory of the reduction. It does
-/// not depend on the number of threads, so neither do the results.
+/// Rows are split into at most this many blocks, each with its own gradient: what bounds the memory of the reduction.
+/// It does not depend on the number of threads, so neither do the results.
 const MAX_BLOCKS: usize = 16;
 const MIN_BLOCK_ROWS: usize = 256;
 
@@ -30,11 +34,11 @@ pub struct Architecture {
     pub time_frequencies: usize,
     /// Frequencies of the encoding of positions, L of appendix A.1.
     pub position_frequencies: usize,
-    /// Amplitude of each frequency relative to the one below, for time and for positions; 1 is the paper's formula. Below 1
-    /// neighbours in space and time start to move alike, and details of the motion are learned later.
+    /// Amplitude of each frequency relative to the one below, for time and for positions; 1 is the paper's formula.
+    /// Below 1 neighbours in space and time start to move alike, and details of the motion are learned later.
     pub falloff: f64,
-    /// Distance of the nodes at which the network is asked, in its units; what lies between is trilinear. 0 asks it at each
-    /// point, the paper's way.
+    /// Distance of the nodes at which the network is asked, in its units; what lies between is trilinear. 0 asks it at
+    /// each point, the paper's way.
     pub node_spacing: f64,
     /// Motion bases, N_m.
     pub bases: usize,
@@ -44,7 +48,8 @@ pub struct Architecture {
     pub backbone_layers: usize,
     /// The backbone's hidden layer (from 0) that sees the encoded time again.
     pub skip: usize,
-    /// Hidden layers of the coefficient network; with the linear layer that makes the coefficients, the paper's 4 FC layers.
+    /// Hidden layers of the coefficient network; with the linear layer that makes the coefficients, the paper's 4 FC
+    /// layers.
     pub coefficient_layers: usize,
 }
 
@@ -146,7 +151,8 @@ impl<T: Scalar> MotionNetwork<T> {
         self.architecture
     }
 
-    /// Residuals of points at canonical positions [n, 3] at `time` (both normalised), paper eq. 3 without `mu_0` and `s_0`.
+    /// Residuals of points at canonical positions [n, 3] at `time` (both normalised), paper eq. 3 without `mu_0` and
+    /// `s_0`.
     pub fn forward(&self, positions: &[[T; 3]], time: T) -> Deformation<T> {
         let encoding = self.architecture.time_encoding();
         let mut time_encoded = vec![T::of(0.0); encoding.len()];
@@ -210,7 +216,8 @@ impl<T: Scalar> MotionNetwork<T> {
         NetworkGradient { positions, ..self.backward_asked(deformation, &d_values, false) }
     }
 
-    /// The same with respect to the residuals of the points that the network was asked at, and `of_positions` of theirs.
+    /// The same with respect to the residuals of the points that the network was asked at, and `of_positions` of
+    /// theirs.
     fn backward_asked(
         &self,
         deformation: &Deformation<T>,

@@ -1,5 +1,5 @@
-//! The network at the nodes of a lattice around the points, and what lies between: neighbours move almost alike, so a network
-//! asked once per node instead of once per point costs a fraction and leaves time for more points.
+//! The network at the nodes of a lattice around the points, and what lies between: neighbours move almost alike, so a
+//! network asked once per node instead of once per point costs a fraction and leaves time for more points.
 
 use std::collections::HashMap;
 
@@ -70,7 +70,8 @@ impl<T: Scalar> Nodes<T> {
         self.places.par_iter().with_min_len(MIN_BLOCK_ROWS).map(at).collect()
     }
 
-    /// Derivatives with respect to the nodes' values and the points' positions from those with respect to the points' values.
+    /// Derivatives with respect to the nodes' values and the points' positions from those with respect to the points'
+    /// values.
     pub(super) fn pull_back(
         &self,
         values: &[[T; RESIDUALS]],

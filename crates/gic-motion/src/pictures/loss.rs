@@ -1,4 +1,7 @@
 //! The loss of one picture (paper eq. 5) and its gradient with respect to the picture.
+//!
+//! `L = (w_color sum |C - C*| / 3 + w_ssim sum (1 - SSIM) + w_mask sum |A - A*|) / area`, with sums over the window's
+//! pixels, C and A the rendered colour and alpha, C* and A* the picture and its mask, SSIM after Wang et al. 2004.
 
 use gic_metrics::{MetricError, ssim_with_gradient};
 use gic_splat::{ImageGradients, Rendered};

@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use super::state::{Best, State};
 use crate::base::fit::{BaseFit, PoseMoments};
-use crate::gaussians::parameters::{ParameterMoments, Parameters, ScreenGradients, rest_per_gaussian};
+use crate::gaussians::density::ScreenGradients;
+use crate::gaussians::parameters::{ParameterMoments, Parameters, rest_per_gaussian};
 use crate::gaussians::smoothing::SmoothingGraph;
 use crate::tensor_file::{self, TensorFile};
 use crate::{BaseMotion, Domain, GaussianShape, MotionError, MotionNetwork, TrainSettings};

@@ -1,7 +1,7 @@
 //! Training: static Gaussians first, then the base motion, then the network (paper section 4.1, A.1).
 //!
-//! [`train`] runs the steps. `training` holds what stays the same, `state` what changes, `checkpoint` writes it to disk.
-//! Each other file adds a part:
+//! [`train`] runs the steps. `training` holds what stays the same, `state` what changes, `checkpoint` writes it to
+//! disk. Each other file adds a part:
 //!
 //! - `start`: the state before the first step.
 //! - `schedule`: what is trained in a step, and on which pictures.

@@ -5,7 +5,8 @@ use rand::Rng;
 
 use super::state::State;
 use super::training::Training;
-use crate::gaussians::parameters::{self, ParameterGradient, ScreenGradients, control_density};
+use crate::gaussians::density::{ScreenGradients, control_density, reset_opacity};
+use crate::gaussians::parameters::ParameterGradient;
 use crate::gaussians::smoothing::SmoothingGraph;
 
 impl Training<'_> {
@@ -52,7 +53,8 @@ impl Training<'_> {
     pub(super) fn control_density(&self, state: &mut State, rng: &mut impl Rng) {
         let d = &self.settings.density;
         let until = (d.until * self.settings.steps as f64) as usize;
-        // A followed surface was sampled densely from its hull, and its points' neighbourhoods are what holds it together.
+        // A followed surface was sampled densely from its hull, and its points' neighbourhoods are what holds it
+        // together.
         if self.tracks
             || d.every == 0
             || state.step < d.from
@@ -65,7 +67,7 @@ impl Training<'_> {
         let limits = (extent, self.max_gaussians);
         control_density(&mut state.parameters, &mut state.moments, &state.screen, d, limits, rng);
         if d.opacity_reset_every > 0 && state.step.is_multiple_of(d.opacity_reset_every) {
-            parameters::reset_opacity(&mut state.parameters, &mut state.moments, 2.0 * d.min_opacity);
+            reset_opacity(&mut state.parameters, &mut state.moments, 2.0 * d.min_opacity);
         }
         state.screen = ScreenGradients::zeros(state.parameters.len());
     }

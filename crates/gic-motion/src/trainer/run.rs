@@ -54,7 +54,8 @@ impl Training<'_> {
         let (started, first) = (Instant::now(), state.step);
         let mut saved = Instant::now();
         while state.step < steps {
-            // As one of the pool's own threads: from outside, each of the dozens of parallel loops of a step would put this thread to sleep.
+            // As one of the pool's own threads: from outside, each of the dozens of parallel loops of a step would put
+            // this thread to sleep.
             let psnr = rayon::scope(|_| self.step(state))?;
             let held_out = self.evaluate_if_due(state)?;
             let seconds = started.elapsed().as_secs_f64();

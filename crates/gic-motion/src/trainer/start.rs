@@ -8,8 +8,9 @@ use rand_chacha::ChaCha8Rng;
 
 use super::state::State;
 use super::training::Training;
+use crate::gaussians::density::ScreenGradients;
 use crate::gaussians::first_points::{self, FirstPoints};
-use crate::gaussians::parameters::{ParameterMoments, Parameters, ScreenGradients, rest_per_gaussian};
+use crate::gaussians::parameters::{ParameterMoments, Parameters, rest_per_gaussian};
 use crate::gaussians::smoothing::SmoothingGraph;
 use crate::pictures::{self, Ball, Target};
 use crate::tuning::{MIN_GAUSSIANS, NETWORK_UNIT_RADII, TOLERATED_MISS_SHARE};

@@ -4,7 +4,8 @@ use gic_optimize::Moments;
 use gic_splat::Gaussians;
 
 use crate::base::fit::BaseFit;
-use crate::gaussians::parameters::{ParameterMoments, Parameters, ScreenGradients};
+use crate::gaussians::density::ScreenGradients;
+use crate::gaussians::parameters::{ParameterMoments, Parameters};
 use crate::gaussians::smoothing::SmoothingGraph;
 use crate::tuning::NETWORK_UNIT_RADII;
 use crate::{BaseMotion, Deformation, Domain, MotionNetwork, Pose};

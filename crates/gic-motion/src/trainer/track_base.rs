@@ -12,8 +12,8 @@ use crate::tuning::{EXPLAINED_LOSS_RATIO, TRACKING_BEND_RATE, TRACKING_MAP_RATE,
 use crate::{BaseMotion, Lattice, MotionError};
 
 impl Training<'_> {
-    /// The first base motion: the pose of every frame, each fitted from where the last two lead. Frames bend from the first one
-    /// on that no affine map explains.
+    /// The first base motion: the pose of every frame, each fitted from where the last two lead. Frames bend from the
+    /// first one on that no affine map explains.
     pub(super) fn track_base(&self, state: &State, rng: &mut impl Rng) -> Result<BaseFit, MotionError> {
         let Some(centres) = self.centres() else { unreachable!("only a scene with centres is followed") };
         let times = self.frames.iter().map(|frame| self.targets[frame[0]].time).collect();

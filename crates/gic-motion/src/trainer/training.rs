@@ -94,7 +94,8 @@ impl<'a> Training<'a> {
         rng
     }
 
-    /// For each frame the point nearest to the rays through its masks' centres; `None` when a frame has too few views for that.
+    /// For each frame the point nearest to the rays through its masks' centres; `None` when a frame has too few views
+    /// for that.
     pub(super) fn centres(&self) -> Option<Vec<DVec3>> {
         let centre = |frame: &Vec<usize>| {
             let seen = frame.iter().map(|&i| &self.targets[i]).filter(|t| t.area > 0.0);

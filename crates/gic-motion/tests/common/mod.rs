@@ -6,8 +6,8 @@ use gic_scene::{Camera, Scene};
 use gic_splat::{Gaussians, RenderSettings, render};
 use serde_json::json;
 
-/// Writes what `cameras` see of each frame (time [s], Gaussians) in PAC-NeRF's layout and opens it; the folder lasts as long as
-/// the first value.
+/// Writes what `cameras` see of each frame (time [s], Gaussians) in PAC-NeRF's layout and opens it; the folder lasts as
+/// long as the first value.
 pub(crate) fn scene(cameras: &[Camera], frames: &[(f64, Gaussians)]) -> (tempfile::TempDir, Scene) {
     let folder = tempfile::tempdir().unwrap();
     write_scene(folder.path(), cameras, frames);

@@ -1,8 +1,8 @@
 //! Carving by cubes of space.
 //!
-//! A cube whose projection meets no mask pixel in some view is empty; one whose projection lies inside the masks of all views
-//! is full. Only cubes that straddle an outline are divided into eight, so the cost grows with the surface, not the volume.
-//! The number of mask pixels in a rectangle comes from a summed-area table (Crow 1984).
+//! A cube whose projection meets no mask pixel in some view is empty; one whose projection lies inside the masks of all
+//! views is full. Only cubes that straddle an outline are divided into eight, so the cost grows with the surface, not
+//! the volume. The number of mask pixels in a rectangle comes from a summed-area table (Crow 1984).
 
 use glam::{DMat3, DVec2, DVec3, IVec3};
 use rayon::prelude::*;
@@ -47,7 +47,8 @@ impl Hull {
     }
 }
 
-/// The side of a cell, and cells along each axis in whole blocks, for a box with `resolution` cells on its longest side.
+/// The side of a cell, and cells along each axis in whole blocks, for a box with `resolution` cells on its longest
+/// side.
 fn grid_shape(extent: DVec3, resolution: usize) -> (f64, [usize; 3]) {
     let cell = extent.max_element() / resolution.max(1) as f64;
     let cells = |side: f64| ((side / cell - 1e-6).ceil().max(1.0)) as usize;
@@ -61,8 +62,8 @@ fn scene_scale(views: &[HullView]) -> f64 {
     if spread > 0.0 { spread } else { first.length().max(1.0) }
 }
 
-/// A first guess of the object's box: a cube around the point closest to the rays through the masks' centres, as large as
-/// the largest mask there.
+/// A first guess of the object's box: a cube around the point closest to the rays through the masks' centres, as large
+/// as the largest mask there.
 fn first_box(views: &[HullView]) -> Option<(DVec3, DVec3)> {
     let boxes: Vec<_> = views.iter().filter_map(|view| Some((view.camera, view.mask.bounding_box()?))).collect();
     if boxes.is_empty() {

@@ -28,7 +28,8 @@ pub struct HullView<'a> {
 pub struct HullSettings {
     /// Cells along the longest side of the hull's bounding box.
     pub resolution: usize,
-    /// In how many views a point may lie outside the mask and still belong to the hull: 0 for exact masks of one moment.
+    /// In how many views a point may lie outside the mask and still belong to the hull: 0 for exact masks of one
+    /// moment.
     pub tolerated_misses: usize,
 }
 

@@ -63,8 +63,8 @@ impl Hull {
         self.walk(start, direction, 0.0)
     }
 
-    /// Walks along a ray from cell to cell; returns the distance [m] at which it has run through more than `chord` metres
-    /// of occupied cells, or where it meets the first one if `chord` is zero.
+    /// Walks along a ray from cell to cell; returns the distance [m] at which it has run through more than `chord`
+    /// metres of occupied cells, or where it meets the first one if `chord` is zero.
     fn walk(&self, start: DVec3, direction: DVec3, mut chord: f64) -> Option<f64> {
         let upper = DVec3::new(self.size[0] as f64, self.size[1] as f64, self.size[2] as f64);
         let origin = (start - self.origin) / self.cell;

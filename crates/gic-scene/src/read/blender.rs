@@ -1,4 +1,5 @@
-//! Blender / nerf_synthetic / D-NeRF: `transforms_{train,val,test}.json` with one picture, and perhaps a `time`, an entry.
+//! Blender / nerf_synthetic / D-NeRF: `transforms_{train,val,test}.json` with one picture, and perhaps a `time`, an
+//! entry.
 
 use std::path::Path;
 

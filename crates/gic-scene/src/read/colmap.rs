@@ -232,7 +232,8 @@ mod binary {
             let Some(&(name, count)) = MODELS.get(model as usize) else {
                 // The number of its parameters is unknown, so nothing behind it can be read.
                 let reason = format!(
-                    "camera {id} uses the camera model number {model}, which is not supported; undistort the pictures first"
+                    "camera {id} uses the camera model number {model}, which is not supported; undistort the \
+                     pictures first"
                 );
                 return Err(SceneError::Malformed { path: path.to_owned(), reason });
             };

@@ -117,7 +117,8 @@ fn lens_of(keys: &Keys) -> Result<Option<Lens>, UnsupportedModel> {
     let lens = match model {
         "PINHOLE" | "SIMPLE_PINHOLE" => return Ok(None),
         "OPENCV" | "SIMPLE_RADIAL" | "RADIAL" | "FULL_OPENCV" => {
-            // nerfstudio's k4 is the r^8 coefficient of a polynomial, OpenCV's full model divides by it: only zero is clear.
+            // nerfstudio's k4 is the r^8 coefficient of a polynomial, OpenCV's full model divides by it: only zero is
+            // clear.
             if k(4) != 0.0 {
                 return Err(UnsupportedModel(format!("{model} with k4 = {}", k(4))));
             }

@@ -36,8 +36,8 @@ pub(super) enum CameraError {
 #[error("{0}")]
 pub(super) struct UnsupportedModel(pub(super) String);
 
-/// Rotation (columns: right, down, forward) and centre from a camera-to-world matrix with three or four rows of four, written
-/// for OpenGL's axes: x right, y up, looking along -z.
+/// Rotation (columns: right, down, forward) and centre from a camera-to-world matrix with three or four rows of four,
+/// written for OpenGL's axes: x right, y up, looking along -z.
 pub(super) fn from_opengl_c2w(rows: &[Vec<f64>]) -> Result<(DMat3, DVec3), CameraError> {
     if !(3..=4).contains(&rows.len()) || rows.iter().any(|row| row.len() != 4) {
         return Err(CameraError::PoseShape);

@@ -1,5 +1,6 @@
-//! A two-coloured ball that falls a little between two frames, seen by four cameras, drawn by tracing rays; and how to write
-//! it in every format. The files under `tests/data` were made by `cargo test -p gic-scene --test formats -- --ignored`.
+//! A two-coloured ball that falls a little between two frames, seen by four cameras, drawn by tracing rays; and how to
+//! write it in every format. The files under `tests/data` were made by `cargo test -p gic-scene --test formats --
+//! --ignored`.
 
 #![allow(dead_code)]
 
@@ -201,7 +202,8 @@ pub(crate) fn write_blender(root: &Path) {
             .map(|c| {
                 let camera = &cameras()[c];
                 draw(camera, c % 2, [0.0; 4]).save(pictures.join(format!("r_{c:03}.png"))).expect("saved");
-                json!({"file_path": format!("./{split}/r_{c:03}"), "time": (c % 2) as f64, "transform_matrix": c2w(camera, 4)})
+                let file_path = format!("./{split}/r_{c:03}");
+                json!({"file_path": file_path, "time": (c % 2) as f64, "transform_matrix": c2w(camera, 4)})
             })
             .collect();
         write_json(root.join(format!("transforms_{split}.json")), &json!({"camera_angle_x": angle, "frames": frames}));
@@ -234,7 +236,8 @@ fn world_to_camera(camera: &Camera) -> (DQuat, DVec3) {
     (DQuat::from_mat3(&rotation), -(rotation * camera.centre))
 }
 
-/// Camera 1 of the model is a pinhole (images 0 and 1), camera 2 has OpenCV distortion (images 2 and 3); JPEG photographs.
+/// Camera 1 of the model is a pinhole (images 0 and 1), camera 2 has OpenCV distortion (images 2 and 3); JPEG
+/// photographs.
 pub(crate) fn write_colmap(root: &Path, binary: bool) {
     let (pictures, masks) = (folder(root.join("images")), folder(root.join("masks")));
     let model = folder(root.join("sparse/0"));
