@@ -139,8 +139,7 @@ fn a_run_that_was_stopped_continues_as_if_it_had_not_been() {
 }
 
 #[test]
-fn the_papers_schedule_has_no_base_motion() {
-    assert_eq!(TrainSettings::paper().affine_steps, 0);
+fn without_affine_steps_there_is_no_base_motion() {
     let (_folder, scene) = scene();
     let base = |affine_steps| {
         let model = run(&scene, &TrainSettings { affine_steps, ..settings(12) }, None, 0);

@@ -41,20 +41,6 @@ impl Camera {
         let c = (pixel - self.principal) / self.focal * depth;
         self.rotation * DVec3::new(c.x, c.y, depth) + self.centre
     }
-
-    /// The same camera with an image scaled by `factor` in both directions; sizes are rounded to whole pixels.
-    pub fn scaled(&self, factor: f64) -> Camera {
-        let (width, height) =
-            ((self.width as f64 * factor).round().max(1.0), (self.height as f64 * factor).round().max(1.0));
-        let ratio = DVec2::new(width / self.width as f64, height / self.height as f64);
-        Camera {
-            width: width as usize,
-            height: height as usize,
-            focal: self.focal * ratio,
-            principal: self.principal * ratio,
-            ..self.clone()
-        }
-    }
 }
 
 #[cfg(test)]
@@ -83,7 +69,6 @@ mod tests {
             centre in prop::array::uniform3(-2.0..2.0_f64),
             pixel in prop::array::uniform2(-10.0..70.0_f64),
             depth in 0.1..5.0_f64,
-            factor in 0.25..3.0_f64,
         ) {
             let camera = camera(axis, angle, centre);
             let pixel = DVec2::from_array(pixel);
@@ -91,11 +76,6 @@ mod tests {
             let (back, z) = camera.project(world).expect("in front");
             prop_assert!((back - pixel).length() < 1e-8 && (z - depth).abs() < 1e-10);
             prop_assert!((camera.to_camera(world).z - depth).abs() < 1e-10);
-            // In a scaled picture the point stays at the same fraction of the width and height.
-            let scaled = camera.scaled(factor);
-            let (found, _) = scaled.project(world).expect("in front");
-            let size = |camera: &Camera| DVec2::new(camera.width as f64, camera.height as f64);
-            prop_assert!((found / size(&scaled) - pixel / size(&camera)).length() < 1e-10);
             prop_assert_eq!(camera.project(camera.unproject(pixel, -depth)), None);
         }
     }

@@ -42,18 +42,6 @@ pub struct PixelBox {
     pub y1: usize,
 }
 
-impl PixelBox {
-    /// The rectangle grown by `margin` pixels on every side and cut at the border of a `width` x `height` picture.
-    pub fn grown(self, margin: usize, width: usize, height: usize) -> PixelBox {
-        PixelBox {
-            x0: self.x0.saturating_sub(margin),
-            y0: self.y0.saturating_sub(margin),
-            x1: (self.x1 + margin).min(width),
-            y1: (self.y1 + margin).min(height),
-        }
-    }
-}
-
 impl Picture {
     /// Colour of the pixel in column `x`, row `y`.
     pub fn at(&self, x: usize, y: usize) -> [f32; 3] {
@@ -86,13 +74,6 @@ impl Picture {
             encoder.write_image(&bytes, width, height, ExtendedColorType::Rgb8).map_err(std::io::Error::other)
         })
         .map_err(|failed| SceneError::Io { path: failed.path, source: failed.source })
-    }
-
-    /// The picture over a uniform `background`: `coverage * rgb + (1 - coverage) * background`, shape [height * width,
-    /// 3]. The mask has the same size.
-    pub fn composited(&self, mask: &Mask, background: [f32; 3]) -> Vec<f32> {
-        let pixels = self.rgb.chunks_exact(3).zip(&mask.coverage);
-        pixels.flat_map(|(rgb, a)| std::array::from_fn::<_, 3, _>(|c| a * rgb[c] + (1.0 - a) * background[c])).collect()
     }
 }
 
@@ -244,8 +225,6 @@ mod tests {
         assert!(!found.touches_border());
         assert!(mask(3, &["000", "009"]).touches_border() && mask(3, &["090", "000", "000"]).touches_border());
         assert_eq!(mask(3, &["040", "000"]).bounding_box(), None);
-        let grown = found.bounding_box().map(|b| b.grown(2, 5, 4));
-        assert_eq!(grown, Some(PixelBox { x0: 0, y0: 0, x1: 5, y1: 4 }));
     }
 
     #[test]
@@ -257,12 +236,5 @@ mod tests {
         let picture = Picture { width: 2, height: 1, rgb: vec![0.0, 0.2, 1.0, 1.0, 0.4, 0.0] };
         assert_eq!(picture.sample(1.0, 0.5), Some([0.5, 0.3, 0.5]));
         assert_eq!((picture.sample(2.5, 0.5), picture.at(1, 0)), (None, [1.0, 0.4, 0.0]));
-    }
-
-    #[test]
-    fn compositing_mixes_by_coverage() {
-        let picture = Picture { width: 2, height: 1, rgb: vec![1.0, 0.5, 0.0, 1.0, 0.5, 0.0] };
-        let mask = Mask { width: 2, height: 1, coverage: vec![1.0, 0.25] };
-        assert_eq!(picture.composited(&mask, [0.0, 0.0, 1.0]), [1.0, 0.5, 0.0, 0.25, 0.125, 0.75]);
     }
 }

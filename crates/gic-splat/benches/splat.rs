@@ -10,7 +10,7 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 use gic_scene::Camera;
 use gic_simd::Level;
 use gic_splat::twin::{self, Cutoffs, GaussiansF64, PicturesF64};
-use gic_splat::{Channels, Gaussians, ImageGradients, RenderSettings, Shape, alpha_tangents, backward, render};
+use gic_splat::{Channels, Gaussians, ImageGradients, RenderSettings, Shape, backward, render};
 use glam::{DMat3, DVec2};
 use mimalloc::MiMalloc;
 use rand::{RngExt, SeedableRng};
@@ -167,7 +167,6 @@ fn masks(c: &mut Criterion<ThreadTime>) {
         let sigma = 0.35 * camera.focal.x * (4.0 / 3.0 * std::f64::consts::PI * 0.008 / n as f64).cbrt();
         let gaussians = ball(n, sigma, (0.6, 0.9999));
         let loss = ImageGradients { alpha: vec![0.5; 160_000], ..ImageGradients::default() };
-        let tangents = vec![vec![[0.1f32, 0.2, -0.1]; n]; 8];
         let mut group = c.benchmark_group(format!("masks_400x400_{n}_sigma{sigma:.1}px"));
         group.throughput(Throughput::Elements(pairs(&gaussians, &camera, &settings)));
         group.bench_function("forward", |b| {
@@ -175,9 +174,6 @@ fn masks(c: &mut Criterion<ThreadTime>) {
         });
         group.bench_function("forward_backward", |b| {
             one_thread(|| b.iter(|| both(&gaussians, &camera, &settings, &loss)));
-        });
-        group.bench_function("8_tangents", |b| {
-            one_thread(|| b.iter(|| black_box(alpha_tangents(&gaussians, &camera, &settings, &tangents))));
         });
         group.finish();
     }

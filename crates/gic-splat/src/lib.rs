@@ -9,7 +9,6 @@ mod raster;
 mod render;
 mod settings;
 pub mod sh;
-mod tangents;
 mod tiles;
 pub mod twin;
 
@@ -19,4 +18,3 @@ pub use limits::{ALPHA_MAX, ALPHA_MIN, FRUSTUM_MARGIN, TRANSMITTANCE_MIN};
 pub use ply::{Imported, PlyError, read_ply, write_ply};
 pub use render::{ImageGradients, Rendered, backward, render};
 pub use settings::{Channels, RenderSettings};
-pub use tangents::{AlphaTangents, alpha_tangents};

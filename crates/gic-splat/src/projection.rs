@@ -53,10 +53,6 @@ pub(crate) struct AttributeGradient {
     pub(crate) screen: f32,
 }
 
-/// How ln alpha of a Gaussian changes along a tangent:
-/// `[0] + [1] dx + [2] dy + [3] dx^2 + [4] dx dy + [5] dy^2`, with the pixel's offset from the centre.
-pub(crate) type LogAlphaTangent = [f32; 6];
-
 /// A symmetric 2x2 matrix: xx, xy, yy.
 #[derive(Clone, Copy, Debug)]
 struct Sym2 {
@@ -355,50 +351,6 @@ impl<'a> CameraProjection<'a> {
             }
             // A^T row = scale row
             _ => (DVec3::new(d_a[0].dot(rows[0]) + d_a[1].dot(rows[1]), 0.0, 0.0), [0.0; 4]),
-        }
-    }
-
-    /// The projection of Gaussian `i` in forward mode, for every given motion of its centre [m per unit].
-    pub(crate) fn project_tangents(
-        &self,
-        gaussians: &Gaussians,
-        i: usize,
-        moves: impl Iterator<Item = [f32; 3]>,
-        out: &mut [LogAlphaTangent],
-    ) {
-        let Some(g) = self.geometry(Self::position(gaussians, i), self.root(gaussians, i)) else { return };
-        let f = self.camera.focal / g.p.z;
-        let dot = |m: Sym2, d: Sym2| m.xx * d.xx + 2.0 * m.xy * d.xy + m.yy * d.yy;
-        for (out, motion) in out.iter_mut().zip(moves) {
-            let d_p = self.camera_from_world * DVec3::from_array(motion.map(f64::from));
-            let d_uv = (DVec2::new(d_p.x, d_p.y) - g.uv * d_p.z) / g.p.z;
-            let d_mean = self.camera.focal * d_uv;
-            let d_limited = d_uv * g.slope;
-            let d_a = [
-                g.root.apply(DVec3::new(0.0, 0.0, -d_limited.x)) * f.x - g.a[0] * (d_p.z / g.p.z),
-                g.root.apply(DVec3::new(0.0, 0.0, -d_limited.y)) * f.y - g.a[1] * (d_p.z / g.p.z),
-            ];
-            let d_bare = Sym2 {
-                xx: 2.0 * d_a[0].dot(g.a[0]),
-                xy: d_a[0].dot(g.a[1]) + g.a[0].dot(d_a[1]),
-                yy: 2.0 * d_a[1].dot(g.a[1]),
-            };
-            // conic = dilated^-1, so d conic = -conic (d bare) conic; ln alpha = ln compensation - d^T conic d / 2.
-            let minus_d_conic = g.conic.sandwich(d_bare);
-            let d_log_opacity = if self.settings.compensate {
-                0.5 * (dot(g.bare.inverse(), d_bare) - dot(g.conic, d_bare))
-            } else {
-                0.0
-            };
-            *out = [
-                d_log_opacity,
-                g.conic.xx * d_mean.x + g.conic.xy * d_mean.y,
-                g.conic.xy * d_mean.x + g.conic.yy * d_mean.y,
-                0.5 * minus_d_conic.xx,
-                minus_d_conic.xy,
-                0.5 * minus_d_conic.yy,
-            ]
-            .map(|v| v as f32);
         }
     }
 

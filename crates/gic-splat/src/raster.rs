@@ -16,17 +16,17 @@ use crate::tiles::{TILE_SIDE, Tile};
 /// Lanes may start at any pixel of a row, so rows are longer than a tile by the widest lanes; nothing is drawn there.
 const ROW_STRIDE: usize = TILE_SIDE + MAX_LANES;
 /// Pixels of a tile.
-pub(crate) const TILE_PIXELS: usize = TILE_SIDE * TILE_SIDE;
+const TILE_PIXELS: usize = TILE_SIDE * TILE_SIDE;
 /// After so many splats, rows whose pixels are all finished are taken out.
 const SPLATS_PER_CHECK: usize = 16;
 /// Alpha this low is a logarithm no splat reaches: the way to leave a lane out.
 const UNREACHED_LOG_ALPHA: f64 = -1e30;
 
 /// A number per pixel of a tile.
-pub(crate) type PixelPlane = [[f32; ROW_STRIDE]; TILE_SIDE];
+type PixelPlane = [[f32; ROW_STRIDE]; TILE_SIDE];
 
 /// All zero.
-pub(crate) const ZERO_PLANE: PixelPlane = [[0.0; ROW_STRIDE]; TILE_SIDE];
+const ZERO_PLANE: PixelPlane = [[0.0; ROW_STRIDE]; TILE_SIDE];
 
 /// A tile after blending; pixels row by row. What is outside the picture has transmittance 0.
 #[derive(Clone, Debug)]
@@ -83,7 +83,7 @@ fn widen(pixels: &[f32; TILE_PIXELS]) -> PixelPlane {
     plane
 }
 
-pub(crate) fn narrow(plane: &PixelPlane) -> [f32; TILE_PIXELS] {
+fn narrow(plane: &PixelPlane) -> [f32; TILE_PIXELS] {
     let mut pixels = [0.0; TILE_PIXELS];
     for row in 0..TILE_SIDE {
         pixels[row * TILE_SIDE..(row + 1) * TILE_SIDE].copy_from_slice(&plane[row][..TILE_SIDE]);
@@ -149,9 +149,58 @@ impl<const COLOR: bool, const DEPTH: bool> Kernel for Draw<'_, COLOR, DEPTH> {
 
     #[inline(always)]
     fn run<L: Lanes<Scalar = f32>>(self) -> TilePixels {
-        let mut sums = PictureSums::<COLOR, DEPTH> { last: ZERO_PLANE, color: [ZERO_PLANE; 3], depth: ZERO_PLANE };
-        let transmittance = blend::<L, _>(self.0, &mut sums);
-        let PictureSums { last, color, depth } = sums;
+        let TileInput { splats, entries, tile, inside } = self.0;
+        let mut transmittance = open_plane(inside);
+        let mut last: PixelPlane = ZERO_PLANE;
+        let mut color: [PixelPlane; 3] = [ZERO_PLANE; 3];
+        let mut depth: PixelPlane = ZERO_PLANE;
+        let mut open = [true; TILE_SIDE];
+        let (log_min, max) = (L::splat(ALPHA_MIN.ln()), L::splat(ALPHA_MAX));
+        let (transmittance_min, unreached) = (L::splat(TRANSMITTANCE_MIN), L::splat(UNREACHED_LOG_ALPHA));
+
+        for (k, &entry) in entries.iter().enumerate() {
+            if k % SPLATS_PER_CHECK == 0 && k > 0 && !close_rows::<L>(&transmittance, &mut open) {
+                break;
+            }
+            let s = &splats[entry as usize];
+            let local = TileSplat::<L>::new(s, &tile);
+            let count = L::splat((k + 1) as f64);
+            let s_color: [L; 3] = s.color.map(L::of);
+            let s_depth: L = L::of(s.depth);
+            for row in local.rows[0]..local.rows[1] {
+                if !open[row] {
+                    continue;
+                }
+                let dy = local.dy + row as f32;
+                let base: L = L::of(local.c * dy * dy + local.log_opacity);
+                let slope: L = L::of(local.b * dy);
+                let mut next = local.columns[0];
+                while next < local.columns[1] {
+                    let at = next;
+                    next += L::LANES;
+                    let dx = local.dx + L::of(at as f32);
+                    let t = L::load(&transmittance[row][at..]);
+                    let log_alpha = dx.mul_add(local.a, slope).mul_add(dx, base);
+                    let log_alpha = L::select(transmittance_min.le(t), log_alpha, unreached);
+                    let drawn = log_min.le(log_alpha);
+                    if !L::any(drawn) {
+                        continue;
+                    }
+                    let alpha = L::select(drawn, log_alpha.exp().min(max), L::zero());
+                    let weight = t * alpha;
+                    (t - weight).store(&mut transmittance[row][at..]);
+                    L::select(drawn, count, L::load(&last[row][at..])).store(&mut last[row][at..]);
+                    if COLOR {
+                        for c in 0..3 {
+                            weight.mul_add(s_color[c], L::load(&color[c][row][at..])).store(&mut color[c][row][at..]);
+                        }
+                    }
+                    if DEPTH {
+                        weight.mul_add(s_depth, L::load(&depth[row][at..])).store(&mut depth[row][at..]);
+                    }
+                }
+            }
+        }
         TilePixels {
             transmittance: narrow(&transmittance),
             last: narrow(&last),
@@ -159,122 +208,6 @@ impl<const COLOR: bool, const DEPTH: bool> Kernel for Draw<'_, COLOR, DEPTH> {
             depth: DEPTH.then(|| Box::new(narrow(&depth))),
         }
     }
-}
-
-/// What the pictures of a tile add up while its splats are blended.
-struct PictureSums<const COLOR: bool, const DEPTH: bool> {
-    last: PixelPlane,
-    color: [PixelPlane; 3],
-    depth: PixelPlane,
-}
-
-/// One splat's part of [`PictureSums`].
-#[derive(Clone, Copy)]
-struct PictureShare<L> {
-    /// One more than its position among the tile's entries.
-    count: L,
-    color: [L; 3],
-    depth: L,
-}
-
-impl<L: Lanes<Scalar = f32>, const COLOR: bool, const DEPTH: bool> Blended<L> for PictureSums<COLOR, DEPTH> {
-    type Share = PictureShare<L>;
-
-    #[inline(always)]
-    fn share(&self, k: usize, _: usize, splat: &Splat) -> PictureShare<L> {
-        PictureShare { count: L::splat((k + 1) as f64), color: splat.color.map(L::of), depth: L::of(splat.depth) }
-    }
-
-    #[inline(always)]
-    fn add(&mut self, share: &PictureShare<L>, pixels: Pixels<L>) {
-        let Pixels { row, column, drawn, weight, .. } = pixels;
-        L::select(drawn, share.count, L::load(&self.last[row][column..])).store(&mut self.last[row][column..]);
-        if COLOR {
-            for c in 0..3 {
-                let sum = L::load(&self.color[c][row][column..]);
-                weight.mul_add(share.color[c], sum).store(&mut self.color[c][row][column..]);
-            }
-        }
-        if DEPTH {
-            let sum = L::load(&self.depth[row][column..]);
-            weight.mul_add(share.depth, sum).store(&mut self.depth[row][column..]);
-        }
-    }
-}
-
-/// What is added up over the splats of a tile while [`blend`] goes through them front to back.
-pub(crate) trait Blended<L: Lanes<Scalar = f32>> {
-    /// What of a splat is the same for all its pixels.
-    type Share;
-
-    /// Looks at a splat: the tile's `k`-th, number `entry` of all.
-    fn share(&self, k: usize, entry: usize, splat: &Splat) -> Self::Share;
-
-    /// Adds what the splat does to some pixels.
-    fn add(&mut self, share: &Self::Share, pixels: Pixels<L>);
-}
-
-/// Pixels side by side in a row that a splat is blended into.
-#[derive(Clone, Copy)]
-pub(crate) struct Pixels<L: Lanes<Scalar = f32>> {
-    pub(crate) row: usize,
-    /// Column of the first.
-    pub(crate) column: usize,
-    /// Offset from the splat's centre [pixels].
-    pub(crate) dx: L,
-    pub(crate) dy: f32,
-    /// Whether the splat counts.
-    pub(crate) drawn: L::Mask,
-    /// Its alpha; 0 where it does not count.
-    pub(crate) alpha: L,
-    /// Transmittance in front of it times alpha.
-    pub(crate) weight: L,
-}
-
-/// Blends the splats of a tile front to back (paper eq. 2): T <- T (1 - alpha), until no light is left. Returns the
-/// transmittance T that remains in each pixel.
-#[inline(always)]
-pub(crate) fn blend<L: Lanes<Scalar = f32>, B: Blended<L>>(input: TileInput<'_>, sums: &mut B) -> PixelPlane {
-    let TileInput { splats, entries, tile, inside } = input;
-    let mut transmittance = open_plane(inside);
-    let mut open = [true; TILE_SIDE];
-    let (log_min, max) = (L::splat(ALPHA_MIN.ln()), L::splat(ALPHA_MAX));
-    let (transmittance_min, unreached) = (L::splat(TRANSMITTANCE_MIN), L::splat(UNREACHED_LOG_ALPHA));
-
-    for (k, &entry) in entries.iter().enumerate() {
-        if k % SPLATS_PER_CHECK == 0 && k > 0 && !close_rows::<L>(&transmittance, &mut open) {
-            break;
-        }
-        let splat = &splats[entry as usize];
-        let local = TileSplat::<L>::new(splat, &tile);
-        let share = sums.share(k, entry as usize, splat);
-        for row in local.rows[0]..local.rows[1] {
-            if !open[row] {
-                continue;
-            }
-            let dy = local.dy + row as f32;
-            let base: L = L::of(local.c * dy * dy + local.log_opacity);
-            let slope: L = L::of(local.b * dy);
-            let mut next = local.columns[0];
-            while next < local.columns[1] {
-                let column = next;
-                next += L::LANES;
-                let dx = local.dx + L::of(column as f32);
-                let t = L::load(&transmittance[row][column..]);
-                let log_alpha = dx.mul_add(local.a, slope).mul_add(dx, base);
-                let log_alpha = L::select(transmittance_min.le(t), log_alpha, unreached);
-                let drawn = log_min.le(log_alpha);
-                if !L::any(drawn) {
-                    continue;
-                }
-                let alpha = L::select(drawn, log_alpha.exp().min(max), L::zero());
-                let weight = t * alpha;
-                (t - weight).store(&mut transmittance[row][column..]);
-                sums.add(&share, Pixels { row, column, dx, dy, drawn, alpha, weight });
-            }
-        }
-    }
-    transmittance
 }
 
 /// Closes the rows whose pixels are all finished; whether any is still open.

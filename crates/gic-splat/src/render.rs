@@ -84,7 +84,7 @@ pub fn render(gaussians: &Gaussians, camera: &Camera, settings: &RenderSettings)
 }
 
 /// Projects all Gaussians; those in sight front to back, and how many had to be rejected.
-pub(crate) fn splats(gaussians: &Gaussians, camera: &Camera, settings: &RenderSettings) -> (Vec<Splat>, usize) {
+fn splats(gaussians: &Gaussians, camera: &Camera, settings: &RenderSettings) -> (Vec<Splat>, usize) {
     if let Err(error) = gaussians.check_lengths() {
         panic!("{error}");
     }
@@ -103,7 +103,7 @@ pub(crate) fn splats(gaussians: &Gaussians, camera: &Camera, settings: &RenderSe
     (front_to_back(&outcomes), rejected)
 }
 
-pub(crate) fn input<'a>(splats: &'a [Splat], tiles: &'a Tiles, tile: &Tile, camera: &Camera) -> TileInput<'a> {
+fn input<'a>(splats: &'a [Splat], tiles: &'a Tiles, tile: &Tile, camera: &Camera) -> TileInput<'a> {
     TileInput {
         splats,
         entries: &tiles.entries[tile.first as usize..tile.last as usize],
@@ -118,7 +118,7 @@ fn inside(tile: &Tile, camera: &Camera) -> [usize; 2] {
 }
 
 /// For each row of a tile inside the picture: where it starts in the tile, in the picture, and its length.
-pub(crate) fn rows_of(tile: &Tile, camera: &Camera) -> impl Iterator<Item = (usize, usize, usize)> + use<> {
+fn rows_of(tile: &Tile, camera: &Camera) -> impl Iterator<Item = (usize, usize, usize)> + use<> {
     let ([columns, rows], width, origin) = (inside(tile, camera), camera.width, tile.origin);
     (0..rows).map(move |row| (row * TILE_SIDE, (origin[1] as usize + row) * width + origin[0] as usize, columns))
 }

@@ -41,13 +41,6 @@ pub struct Candidate {
     pub apart_rad: f64,
 }
 
-impl Candidate {
-    /// The lowest overlap.
-    pub fn least_iou(&self) -> f64 {
-        self.iou.iter().copied().fold(f64::INFINITY, f64::min)
-    }
-}
-
 /// What registration found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Registration {

@@ -2,7 +2,7 @@
 
 use gic_scene::Scene;
 
-use super::training::MIN_GAUSSIANS;
+use crate::tuning::MIN_GAUSSIANS;
 use crate::{MotionError, TrainSettings};
 
 /// # Errors
