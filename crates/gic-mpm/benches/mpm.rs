@@ -1,8 +1,9 @@
-//! Speed of rollouts and gradients, in particle-substeps per second of one core's CPU time ("Melem/s" is M particle-substeps per
-//! core-second).
+//! Speed of rollouts and gradients, in particle-substeps per second of one core's CPU time ("Melem/s" is M
+//! particle-substeps per core-second).
 //!
-//! `cargo bench -p gic-mpm --bench mpm` measures the readable twin and every SIMD level of the machine on one thread, and the best level on
-//! all threads (there, per second of wall time). CPU time makes the figures hold on a busy machine.
+//! `cargo bench -p gic-mpm --bench mpm` measures the readable twin and every SIMD level of the machine on one thread,
+//! and the best level on all threads (there, per second of wall time). CPU time makes the figures hold on a busy
+//! machine.
 
 use std::time::{Duration, Instant};
 

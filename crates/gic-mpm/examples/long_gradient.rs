@@ -1,4 +1,5 @@
-//! Time and peak memory of a long gradient: 59,319 particles, 13 frames of 200 substeps, under the default memory budget.
+//! Time and peak memory of a long gradient: 59,319 particles, 13 frames of 200 substeps, under the default memory
+//! budget.
 //!
 //! `cargo run --release -p gic-mpm --example long_gradient [elastic|plasticine]`
 

@@ -30,7 +30,8 @@ pub enum SimulationError {
     Empty,
     /// A particle starts inside an obstacle.
     #[error(
-        "particle {particle} at {position} m starts {depth_m:.4} m inside colliders[{collider}]: move the body or the collider"
+        "particle {particle} at {position} m starts {depth_m:.4} m inside colliders[{collider}]: \
+         move the body or the collider"
     )]
     InsideCollider {
         /// Number of the particle.
@@ -44,8 +45,8 @@ pub enum SimulationError {
     },
     /// A frame stays unstable however many substeps it gets.
     #[error(
-        "frame {frame} is unstable even with {substeps} substeps: particle {particle} moves at {velocity} m/s; lower the stiffness or \
-         the viscosity, raise `grid_spacing_m`, or check the parameters' units"
+        "frame {frame} is unstable even with {substeps} substeps: particle {particle} moves at {velocity} m/s; \
+         lower the stiffness or the viscosity, raise `grid_spacing_m`, or check the parameters' units"
     )]
     Unstable {
         /// The frame that was being computed.
@@ -59,8 +60,9 @@ pub enum SimulationError {
     },
     /// The time step that the material needs is beyond reason.
     #[error(
-        "bodies[{body}] needs {substeps:.3e} substeps per frame (wave speed {wave_speed_m_s:.1} m/s, particles up to {speed_m_s:.1} m/s, on a \
-         {grid_spacing_m} m grid), more than {limit}: lower its stiffness, viscosity or velocity, or raise `grid_spacing_m`"
+        "bodies[{body}] needs {substeps:.3e} substeps per frame (wave speed {wave_speed_m_s:.1} m/s, \
+         particles up to {speed_m_s:.1} m/s, on a {grid_spacing_m} m grid), more than {limit}: \
+         lower its stiffness, viscosity or velocity, or raise `grid_spacing_m`"
     )]
     TooStiff {
         /// Number of the body.
@@ -78,8 +80,8 @@ pub enum SimulationError {
     },
     /// A particle went too far from the others or from the origin.
     #[error(
-        "frame {frame}: particle {particle} left the domain at {position} m with {velocity} m/s ({reason}); add a collider that holds it, \
-         simulate fewer frames, or raise `grid_spacing_m`"
+        "frame {frame}: particle {particle} left the domain at {position} m with {velocity} m/s ({reason}); \
+         add a collider that holds it, simulate fewer frames, or raise `grid_spacing_m`"
     )]
     LeftDomain {
         /// The frame that was being computed.
@@ -101,7 +103,8 @@ pub enum SimulationError {
     },
     /// A gradient does not fit its memory budget.
     #[error(
-        "the gradient needs at least {needed_bytes} bytes, but `gradient_memory_bytes` is {budget_bytes}: raise it or use fewer particles"
+        "the gradient needs at least {needed_bytes} bytes, but `gradient_memory_bytes` is {budget_bytes}: \
+         raise it or use fewer particles"
     )]
     MemoryBudget {
         /// Smallest budget that works.

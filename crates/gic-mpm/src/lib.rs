@@ -1,4 +1,5 @@
-//! A differentiable material point method (MLS-MPM: APIC, quadratic B-splines, explicit symplectic steps; paper section 4.3).
+//! A differentiable material point method (MLS-MPM: APIC, quadratic B-splines, explicit symplectic steps; paper section
+//! 4.3).
 //!
 //! | folder | what it holds |
 //! |---|---|

@@ -11,8 +11,8 @@ use crate::world::{Body, Stepping, World};
 
 type Check = Result<(), SimulationError>;
 
-/// A collider may hold particles this deep, as a fraction of the grid spacing: an object that rests on the ground touches it.
-const RESTING_DEPTH: f64 = 0.5;
+/// Depth, in cells, to which a collider may hold particles at the start: an object that rests on the ground touches it.
+const MAX_INITIAL_DEPTH_CELLS: f64 = 0.5;
 
 impl World {
     /// Checks that the world can be simulated.
@@ -49,7 +49,7 @@ impl World {
         for (particle, &position) in positions.enumerate() {
             for (collider, shape) in self.colliders.iter().enumerate() {
                 let depth_m = -shape.signed_distance(position, 0.0);
-                if depth_m > RESTING_DEPTH * self.grid_spacing_m {
+                if depth_m > MAX_INITIAL_DEPTH_CELLS * self.grid_spacing_m {
                     return Err(SimulationError::InsideCollider { particle, position, collider, depth_m });
                 }
             }

@@ -13,7 +13,8 @@ pub struct Body {
     pub density_kg_m3: f64,
     /// Rest volume of one particle [m^3].
     pub particle_volume_m3: f64,
-    /// Rest volume, and so mass, of each particle in units of `particle_volume_m3`, positive, shape [n]; empty where all are 1.
+    /// Rest volume, and so mass, of each particle in units of `particle_volume_m3`, positive, shape [n]; empty where
+    /// all are 1.
     pub volume_factors: Vec<f64>,
     /// Initial positions [m], shape [n].
     pub positions: Vec<DVec3>,
@@ -35,7 +36,7 @@ impl Body {
 /// How many substeps a frame takes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Stepping {
-    /// A fixed count per frame (the reference uses 200); more only where a frame turns out unstable.
+    /// A fixed count per frame (the published simulations use 200); more only where a frame turns out unstable.
     Fixed {
         /// Substeps per frame.
         substeps_per_frame: usize,

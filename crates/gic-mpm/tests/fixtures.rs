@@ -1,6 +1,8 @@
-//! The published simulator's trajectories and gradients (`tests/data`, made with its Taichi code in f32 and f64), reproduced.
+//! The published simulator's trajectories and gradients (`tests/data`, made with its Taichi code in f32 and f64),
+//! reproduced.
 //!
-//! 2,000 particles hit a sticky ground; 8 frames (0 the initial state) of 200 substeps. Loss: mean over particles of |x - (x_ref + shift)|^2 at the last frame.
+//! 2,000 particles hit a sticky ground; 8 frames (0 the initial state) of 200 substeps. Loss: mean over particles of |x
+//! - (x_ref + shift)|^2 at the last frame.
 
 use std::{fs::File, io::BufReader, path::PathBuf};
 
@@ -195,7 +197,8 @@ fn non_newtonian_trajectory() {
     assert_trajectory(&non_newtonian(), 1e-6);
 }
 
-/// Derivatives with respect to Lame's parameters, from those with respect to E and nu: what the reference differentiates by.
+/// Derivatives with respect to Lame's parameters, from those with respect to E and nu: what the reference
+/// differentiates by.
 fn lame_gradient(e: f64, nu: f64, [by_e, by_nu]: [f64; 2]) -> [f64; 2] {
     let (a, b) = (1.0 + nu, 1.0 - 2.0 * nu);
     // Columns of d(mu, lambda) / d(E, nu); its transposed inverse takes one gradient to the other.
@@ -205,8 +208,9 @@ fn lame_gradient(e: f64, nu: f64, [by_e, by_nu]: [f64; 2]) -> [f64; 2] {
     [(lambda_nu * by_e - lambda_e * by_nu) / det, (mu_e * by_nu - mu_nu * by_e) / det]
 }
 
-/// Compares a gradient with the reference's central differences: relative 1e-3, and for `nearly_zero` parameters absolute, 1e-3 of the
-/// largest sensitivity (parameter times derivative) of the material. Parameters: name, value, derivative found.
+/// Compares a gradient with the reference's central differences: relative 1e-3, and for `nearly_zero` parameters
+/// absolute, 1e-3 of the largest sensitivity (parameter times derivative) of the material. Parameters: name, value,
+/// derivative found.
 fn assert_gradient(fixture: &Fixture, parameters: &[(&str, f64, f64)], nearly_zero: &[&str], found: &BodyGradient) {
     let reference = |name: &str| fixture.number(&format!("/finite_difference_f64/gradient/{name}"));
     let largest = parameters.iter().map(|(name, value, _)| (value * reference(name)).abs()).fold(0.0, f64::max);
@@ -227,10 +231,11 @@ fn assert_gradient(fixture: &Fixture, parameters: &[(&str, f64, f64)], nearly_ze
     let (density, expected) = (found.density, fixture.number("/f64/gradient/rho"));
     println!("{} density: {density:.6e}, reference {expected:.6e}", fixture.material.model());
     assert!((density - expected).abs() <= 1e-3 * expected.abs(), "density: {density} against {expected}");
-    // By the velocities of single particles, the reference's own adjoint is off for the laws that decompose F: by up to half of an entry,
-    // as finite differences of the loss show, which agree with gic to seven digits (`assert_single_velocities`, which judges them instead).
-    // Its sums over particles and its derivatives by positions are right, so the error acts through C in the flight before the contact,
-    // where F = I: velocities that are all equal, and positions in a uniform flow, do not change C.
+    // By the velocities of single particles, the reference's own adjoint is off for the laws that decompose F: by up to
+    // half of an entry, as finite differences of the loss show, which agree with gic to seven digits
+    // (`assert_single_velocities`, which judges them instead). Its sums over particles and its derivatives by positions
+    // are right, so the error acts through C in the flight before the contact, where F = I: velocities that are all
+    // equal, and positions in a uniform flow, do not change C.
     let decomposes = !matches!(fixture.material, Material::Elastic { .. } | Material::Newtonian { .. });
     for (name, found) in [("grad_x0_f64", &found.positions), ("grad_v0_f64", &found.velocities)] {
         if decomposes && name == "grad_v0_f64" {
@@ -244,8 +249,9 @@ fn assert_gradient(fixture: &Fixture, parameters: &[(&str, f64, f64)], nearly_ze
     }
 }
 
-/// Compares derivatives by the initial velocities of the `count` particles for which the reference's adjoint differs most from gic's,
-/// along those differences, with central differences: relative 1e-3 of the difference that is to be judged.
+/// Compares derivatives by the initial velocities of the `count` particles for which the reference's adjoint differs
+/// most from gic's, along those differences, with central differences: relative 1e-3 of the difference that is to be
+/// judged.
 fn assert_single_velocities(fixture: &Fixture, found: &BodyGradient, count: usize) {
     let differs: Vec<DVec3> =
         found.velocities.iter().zip(fixture.vectors("grad_v0_f64")).map(|(gic, reference)| *gic - reference).collect();
@@ -316,9 +322,9 @@ fn sand_gradient() {
     assert_gradient(&fixture, &parameters, &["mu", "lambda"], found);
 }
 
-/// Undeformed sand is at the tip of its yield surface: stiff against compression, without stress in tension. One particle's velocity
-/// compresses some neighbours and loosens others, so the two one-sided derivatives differ and no adjoint is right: there is nothing to
-/// compare (at this particle, gic's adjoint and the reference's differ most).
+/// Undeformed sand is at the tip of its yield surface: stiff against compression, without stress in tension. One
+/// particle's velocity compresses some neighbours and loosens others, so the two one-sided derivatives differ and no
+/// adjoint is right: there is nothing to compare (at this particle, gic's adjoint and the reference's differ most).
 #[test]
 #[ignore = "ten seconds; run with --ignored"]
 fn undeformed_sand_has_no_derivative_by_single_velocities() {

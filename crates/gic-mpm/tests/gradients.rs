@@ -1,4 +1,5 @@
-//! The adjoint against central differences, over rollouts with contact and active plasticity, for every parameter of every material.
+//! The adjoint against central differences, over rollouts with contact and active plasticity, for every parameter of
+//! every material.
 
 use gic_mpm::{
     Differences, Options, Precision, Rules, SimulationError, Stepping, Unknown, gradcheck, gradcheck_materials,

@@ -1,4 +1,5 @@
-//! Rollouts as users meet them: engines that agree, bits that repeat, states that resume, bounds that hold, errors that help.
+//! Rollouts as users meet them: engines that agree, bits that repeat, states that resume, bounds that hold, errors that
+//! help.
 
 use gic_mpm::{
     Body, Collider, ColliderPath, Contact, Frame, Level, Material, MaterialError, Options, Precision, Primitive,
@@ -41,7 +42,8 @@ fn large_world() -> World {
     world
 }
 
-/// Largest difference relative to the largest number, for positions (about the centre), velocities and deformation gradients.
+/// Largest difference relative to the largest number, for positions (about the centre), velocities and deformation
+/// gradients.
 fn relative_differences(a: &Snapshot, b: &Snapshot) -> [f64; 3] {
     let mean: Vec<f64> =
         (0..3).map(|k| b.particles.iter().map(|p| p[k]).sum::<f64>() / b.particles.len() as f64).collect();
@@ -252,10 +254,12 @@ fn rollouts_that_cannot_go_on_say_why() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
 
-    /// In free flight, linear and angular momentum of the particles (the latter with that of their affine motion) are kept.
+    /// In free flight, linear and angular momentum of the particles (the latter with that of their affine motion) are
+    /// kept.
     #[test]
     fn free_flight_keeps_momentum(
-        velocity in proptest::array::uniform3(-2.0f64..2.0), spin in proptest::array::uniform3(-5.0f64..5.0), material in 0usize..5,
+        velocity in proptest::array::uniform3(-2.0f64..2.0), spin in proptest::array::uniform3(-5.0f64..5.0),
+        material in 0usize..5,
     ) {
         let mut world = gradcheck_world(gradcheck_materials()[material]);
         world.colliders.clear();

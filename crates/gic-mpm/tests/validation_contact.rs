@@ -8,8 +8,9 @@ use common::{GRAVITY, block, body, frame_after, mean, next, side_walls, simulato
 use gic_mpm::{Collider, ColliderPath, Contact, Material, Primitive};
 use glam::{DQuat, DVec3};
 
-/// A stiff box put on a slope of `angle`: its acceleration downhill [m/s^2] over the last four fifths of `seconds`, and how far [m] it has moved
-/// downhill and sideways. (In the first fifth its own shear builds up to what friction asks for.)
+/// A stiff box put on a slope of `angle`: its acceleration downhill [m/s^2] over the last four fifths of `seconds`, and
+/// how far [m] it has moved downhill and sideways. (In the first fifth its own shear builds up to what friction asks
+/// for.)
 fn slide(angle: f64, friction: f64, seconds: f64) -> (f64, f64, f64) {
     let dx = 0.02;
     let material = Material::Elastic { youngs_modulus_pa: 2e5, poisson_ratio: 0.3 };
@@ -64,7 +65,8 @@ fn heap_angle(friction_angle_deg: f64) -> f64 {
     ];
     walls.extend(side_walls(width));
     let end = frame_after(&world(body(material, positions, dx), walls, dx, 5.0), 5);
-    // The surface: the highest particle of each column of one cell, between a tenth and nine tenths of the heap's height.
+    // The surface: the highest particle of each column of one cell, between a tenth and nine tenths of the heap's
+    // height.
     let columns = end.positions.iter().map(|x| (x.x / dx) as usize).max().unwrap_or(0) + 1;
     let mut surface = vec![0.0_f64; columns];
     for x in &end.positions {
@@ -83,8 +85,8 @@ fn heap_angle(friction_angle_deg: f64) -> f64 {
     (-slope).atan().to_degrees()
 }
 
-/// Up to 35 degrees: in plane flow the Drucker-Prager cone, which is fitted to triaxial compression, has `sin(angle) = 3 alpha / sqrt 2`: 19, 35
-/// and 55 degrees for 15, 25 and 35, and from 42.7 degrees on it bears tension.
+/// Up to 35 degrees: in plane flow the Drucker-Prager cone, which is fitted to triaxial compression, has `sin(angle) =
+/// 3 alpha / sqrt 2`: 19, 35 and 55 degrees for 15, 25 and 35, and from 42.7 degrees on it bears tension.
 #[test]
 #[ignore = "15 s of CPU; see the top of this file"]
 fn angle_of_repose_grows_with_the_friction_angle() {

@@ -80,8 +80,8 @@ fn momenta(simulator: &Simulator) -> (DVec3, DVec3) {
     total
 }
 
-/// Grid nodes that hold less than 1e-8 dx^3 of mass are taken for empty, and their momentum is dropped: each drop is at most
-/// 1e-13 of this body's.
+/// Grid nodes that hold less than 1e-8 dx^3 of mass are taken for empty, and their momentum is dropped: each drop is at
+/// most 1e-13 of this body's.
 const DRIFT: f64 = 1e-10;
 
 #[test]

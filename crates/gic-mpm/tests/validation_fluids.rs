@@ -44,7 +44,8 @@ fn pressure_in_a_resting_column_grows_by_its_weight() {
     let speed = frame.velocities.iter().map(|v| v.length()).fold(0.0, f64::max);
     assert!(speed < 1e-3, "not at rest: {speed} m/s");
 
-    // The mean over each cell of the start: the two particles in a cell may differ as long as their mean carries the weight.
+    // The mean over each cell of the start: the two particles in a cell may differ as long as their mean carries the
+    // weight.
     let dx = world.grid_spacing_m;
     let pressure = |j: f64| -bulk_modulus * (j - j.powi(-6)) / j;
     let layers: Vec<(f64, f64)> = (0..cells)
@@ -73,7 +74,8 @@ fn pressure_in_a_resting_column_grows_by_its_weight() {
     assert!((floor / total - 1.0).abs() <= 0.01, "{floor} against {total}");
 }
 
-/// Front of a water column `a` wide and `2 a` high after its wall is gone: `(T, Z)` with `T = t sqrt(2 g / a)`, `Z = front / a`.
+/// Front of a water column `a` wide and `2 a` high after its wall is gone: `(T, Z)` with `T = t sqrt(2 g / a)`, `Z =
+/// front / a`.
 fn dam_break(cells: usize) -> Vec<(f64, f64)> {
     let a = 0.1;
     let dx = a / cells as f64;
@@ -101,7 +103,8 @@ fn dam_break(cells: usize) -> Vec<(f64, f64)> {
         .collect()
 }
 
-/// Martin & Moyce 1952, table 2: water, square-based column twice as high as wide (n^2 = 2, a = 2 1/4 in): time T, front Z.
+/// Martin & Moyce 1952, table 2: water, square-based column twice as high as wide (n^2 = 2, a = 2 1/4 in): time T,
+/// front Z.
 const MARTIN_MOYCE: [(f64, f64); 12] = [
     (0.84, 1.22),
     (1.19, 1.44),
@@ -133,7 +136,8 @@ fn dam_break_spreads_as_in_the_experiment_of_martin_and_moyce() {
     }
 }
 
-/// Height and speed of a column of viscoplastic fluid over time, released on sticky ground: `[(height, largest speed)]` every 0.1 s.
+/// Height and speed of a column of viscoplastic fluid over time, released on sticky ground: `[(height, largest speed)]`
+/// every 0.1 s.
 fn slump(yield_stress_pa: f64, frames: usize) -> Vec<(f64, f64)> {
     let dx = 0.0125;
     let material = Material::NonNewtonian {

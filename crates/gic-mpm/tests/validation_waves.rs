@@ -21,8 +21,8 @@ fn without_gravity(world: World) -> World {
     World { gravity_m_s2: DVec3::ZERO, ..world }
 }
 
-/// Speed [m/s] from the fundamental longitudinal vibration of a free bar, `c = 2 L f`: started with the mode's velocity, the mode's
-/// displacement vanishes again after half a period.
+/// Speed [m/s] from the fundamental longitudinal vibration of a free bar, `c = 2 L f`: started with the mode's
+/// velocity, the mode's displacement vanishes again after half a period.
 fn wave_speed_in_a_bar(cells: usize) -> f64 {
     let length = 0.4;
     let dx = length / cells as f64;
@@ -88,7 +88,8 @@ fn timoshenko_beam_tends_to_the_slender_one() {
     assert!(timoshenko_frequency(1.0, 1.0 / 6.0) < slender / 0.001 / 6.0);
 }
 
-/// Angular frequency [rad/s] of a cantilever clamped at x = 0, `cells` high: started with the velocity of the slender beam's first mode.
+/// Angular frequency [rad/s] of a cantilever clamped at x = 0, `cells` high: started with the velocity of the slender
+/// beam's first mode.
 fn cantilever_frequency(cells: usize) -> f64 {
     let (length, height) = (0.6, 0.1);
     let dx = height / cells as f64;

@@ -5,7 +5,8 @@ use crate::{Real, Scalar};
 /// The most lanes that a level has: the size for buffers that must fit every level.
 pub const MAX_LANES: usize = 16;
 
-/// Code over lanes that is compiled as a function of its own; write `run` with `#[inline(always)]`, all that it calls likewise.
+/// Code over lanes that is compiled as a function of its own; write `run` with `#[inline(always)]`, all that it calls
+/// likewise.
 pub trait Call {
     /// What it returns.
     type Output;
@@ -15,8 +16,8 @@ pub trait Call {
 
 /// A fixed number of numbers at once, which also know memory and groups of four.
 ///
-/// The lanes are seen in two ways: as [`Real::LANES`] independent numbers, or as [`Lanes::GROUPS`] groups ("quads") of four
-/// neighbours. Particles go through the first, grid nodes (momentum x, y, z and mass) through the second;
+/// The lanes are seen in two ways: as [`Real::LANES`] independent numbers, or as [`Lanes::GROUPS`] groups ("quads") of
+/// four neighbours. Particles go through the first, grid nodes (momentum x, y, z and mass) through the second;
 /// [`Lanes::transpose`] turns one into the other.
 pub trait Lanes: Real {
     /// What one lane holds.
@@ -24,8 +25,9 @@ pub trait Lanes: Real {
     /// Number of groups of four, 1, 2 or 4: `LANES / 4`.
     const GROUPS: usize;
 
-    /// Runs `call` in a function of its own with the instructions of these lanes. For long code: a kernel that has several such pieces, or
-    /// uses one in several places, compiles in a fraction of the time and keeps its own registers.
+    /// Runs `call` in a function of its own with the instructions of these lanes. For long code: a kernel that has
+    /// several such pieces, or uses one in several places, compiles in a fraction of the time and keeps its own
+    /// registers.
     fn outlined<C: Call>(call: C) -> C::Output;
 
     /// The same number in every lane.
@@ -63,7 +65,8 @@ pub trait Lanes: Real {
 
     /// Transposes the 4x4 block of each group: element k of group g of result q is element q of group g of row k.
     ///
-    /// With rows of particles (x, y, z, m), group g of result q holds (x, y, z, m) of particle `4 g + q`. Its own inverse.
+    /// With rows of particles (x, y, z, m), group g of result q holds (x, y, z, m) of particle `4 g + q`. Its own
+    /// inverse.
     fn transpose(rows: [Self; 4]) -> [Self; 4];
 
     /// Sums over the groups: numbers 4 q .. 4 q + 4 of the result are the sum of the groups of `rows[q]`.

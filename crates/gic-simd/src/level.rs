@@ -7,7 +7,7 @@ use crate::Lanes;
 use crate::packed::Packed;
 
 /// The environment variable that forces a level.
-const VARIABLE: &str = "GIC_SIMD";
+const LEVEL_VARIABLE: &str = "GIC_SIMD";
 
 /// A set of SIMD instructions, ascending in width.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -35,13 +35,13 @@ impl fmt::Display for LevelError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             LevelError::Unknown(name) => {
-                write!(f, "{VARIABLE}={name}: no such level; choose scalar, neon, avx2 or avx512, or unset it")
+                write!(f, "{LEVEL_VARIABLE}={name}: no such level; choose scalar, neon, avx2 or avx512, or unset it")
             }
             LevelError::Unsupported(level) => {
                 let best = Level::detect();
                 write!(
                     f,
-                    "{VARIABLE}={level}: this machine does not have these instructions; the best it has is {best}"
+                    "{LEVEL_VARIABLE}={level}: this machine does not have these instructions; the best it has is {best}"
                 )
             }
         }
@@ -96,7 +96,7 @@ impl Level {
     /// # Errors
     /// When the variable's value is no level, or one that this machine does not have.
     pub fn from_env() -> Result<Level, LevelError> {
-        match std::env::var_os(VARIABLE) {
+        match std::env::var_os(LEVEL_VARIABLE) {
             None => Ok(Self::detect()),
             Some(name) => Self::named(&name.to_string_lossy()),
         }
@@ -105,7 +105,8 @@ impl Level {
     /// The level that everything in this process uses: [`Level::from_env`] at the first call.
     ///
     /// # Panics
-    /// When the environment asks for a level that cannot be had; a program reports the error of [`Level::from_env`] first.
+    /// When the environment asks for a level that cannot be had; a program reports the error of [`Level::from_env`]
+    /// first.
     pub fn active() -> Level {
         static ACTIVE: OnceLock<Level> = OnceLock::new();
         *ACTIVE.get_or_init(|| Self::from_env().unwrap_or_else(|error| panic!("{error}")))

@@ -19,7 +19,8 @@ pub(crate) const SQRT_HALF: i32 = 0x3f35_04f3;
 const LN2_HI: f32 = 355.0 / 512.0;
 const LN2_LO: f32 = -2.121_944_4e-4;
 
-/// exp(x) = 2^n exp(r), n = round(x / ln 2), |r| <= ln(2)/2, with the Taylor series of exp(r) to r^7 (next term: 5e-9 relative).
+/// exp(x) = 2^n exp(r), n = round(x / ln 2), |r| <= ln(2)/2, with the Taylor series of exp(r) to r^7 (next term: 5e-9
+/// relative).
 #[inline(always)]
 pub(crate) fn exp<V: Bits>(x: V) -> V {
     // The bounds come first, so that a NaN in x gets through both.

@@ -4,7 +4,8 @@ use core::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAss
 
 /// A real number, or lanes of them that do the same thing at once.
 ///
-/// Comparisons give a [`Real::Mask`] (one flag per lane) instead of a `bool`: code over `Real` selects, it does not branch.
+/// Comparisons give a [`Real::Mask`] (one flag per lane) instead of a `bool`: code over `Real` selects, it does not
+/// branch.
 pub trait Real:
     Copy
     + Send
@@ -42,8 +43,8 @@ pub trait Real:
     fn floor(self) -> Self;
     /// Natural exponential. SIMD lanes are accurate to 2 ulp for x in [-87, 88] and clamp x to it; NaN stays NaN.
     fn exp(self) -> Self;
-    /// Natural logarithm. SIMD lanes are accurate to 2 ulp for positive normal numbers; anything else gives a NaN (plain numbers give
-    /// minus infinity for zero).
+    /// Natural logarithm. SIMD lanes are accurate to 2 ulp for positive normal numbers; anything else gives a NaN
+    /// (plain numbers give minus infinity for zero).
     fn ln(self) -> Self;
     /// The size of `self` with the sign of `sign`.
     fn copysign(self, sign: Self) -> Self;

@@ -108,7 +108,9 @@ proptest! {
     }
 
     #[test]
-    fn the_fused_product_is_at_least_as_good_as_two_roundings(rows in prop::array::uniform3(prop::array::uniform16(-1.0e3_f32..1.0e3))) {
+    fn the_fused_product_is_at_least_as_good_as_two_roundings(
+        rows in prop::array::uniform3(prop::array::uniform16(-1.0e3_f32..1.0e3)),
+    ) {
         at_all_levels(Fused, rows, |level, [a, b, c], lane, _plain| {
             let [a, b, c] = [a, b, c].map(f64::from);
             let bound = f64::from(f32::EPSILON) * ((a * b).abs() + c.abs());

@@ -58,7 +58,8 @@ pub(crate) struct Touch {
 }
 
 impl PosedCollider<'_> {
-    /// Every point nearer than this [m] to a point of the world [m] is outside; zero or less where that may be inside itself.
+    /// Every point nearer than this [m] to a point of the world [m] is outside; zero or less where that may be inside
+    /// itself.
     pub(crate) fn clearance(&self, point: DVec3) -> f64 {
         // Twice the tolerance: half of it for rounding.
         self.collider.primitive.signed_distance(self.to_local * (point - self.pose.position)).0

@@ -1,8 +1,8 @@
 //! What an obstacle does to the velocity of a grid node inside it; forward and backward.
 //!
 //! Velocities here are relative to the obstacle's surface. With the outward normal n, v_n = v . n and v_t = v - v_n n:
-//! sticky v' = 0; slip v' = f(v_t); separating v' = v where v_n >= 0, else f(v_t). Coulomb friction shortens the tangential
-//! part by the normal impulse times the coefficient: f(v_t) = v_t max(0, 1 - mu max(-v_n, 0) / |v_t|).
+//! sticky v' = 0; slip v' = f(v_t); separating v' = v where v_n >= 0, else f(v_t). Coulomb friction shortens the
+//! tangential part by the normal impulse times the coefficient: f(v_t) = v_t max(0, 1 - mu max(-v_n, 0) / |v_t|).
 
 use glam::DVec3;
 

@@ -16,7 +16,8 @@ pub enum ColliderPath {
         /// Angular velocity [rad/s] about its origin.
         angular_velocity_rad_s: DVec3,
     },
-    /// Moves linearly between keys (time [s], position [m]), ascending in time; rests before the first and after the last.
+    /// Moves linearly between keys (time [s], position [m]), ascending in time; rests before the first and after the
+    /// last.
     Keyframed {
         /// The keys.
         keys: Vec<(f64, DVec3)>,

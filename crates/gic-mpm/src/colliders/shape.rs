@@ -20,8 +20,8 @@ pub enum Primitive {
         /// Half of each side [m].
         half_size_m: DVec3,
     },
-    /// Axis-aligned box around the origin of which only the face towards +x acts: inside, the normal is always +x. A finger's pad presses
-    /// with its face; a box pushes what has sunk in near an edge, or deep, out at the side.
+    /// Axis-aligned box around the origin of which only the face towards +x acts: inside, the normal is always +x. A
+    /// finger's margin presses with its face; a box pushes what has sunk in near an edge, or deep, out at the side.
     Pad {
         /// Half of each side [m].
         half_size_m: DVec3,
@@ -42,11 +42,13 @@ pub enum Primitive {
     },
 }
 
-/// Nodes this far outside still count as inside [m], so that nodes on the surface do despite rounding (as in the reference).
+/// Nodes this far outside still count as inside [m], so that nodes on the surface do despite rounding (as in the
+/// published simulator).
 pub(super) const SURFACE_TOLERANCE_M: f64 = 1e-6;
 
 impl Primitive {
-    /// Signed distance [m] of a point in the shape's own frame (negative inside) and its gradient, the outward unit normal.
+    /// Signed distance [m] of a point in the shape's own frame (negative inside) and its gradient, the outward unit
+    /// normal.
     pub(super) fn signed_distance(&self, p: DVec3) -> (f64, DVec3) {
         match *self {
             Self::HalfSpace { normal } => (p.dot(normal), normal),
@@ -143,7 +145,7 @@ mod tests {
             // Walking the distance along the normal reaches the surface from outside.
             if distance > 0.0 {
                 let landed = shape.signed_distance(p - normal * distance).0;
-                // Inside a pad only the depth below its face counts, also behind its sides.
+                // Inside a margin only the depth below its face counts, also behind its sides.
                 let is_pad = matches!(shape, Primitive::Pad { .. });
                 prop_assert!(landed.abs() < 1e-9 || (landed < 0.0 && is_pad));
             }

@@ -5,7 +5,8 @@ use gic_simd::Real;
 use super::law::{Coefficients, Law, LawAdjoint, MAX_COEFFICIENTS, Rules, Updated, trial, trial_adjoint};
 use crate::math::mat3::Mat3;
 
-/// J is taken for at least this inside the logarithm: a particle crushed further, or inverted, is pushed back with a large finite pressure.
+/// J is taken for at least this inside the logarithm: a particle crushed further, or inverted, is pushed back with a
+/// large finite pressure.
 const MIN_J: f64 = 0.05 * 0.05 * 0.05;
 
 /// Neo-Hookean solid; coefficients mu, lambda [Pa].

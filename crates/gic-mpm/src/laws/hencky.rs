@@ -1,7 +1,7 @@
 //! Isotropic elastoplasticity in principal logarithmic (Hencky) strains, and its derivative.
 //!
-//! With `F_trial F_trial^T = Q diag(s^2) Q^T` and the strains `e = ln s`, a [`ReturnMap`] shortens the deviator of e by a factor and changes its
-//! trace; then
+//! With `F_trial F_trial^T = Q diag(s^2) Q^T` and the strains `e = ln s`, a [`ReturnMap`] shortens the deviator of e by
+//! a factor and changes its trace; then
 //!
 //! ```text
 //! tau   = Q diag(2 mu e' + lambda tr e') Q^T
@@ -11,9 +11,10 @@
 //! Neither needs V of a singular value decomposition. (The paper prints the stress with the Green strain; its published
 //! simulator, and the exactness of the return maps, need the Hencky form.)
 //!
-//! Backward, a matrix `Y = Q diag(y_i(lambda)) Q^T` with `lambda = s^2` is an isotropic function of `B = F_trial F_trial^T`. In the frame Q
-//! its derivative maps diagonals by `dy_k / d lambda_i` and off-diagonals by the divided differences
-//! `(y_i - y_j) / (lambda_i - lambda_j)`, which have finite limits where eigenvalues meet. They are evaluated below without cancellation.
+//! Backward, with `B = F_trial F_trial^T` and `lambda = s^2`, a matrix `Y = Q diag(y_i(lambda)) Q^T` is an isotropic
+//! function of B. In the frame Q its derivative maps diagonals by `dy_k / d lambda_i` and off-diagonals by the divided
+//! differences `(y_i - y_j) / (lambda_i - lambda_j)`, which have finite limits where eigenvalues meet. They are
+//! evaluated below without cancellation.
 
 use gic_simd::Real;
 
@@ -23,6 +24,10 @@ use crate::math::mat3::{Mat3, each};
 
 /// Singular values are raised to this before the logarithm, and so in F_new: a crushed or inverted particle recovers.
 const MIN_STRETCH: f64 = 0.05;
+
+/// Divided differences whose argument is smaller than this come from a power series, which is true to 1e-12 there; the
+/// quotient would lose digits.
+const SERIES_RANGE: f64 = 0.1;
 
 /// Principal Hencky strains of a trial state.
 #[derive(Clone, Copy, Debug)]
@@ -61,6 +66,9 @@ pub(crate) trait ReturnMap<R: Real>: Copy + Send + Sync {
     fn project_adjoint(&self, dt: R, strain: &Strain<R>, bar: &Returned<R>) -> ReturnAdjoint<R>;
 }
 
+/// What the published simulator adds to a squared norm.
+const REFERENCE_NORM_FLOOR: f64 = 1e-8;
+
 /// A vector's length as the rules define it, and how to divide by it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Norm<R> {
@@ -80,7 +88,7 @@ impl<R: Real> Norm<R> {
                 Norm { value, recip: R::one() / value.max(R::splat(1e-15)) }
             }
             Rules::Reference => {
-                let value = (square + R::splat(1e-8)).sqrt();
+                let value = (square + R::splat(REFERENCE_NORM_FLOOR)).sqrt();
                 Norm { value, recip: R::one() / value }
             }
         }
@@ -159,14 +167,15 @@ impl<R: Real> Principal<R> {
 
     /// `(log_i - log_j) / (lambda_i - lambda_j)`.
     ///
-    /// With x = (lambda_i - lambda_j) / (lambda_i + lambda_j): `log_i - log_j = atanh(x)`, so it is `(atanh(x) / x) / (lambda_i + lambda_j)`.
+    /// With x = (lambda_i - lambda_j) / (lambda_i + lambda_j) the difference of the logarithms is atanh(x), so this is
+    /// `(atanh(x) / x) / (lambda_i + lambda_j)`.
     #[inline(always)]
     fn log_slope(&self, i: usize, j: usize) -> R {
         let (a, b) = (self.eigen.values[i], self.eigen.values[j]);
         let sum_recip = R::one() / (a + b);
         let x = (a - b) * sum_recip;
         let rise = self.log[i] - self.log[j];
-        let near = x.abs().lt(R::splat(0.1));
+        let near = x.abs().lt(R::splat(SERIES_RANGE));
         let square = x * x;
         let mut series = R::splat(1.0 / 11.0);
         for odd in [9.0, 7.0, 5.0, 3.0, 1.0] {
@@ -220,11 +229,12 @@ impl<R: Real> Plastic<R> {
         }
     }
 
-    /// `(shrink_i - shrink_j) / (shift_i - shift_j)`: the mean of the two times `tanh(d/2) / (d/2)`, d the difference of the shifts.
+    /// `(shrink_i - shrink_j) / (shift_i - shift_j)`: the mean of the two times `tanh(d/2) / (d/2)`, d the difference
+    /// of the shifts.
     #[inline(always)]
     fn shrink_slope(&self, i: usize, j: usize) -> R {
         let d = self.shift[i] - self.shift[j];
-        let near = d.abs().lt(R::splat(0.1));
+        let near = d.abs().lt(R::splat(SERIES_RANGE));
         let square = d * d;
         let mut series = R::splat(-17.0 / 20160.0);
         for term in [1.0 / 120.0, -1.0 / 12.0, 1.0] {
@@ -276,7 +286,8 @@ impl<R: Real, M: ReturnMap<R>> Hencky<R, M> {
 
         let mut eigenvalue_bar = [R::zero(); 3];
         for i in 0..3 {
-            // d log / d lambda = 1 / (2 lambda), d square / d lambda = 1; where raised, only d raise / d lambda = -raise / (2 lambda).
+            // d log / d lambda = 1 / (2 lambda), d square / d lambda = 1;
+            // where raised, only d raise / d lambda = -raise / (2 lambda).
             let half_recip = principal.stretch_recip[i] * principal.stretch_recip[i] * R::splat(0.5);
             let free = (deviator_bar[i] + all_bar).mul_add(half_recip, square_bar);
             let raised = -(stretch_bar[i] * plastic.shrink[i] * principal.raise[i] * half_recip);

@@ -82,8 +82,8 @@ impl MaterialKind {
         }
     }
 
-    /// Values of the last parameters where nothing is said of them: sand flows the same with other elasticity, which is why
-    /// the paper takes it as given.
+    /// Values of the last parameters where nothing is said of them: sand flows the same with other elasticity, which is
+    /// why the paper takes it as given.
     pub fn presumed(self) -> &'static [f64] {
         match self {
             MaterialKind::Sand => &[1.0e6, 0.3],

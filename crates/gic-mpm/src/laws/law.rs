@@ -1,4 +1,5 @@
-//! Constitutive laws: from the old deformation gradient and the velocity gradient to the new one and the stress, and back.
+//! Constitutive laws: from the old deformation gradient and the velocity gradient to the new one and the stress, and
+//! back.
 //!
 //! Every law does the same two things in a substep (and their derivatives in reverse):
 //! 1. trial: `F_trial = (I + dt C) F`, with C the affine velocity gradient of the particle;
@@ -23,8 +24,9 @@ pub enum Rules {
     /// Norms are exact. The default.
     #[default]
     Exact,
-    /// The published simulator's: norms of strains and stresses are `sqrt(x.x + 1e-8)`, so strains below 1e-4 are taken for larger
-    /// than they are and a plastic material creeps back from the yield surface each substep. For comparisons with it.
+    /// The published simulator's: norms of strains and stresses are `sqrt(x.x + 1e-8)`, so strains below 1e-4 are taken
+    /// for larger than they are and a plastic material creeps back from the yield surface each substep. For comparisons
+    /// with it.
     Reference,
 }
 
@@ -44,7 +46,8 @@ pub(crate) struct LawAdjoint<R> {
     pub(crate) c: Mat3<R>,
     /// With respect to the old deformation gradient F.
     pub(crate) f: Mat3<R>,
-    /// With respect to the coefficients, per lane, in the order of [`Coefficients`]; those that the law does not have are zero.
+    /// With respect to the coefficients, per lane, in the order of [`Coefficients`]; those that the law does not have
+    /// are zero.
     pub(crate) coefficients: [R; MAX_COEFFICIENTS],
     /// The Kirchhoff stress [Pa] of [`Law::update`], which is computed on the way.
     pub(crate) tau: Mat3<R>,
@@ -52,7 +55,8 @@ pub(crate) struct LawAdjoint<R> {
 
 /// A constitutive law over lanes of particles of one material.
 ///
-/// All methods are branch-free and `#[inline(always)]`, so that they take the instruction set of the kernel they are called from.
+/// All methods are branch-free and `#[inline(always)]`, so that they take the instruction set of the kernel they are
+/// called from.
 pub(crate) trait Law<R: Real>: Copy + Send + Sync {
     /// Whether its code is long enough to be worth a function of its own (see [`gic_simd::Lanes::outlined`]).
     const LONG: bool;
@@ -63,8 +67,8 @@ pub(crate) trait Law<R: Real>: Copy + Send + Sync {
     /// One substep: old F and velocity gradient C [1/s] to new F and Kirchhoff stress [Pa]. `dt` is in seconds.
     fn update(&self, dt: R, c: &Mat3<R>, f: &Mat3<R>) -> Updated<R>;
 
-    /// The reverse of [`Law::update`] at the same `dt, c, f`: recomputes what it needs, and turns the derivatives of a loss with
-    /// respect to (F_new, tau) into those with respect to (C, F, coefficients).
+    /// The reverse of [`Law::update`] at the same `dt, c, f`: recomputes what it needs, and turns the derivatives of a
+    /// loss with respect to (F_new, tau) into those with respect to (C, F, coefficients).
     ///
     /// `tau_bar` need not be symmetric; only its symmetric part counts.
     fn update_adjoint(&self, dt: R, c: &Mat3<R>, f: &Mat3<R>, f_new_bar: &Mat3<R>, tau_bar: &Mat3<R>) -> LawAdjoint<R>;

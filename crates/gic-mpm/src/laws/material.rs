@@ -222,7 +222,8 @@ impl Material {
 
     /// Speed of the fastest elastic wave in the material at rest [m/s], for the bound on the time step.
     ///
-    /// Solids: `sqrt((lambda + 2 mu) / density)`. The fluid's pressure `kappa (J - J^-6)` has the tangent `7 kappa` at rest.
+    /// Solids: `sqrt((lambda + 2 mu) / density)`. The fluid's pressure `kappa (J - J^-6)` has the tangent `7 kappa` at
+    /// rest.
     pub fn wave_speed_m_s(&self, density_kg_m3: f64) -> f64 {
         let [mu, lambda, ..] = self.coefficients().0;
         let modulus = match *self {
@@ -232,7 +233,8 @@ impl Material {
         (modulus / density_kg_m3).sqrt()
     }
 
-    /// Young's modulus [Pa] and Poisson's ratio of small elastic strains; `None` for the Newtonian fluid, which bears no shear at rest.
+    /// Young's modulus [Pa] and Poisson's ratio of small elastic strains; `None` for the Newtonian fluid, which bears
+    /// no shear at rest.
     pub fn elastic_moduli(&self) -> Option<[f64; 2]> {
         match *self {
             Material::Newtonian { .. } => None,
@@ -245,8 +247,9 @@ impl Material {
         }
     }
 
-    /// The von Mises value of the Kirchhoff stress [Pa] at which the material begins to flow; `None` where that does not depend on it
-    /// alone. The plastic laws bound the norm of the stress deviator, whose von Mises value is sqrt(3/2) times it.
+    /// The von Mises value of the Kirchhoff stress [Pa] at which the material begins to flow; `None` where that does
+    /// not depend on it alone. The plastic laws bound the norm of the stress deviator, whose von Mises value is
+    /// sqrt(3/2) times it.
     pub fn yield_von_mises_pa(&self) -> Option<f64> {
         match *self {
             Material::Plasticine { yield_stress_pa, .. } => Some(1.5f64.sqrt() * yield_stress_pa),
@@ -255,8 +258,8 @@ impl Material {
         }
     }
 
-    /// Diffusivity of momentum by an explicit viscous stress [m^2/s], for the bound on the time step (`dt <= dx^2 / (6 diffusivity)`);
-    /// zero for all but the Newtonian fluid: the viscoplastic flow rule is implicit.
+    /// Diffusivity of momentum by an explicit viscous stress [m^2/s], for the bound on the time step (`dt <= dx^2 / (6
+    /// diffusivity)`); zero for all but the Newtonian fluid: the viscoplastic flow rule is implicit.
     pub fn viscous_diffusivity_m2_s(&self, density_kg_m3: f64) -> f64 {
         match *self {
             Material::Newtonian { viscosity_pa_s, .. } => viscosity_pa_s / density_kg_m3,

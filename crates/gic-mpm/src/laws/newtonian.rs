@@ -5,8 +5,8 @@
 //! tau = kappa (J - J^-6) I + mu J (C + C^T) / 2
 //! ```
 //!
-//! (The published simulator's form. With Newton's law written as `2 mu D`, the viscosity of this fluid is mu / 2.) The deformation gradient is
-//! `diag(J, 1, 1)`, so that its determinant is J as for every other material.
+//! (The published simulator's form. With Newton's law written as `2 mu D`, the viscosity of this fluid is mu / 2.) The
+//! deformation gradient is `diag(J, 1, 1)`, so that its determinant is J as for every other material.
 
 use gic_simd::Real;
 

@@ -1,7 +1,8 @@
-//! Non-Newtonian fluid: Hencky elasticity with a viscoplastic return (Herschel-Bulkley with exponent 1; Yue et al. 2015).
+//! Non-Newtonian fluid: Hencky elasticity with a viscoplastic return (Herschel-Bulkley with exponent 1; Yue et al.
+//! 2015).
 //!
-//! With the deviatoric stress `s = 2 mu e_hat` it is elastic while `|s| <= sqrt(2/3) tau_Y`; beyond, only part of the excess is taken back in a
-//! substep:
+//! With the deviatoric stress `s = 2 mu e_hat` it is elastic while `|s| <= sqrt(2/3) tau_Y`; beyond, only part of the
+//! excess is taken back in a substep:
 //!
 //! ```text
 //! |s'| = |s| - (|s| - sqrt(2/3) tau_Y) q / (q + eta),   q = 2 mu_hat dt,   mu_hat = mu tr(sigma^2) / 3

@@ -1,8 +1,13 @@
 //! Plasticine: Hencky elasticity with a von Mises yield surface and instant return.
 //!
-//! Elastic while `|e_hat| <= tau_Y / (2 mu)`, e_hat the deviator of the Hencky strain; beyond, the deviator is shortened to that
-//! length. This is the form of GIC. PAC-NeRF's tau_Y is a uniaxial yield stress, `|2 mu e_hat| <= sqrt(2/3) tau_Y`: larger by `sqrt(3/2)` for the
-//! same material.
+//! With e_hat the deviator of the Hencky strain:
+//!
+//! ```text
+//! e_hat' = e_hat min(1, limit / |e_hat|),   limit = tau_Y / (2 mu)
+//! ```
+//!
+//! This is the form of GIC. PAC-NeRF's tau_Y is a uniaxial yield stress, `|2 mu e_hat| <= sqrt(2/3) tau_Y`: larger by
+//! `sqrt(3/2)` for the same material.
 
 use gic_simd::Real;
 

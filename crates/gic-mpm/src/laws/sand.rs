@@ -1,7 +1,11 @@
 //! Sand: Hencky elasticity with a Drucker-Prager cone without cohesion (Klar et al. 2016).
 //!
-//! In expansion (`tr e > 0`) the stress vanishes: `e' = 0`. In compression the deviator is at most
-//! `-(3 lambda + 2 mu) / (2 mu) tr e * alpha` long, alpha the slope of the cone; beyond, it is shortened to that length, the trace unchanged.
+//! With e_hat the deviator of the Hencky strain e, and alpha the slope of the cone:
+//!
+//! ```text
+//! tr e > 0:  e' = 0, no stress
+//! else:      e_hat' = e_hat min(1, limit / |e_hat|),   limit = -(3 lambda + 2 mu) / (2 mu) alpha tr e,   tr e' = tr e
+//! ```
 
 use gic_simd::Real;
 

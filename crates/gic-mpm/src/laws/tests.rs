@@ -97,8 +97,8 @@ const WEIGHTS: Weights = Weights {
     tau: Mat3([-0.5, 0.8, 0.1, -0.9, 0.7, 1.2, 0.4, -0.3, 0.6]),
 };
 
-/// The largest error of a group of derivatives, relative to its largest member, or to `floor` where all are so small that central
-/// differences see only rounding.
+/// The largest error of a group of derivatives, relative to its largest member, or to `floor` where all are so small
+/// that central differences see only rounding.
 fn group_error(adjoint: &[f64], differences: &[f64], floor: f64) -> f64 {
     let scale = differences.iter().chain(adjoint).fold(floor, |s, d| s.max(d.abs()));
     let error = adjoint.iter().zip(differences).fold(0.0_f64, |e, (a, d)| e.max((a - d).abs()));
@@ -155,7 +155,8 @@ fn check_adjoint<L: Law<f64>>(
                 coefficients.0[i] *= 1.0 + s;
                 loss(&coefficients, c, f)
             };
-            // Logarithmic derivatives: what an optimiser of log parameters sees, and all of the size of the loss's change.
+            // Logarithmic derivatives: what an optimiser of log parameters sees, and all of the size of the loss's
+            // change.
             let found = (at(1e-5) - at(-1e-5)) / 2e-5;
             let adjoint = adjoint.coefficients[i] * coefficients.0[i];
             let error = group_error(&[adjoint], &[found], 1e-5);
@@ -288,7 +289,9 @@ fn near_a_kink(f_trial: &Mat3<f64>) -> bool {
 
 proptest! {
     #[test]
-    fn adjoints_match_differences_anywhere(f in any_deformation(), c in any_matrix(), w_f in any_matrix(), w_tau in any_matrix()) {
+    fn adjoints_match_differences_anywhere(
+        f in any_deformation(), c in any_matrix(), w_f in any_matrix(), w_tau in any_matrix(),
+    ) {
         let c = c * (0.02 / DT);
         prop_assume!(!near_a_kink(&trial(DT, &c, &f)));
         let weights = Weights { f: w_f, tau: w_tau };
@@ -455,7 +458,8 @@ proptest! {
 
 // ---- Lanes ----
 
-/// Runs a law and its adjoint on the same particle in each lane; gives (F_new, tau / mu, F_bar, C_bar / dt, coefficient bars * coefficient).
+/// Runs a law and its adjoint on the same particle in each lane; gives (F_new, tau / mu, F_bar, C_bar / dt, coefficient
+/// bars * coefficient).
 struct InLanes<'a> {
     coefficients: Coefficients,
     material: &'a str,

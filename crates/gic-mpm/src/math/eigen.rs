@@ -12,8 +12,9 @@ pub(crate) struct Eigen<R> {
 }
 
 impl<R: Real> Eigen<R> {
-    /// Cyclic Jacobi rotations. Convergence is quadratic: four sweeps reach the last bits of f64 for any spread of eigenvalues, and three
-    /// mostly do in f32; a sweep is left out where what it would remove is below the rounding in all lanes.
+    /// Cyclic Jacobi rotations. Convergence is quadratic: four sweeps reach the last bits of f64 for any spread of
+    /// eigenvalues, and three mostly do in f32; a sweep is left out where what it would remove is below the rounding in
+    /// all lanes.
     #[inline(always)]
     pub(crate) fn of_symmetric(a: &Mat3<R>) -> Self {
         let mut s =
@@ -66,16 +67,18 @@ impl<R: Real> Packed<R> {
         R::any(trace.lt(trace + off))
     }
 
-    /// Rotates the plane (P, Q) so that its off-diagonal element vanishes; K is the third axis. The columns of `vectors` follow.
+    /// Rotates the plane (P, Q) so that its off-diagonal element vanishes; K is the third axis. The columns of
+    /// `vectors` follow.
     ///
-    /// With d = a_qq - a_pp, h = sqrt(d^2 + 4 a_pq^2), the angle is below 45 degrees where cos(2 angle) = |d| / h, sin(2 angle) = 2 a_pq sign(d) / h.
-    /// By half-angle formulas, without divisions: this chain is what a decomposition waits for.
+    /// With d = a_qq - a_pp, h = sqrt(d^2 + 4 a_pq^2), the angle is below 45 degrees where cos(2 angle) = |d| / h,
+    /// sin(2 angle) = 2 a_pq sign(d) / h. By half-angle formulas, without divisions: this chain is what a decomposition
+    /// waits for.
     #[inline(always)]
     fn rotate<const P: usize, const Q: usize, const K: usize>(&mut self, vectors: &mut Mat3<R>) {
         let apq = self.off[K];
         let d = self.diagonal[Q] - self.diagonal[P];
-        // The bound is far below the rounding of eigenvalues near one, and its square still a normal f32: h is never zero, and without
-        // coupling the angle is.
+        // The bound is far below the rounding of eigenvalues near one, and its square still a normal f32: h is never
+        // zero, and without coupling the angle is.
         let size = d.abs().max(R::splat(1e-15));
         let twice = apq + apq;
         let hypotenuse_recip = size.mul_add(size, twice * twice).rsqrt();
@@ -155,7 +158,9 @@ mod tests {
         }
 
         #[test]
-        fn decompositions_near_the_identity_multiply_back(f in prop::array::uniform9(-1.0_f64..1.0), size in -12.0_f64..-1.0) {
+        fn decompositions_near_the_identity_multiply_back(
+            f in prop::array::uniform9(-1.0_f64..1.0), size in -12.0_f64..-1.0,
+        ) {
             let f = Mat3::identity().add_scaled(10.0_f64.powf(size), &Mat3(f));
             check_both(&f.times_transposed(&f));
         }

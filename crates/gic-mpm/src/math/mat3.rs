@@ -188,8 +188,8 @@ impl<R: Real> Mul<R> for Mat3<R> {
     }
 }
 
-/// `values.map(f)` for lanes: std's `map` would compile the closure on its own, without the level's instructions. Only for closures of a
-/// few operations: the compiler would do the same to a long one (write a loop instead).
+/// `values.map(f)` for lanes: std's `map` would compile the closure on its own, without the level's instructions. Only
+/// for closures of a few operations: the compiler would do the same to a long one (write a loop instead).
 #[inline(always)]
 pub(crate) fn each<A: Copy, B>(values: [A; 3], f: impl Fn(A) -> B) -> [B; 3] {
     [f(values[0]), f(values[1]), f(values[2])]

@@ -30,8 +30,8 @@ impl<'a, E: Engine> Rollout<'a, E> {
         Self { engine, world, timing }
     }
 
-    /// Advances `state` from frame `frame - 1` to `frame`. `before_segment` sees the state before each segment; it starts over
-    /// (with segment 0) when the frame is redone with more substeps.
+    /// Advances `state` from frame `frame - 1` to `frame`. `before_segment` sees the state before each segment; it
+    /// starts over (with segment 0) when the frame is redone with more substeps.
     pub(crate) fn advance_frame(
         &self,
         state: &mut State<E::Number>,
@@ -69,7 +69,8 @@ impl<'a, E: Engine> Rollout<'a, E> {
         self.engine.record(self.world, state, segment).map_err(|v| self.unexpected(v, segment))
     }
 
-    /// Bytes that a reverse pass through a segment from `state` on needs: its tape, the current and the next state, the adjoint.
+    /// Bytes that a reverse pass through a segment from `state` on needs: its tape, the current and the next state, the
+    /// adjoint.
     pub(crate) fn bytes_beside_checkpoints(&self, state: &State<E::Number>) -> usize {
         // A particle may move a cell within the segment.
         let nodes = self.world.extent(state, 0.0, 1.0).map_or(0, |extent| extent.nodes());

@@ -39,8 +39,8 @@ pub struct Frame {
     pub substeps: usize,
 }
 
-/// What is reported at the end of a frame of `frame_seconds`: impulses on the obstacles and substeps are those of the frame, none for
-/// frame 0.
+/// What is reported at the end of a frame of `frame_seconds`: impulses on the obstacles and substeps are those of the
+/// frame, none for frame 0.
 pub(super) fn report<R: Scalar>(
     world: &PreparedWorld,
     parallel: bool,
@@ -78,7 +78,7 @@ fn mean_force(impulse: &Impulse, frame_seconds: f64) -> ContactForce {
 
 /// Von Mises stress [Pa] and J of a particle.
 fn stress_of(world: &PreparedWorld, body: &PreparedBody, c: &Mat3<f64>, f: &Mat3<f64>) -> (f32, f32) {
-    // The law of a substep so short that nothing moves: only the stress remains.
+    // So short that nothing moves [s]: only the law's stress remains.
     let instant = 1e-12;
     let rules = world.rules;
     let tau = with_law!(body.material, L => L::<f64>::new(&body.coefficients, rules).update(instant, c, f).tau);

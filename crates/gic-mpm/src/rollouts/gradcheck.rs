@@ -8,10 +8,11 @@ use crate::rollouts::gradient::gradient;
 use crate::rollouts::simulator::rollout;
 use crate::{Body, Collider, ColliderPath, Contact, Frame, Material, Primitive, Rules, Stepping, Unknown, World};
 
-/// Relative step of the central differences.
-const STEP: f64 = 1e-6;
-/// Derivatives below this fraction of the largest (both per relative change) are compared with that largest one: they are rounding.
-const FLOOR: f64 = 1e-5;
+/// Step of the central differences, relative to the scale of the unknown.
+const RELATIVE_STEP: f64 = 1e-6;
+/// Derivatives below this fraction of the largest (both per relative change) are compared with that largest one: they
+/// are rounding.
+const NEGLIGIBLE_FRACTION: f64 = 1e-5;
 
 /// One derivative, computed in two ways.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,8 +27,8 @@ pub struct GradcheckRow {
     pub relative_error: f64,
 }
 
-/// Differentiates a fixed smooth loss on all frames' positions by everything that body 0 starts with, in f64: by the adjoint and by
-/// central differences. `frames` includes frame 0.
+/// Differentiates a fixed smooth loss on all frames' positions by everything that body 0 starts with, in f64: by the
+/// adjoint and by central differences. `frames` includes frame 0.
 ///
 /// # Errors
 /// As [`crate::gradient`].
@@ -49,7 +50,7 @@ pub fn gradcheck(world: &World, rules: Rules, frames: usize) -> Result<Vec<Gradc
         // Velocities may be zero.
         let scale =
             if matches!(unknown, Unknown::Material { .. } | Unknown::Density { .. }) { value.abs() } else { 1.0 };
-        let step = STEP * scale;
+        let step = RELATIVE_STEP * scale;
         let difference = central(&unknown.set(world, value + step)?, &unknown.set(world, value - step)?, step)?;
         rows.push((name, scale, adjoint, difference));
     }
@@ -59,7 +60,7 @@ pub fn gradcheck(world: &World, rules: Rules, frames: usize) -> Result<Vec<Gradc
         world.bodies[0].particle_volume_m3 = volume;
         world
     };
-    let step = STEP * volume;
+    let step = RELATIVE_STEP * volume;
     let difference = central(&with_volume(volume + step), &with_volume(volume - step), step)?;
     rows.push(("particle_volume_m3".into(), volume, body.particle_volume, difference));
 
@@ -70,7 +71,7 @@ pub fn gradcheck(world: &World, rules: Rules, frames: usize) -> Result<Vec<Gradc
         }
         world
     };
-    let step = STEP * world.grid_spacing_m;
+    let step = RELATIVE_STEP * world.grid_spacing_m;
     let adjoint = body.positions.iter().enumerate().map(|(p, bar)| bar.dot(direction(p))).sum();
     rows.push((
         "positions_m (along a fixed direction)".into(),
@@ -83,7 +84,7 @@ pub fn gradcheck(world: &World, rules: Rules, frames: usize) -> Result<Vec<Gradc
     Ok(rows
         .into_iter()
         .map(|(name, scale, adjoint, finite_difference)| {
-            let size = finite_difference.abs().max(FLOOR * largest / scale);
+            let size = finite_difference.abs().max(NEGLIGIBLE_FRACTION * largest / scale);
             let relative_error = (adjoint - finite_difference).abs() / size;
             GradcheckRow { name, adjoint, finite_difference, relative_error }
         })
@@ -106,8 +107,8 @@ pub fn gradcheck_materials() -> [Material; 5] {
     ]
 }
 
-/// A small world in which a spinning block of the material hits a slanted sticky floor and a moving ball with friction in its first
-/// frame of 50 substeps, hard enough to yield; its particles have different volumes.
+/// A small world in which a spinning block of the material hits a slanted sticky floor and a moving ball with friction
+/// in its first frame of 50 substeps, hard enough to yield; its particles have different volumes.
 pub fn gradcheck_world(material: Material) -> World {
     let spacing = 0.01;
     let count = DVec3::new(7.0, 6.0, 5.0);

@@ -1,9 +1,9 @@
-//! The derivative of a loss on the positions of any frames, by the adjoint: one forward pass that keeps checkpoints, and one reverse
-//! pass that goes from checkpoint to checkpoint, last first.
+//! The derivative of a loss on the positions of any frames, by the adjoint: one forward pass that keeps checkpoints,
+//! and one reverse pass that goes from checkpoint to checkpoint, last first.
 //!
-//! The cost is that of two forward passes and the adjoint, for any number of unknowns. Checkpoints lie every `stride` segments; the
-//! stride grows as the memory budget fills. The reverse pass recomputes the states at the segments' starts from a checkpoint, then
-//! each segment in full.
+//! The cost is that of two forward passes and the adjoint, for any number of unknowns. Checkpoints lie every `stride`
+//! segments; the stride grows as the memory budget fills. The reverse pass recomputes the states at the segments'
+//! starts from a checkpoint, then each segment in full.
 
 use gic_simd::Scalar;
 use glam::DVec3;
@@ -34,7 +34,8 @@ pub struct BodyGradient {
     pub velocity: DVec3,
     /// With respect to the initial angular velocity [per rad/s].
     pub angular_velocity: DVec3,
-    /// With respect to each initial position [per m], shape [n]; the initial velocity field of a spinning body moves along.
+    /// With respect to each initial position [per m], shape [n]; the initial velocity field of a spinning body moves
+    /// along.
     pub positions: Vec<DVec3>,
     /// With respect to each particle's own initial velocity [per m/s], shape [n]; they sum to `velocity`.
     pub velocities: Vec<DVec3>,
@@ -49,8 +50,8 @@ pub struct Gradient {
 
 /// Simulates `frames` frames (frame 0 included) and differentiates a loss.
 ///
-/// `loss` is called once per frame in ascending order and returns the derivative of the loss with respect to that frame's positions
-/// [per m], shape [n], or `None` where the loss does not depend on them.
+/// `loss` is called once per frame in ascending order and returns the derivative of the loss with respect to that
+/// frame's positions [per m], shape [n], or `None` where the loss does not depend on them.
 ///
 /// # Errors
 /// As [`crate::rollout`]; [`SimulationError::MemoryBudget`] when not even the sparsest checkpoints fit, and

@@ -1,4 +1,5 @@
-//! Derivatives of all positions with respect to a few unknowns, by finite differences of independent rollouts, one per core.
+//! Derivatives of all positions with respect to a few unknowns, by finite differences of independent rollouts, one per
+//! core.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -29,8 +30,9 @@ pub struct Jacobian {
     pub columns: Vec<Vec<Vec<DVec3>>>,
 }
 
-/// Simulates `frames` frames (frame 0 included) and differentiates all positions with respect to `unknowns`, each moved by its step
-/// (absolute, in its own unit). The rollouts run in parallel, each on one thread; the result does not depend on the thread count.
+/// Simulates `frames` frames (frame 0 included) and differentiates all positions with respect to `unknowns`, each moved
+/// by its step (absolute, in its own unit). The rollouts run in parallel, each on one thread; the result does not
+/// depend on the thread count.
 ///
 /// In f32, steps of about 1e-3 of the value balance rounding against curvature.
 ///

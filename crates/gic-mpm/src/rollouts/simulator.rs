@@ -30,7 +30,8 @@ impl Simulator {
         self.0.frame_index()
     }
 
-    /// The current frame. Contact forces are those of the last [`Self::advance_frame`], zero right after a start or a restore.
+    /// The current frame. Contact forces are those of the last [`Self::advance_frame`], zero right after a start or a
+    /// restore.
     pub fn frame(&self) -> Frame {
         self.0.frame()
     }
@@ -51,7 +52,8 @@ impl Simulator {
     /// Continues from a saved state.
     ///
     /// # Errors
-    /// [`SimulationError::StateMismatch`] when it has another number of particles, another precision, or numbers that are not finite.
+    /// [`SimulationError::StateMismatch`] when it has another number of particles, another precision, or numbers that
+    /// are not finite.
     pub fn restore(&mut self, snapshot: &Snapshot) -> Result<(), SimulationError> {
         self.0.restore(snapshot)
     }

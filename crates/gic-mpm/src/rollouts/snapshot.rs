@@ -5,7 +5,7 @@ use std::io::{self, Read, Write};
 use serde::{Deserialize, Serialize};
 
 use crate::options::Precision;
-use crate::substep::state::NUMBERS;
+use crate::substep::state::NUMBERS_PER_PARTICLE;
 
 /// A saved state of a [`Simulator`](crate::Simulator).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -14,15 +14,17 @@ pub struct Snapshot {
     pub frame: usize,
     /// Precision of the simulator.
     pub precision: Precision,
-    /// Per particle in input order: position [m], velocity [m/s], affine velocity gradient [1/s] and deformation gradient, matrices by rows.
-    pub particles: Vec<[f64; NUMBERS]>,
+    /// Per particle in input order: position [m], velocity [m/s], affine velocity gradient [1/s] and deformation
+    /// gradient, matrices by rows.
+    pub particles: Vec<[f64; NUMBERS_PER_PARTICLE]>,
 }
 
 /// First bytes of a saved snapshot.
 const MAGIC: &[u8; 8] = b"gic-mpm1";
 
 impl Snapshot {
-    /// Writes it exactly: magic, frame, precision (0 = f32, 1 = f64), particle count, then the particles; little-endian, 8 bytes a number.
+    /// Writes it exactly: magic, frame, precision (0 = f32, 1 = f64), particle count, then the particles;
+    /// little-endian, 8 bytes a number.
     ///
     /// # Errors
     /// Those of the writer.
@@ -66,7 +68,7 @@ impl Snapshot {
         // Grows as it reads, so that a corrupt count cannot ask for all memory.
         let mut particles = Vec::new();
         for _ in 0..count {
-            let mut particle = [0.0; NUMBERS];
+            let mut particle = [0.0; NUMBERS_PER_PARTICLE];
             for number in &mut particle {
                 *number = f64::from_le_bytes(word()?);
             }

@@ -47,7 +47,8 @@ impl Unknown {
     /// A copy of a world with the number replaced.
     ///
     /// # Errors
-    /// [`SimulationError::Invalid`] when the world has no such number, [`SimulationError::Material`] when the value is out of range.
+    /// [`SimulationError::Invalid`] when the world has no such number, [`SimulationError::Material`] when the value is
+    /// out of range.
     pub fn set(&self, world: &World, value: f64) -> Result<World, SimulationError> {
         let mut world = world.clone();
         self.with_number(&mut world, |number| *number = value)?;

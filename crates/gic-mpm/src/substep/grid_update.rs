@@ -1,13 +1,16 @@
 //! The grid update: from the nodes' momenta to their velocities, forward and backward.
 //!
-//! Where the mass m of a node exceeds the gate, v = p / m + dt g, then each obstacle that contains the node acts in turn;
-//! elsewhere v = 0.
+//! Where the mass m of a node exceeds the gate, v = p / m + dt g, then each obstacle that contains the node acts in
+//! turn; elsewhere v = 0.
 
 use gic_simd::Scalar;
 use glam::{DVec3, IVec3};
 
 use super::grid::{GridBox, Node};
 use crate::colliders::collider::{PosedCollider, Touch};
+
+/// Mass per cell [kg/m^3] below which a node stays at rest. Paper: the published simulator's gate of 1e-8 dx^3.
+const MIN_NODE_DENSITY: f64 = 1e-8;
 
 /// Momentum [N s] and angular momentum [N m s] given to an obstacle, the latter about the obstacle's origin.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -37,16 +40,17 @@ pub(crate) struct GridUpdate<'a> {
 }
 
 impl GridUpdate<'_> {
-    /// Nodes with less mass than this [kg] stay at rest (the reference's 1e-8 dx^3, read as kilograms).
+    /// Nodes with less mass than this [kg] stay at rest.
     fn mass_gate(&self) -> f64 {
-        1e-8 * self.spacing.powi(3)
+        MIN_NODE_DENSITY * self.spacing.powi(3)
     }
 
     fn node_position(&self, x: usize, y: usize, z: usize) -> DVec3 {
         (self.extent.first + IVec3::new(x as i32, y as i32, z as i32)).as_dvec3() * self.spacing
     }
 
-    /// Turns the momenta of plane `x` into velocities, and adds what the obstacles took to `impulses`, one per obstacle.
+    /// Turns the momenta of plane `x` into velocities, and adds what the obstacles took to `impulses`, one per
+    /// obstacle.
     pub(crate) fn forward_plane<R: Scalar>(&self, x: usize, nodes: &mut [Node<R>], impulses: &mut [Impulse]) {
         let gate = R::splat(self.mass_gate());
         let kick = (self.gravity * self.dt).to_array().map(R::splat);
@@ -74,8 +78,8 @@ impl GridUpdate<'_> {
         }
     }
 
-    /// The adjoint of [`Self::forward_plane`]: `nodes` holds momenta and masses; `adjoints` holds the adjoint of the velocities (its
-    /// fourth number is ignored) and receives that of momenta and masses.
+    /// The adjoint of [`Self::forward_plane`]: `nodes` holds momenta and masses; `adjoints` holds the adjoint of the
+    /// velocities (its fourth number is ignored) and receives that of momenta and masses.
     pub(crate) fn adjoint_plane<R: Scalar>(&self, x: usize, nodes: &[Node<R>], adjoints: &mut [Node<R>]) {
         let gate = R::splat(self.mass_gate());
         let kick = (self.gravity * self.dt).to_array().map(R::splat);
@@ -120,8 +124,8 @@ impl GridUpdate<'_> {
     }
 }
 
-/// How far along a row of nodes no obstacle can be met: the nearest is at least as far away as its distance from a node behind, less
-/// the way from there.
+/// How far along a row of nodes no obstacle can be met: the nearest is at least as far away as its distance from a node
+/// behind, less the way from there.
 struct Clearance {
     /// The nodes of the row before this one are clear, from the last asked for on.
     end: usize,

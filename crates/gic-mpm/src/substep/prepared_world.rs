@@ -14,9 +14,10 @@ use crate::laws::law::{Coefficients, Rules};
 use crate::math::mat3::Mat3;
 use crate::{Body, Collider, Material, World};
 
-/// Most nodes of the grid, so that f32 holds their indices exactly; beyond, the particles are too far apart for a dense grid.
-const MAX_NODES: usize = 1 << 24;
-/// Farthest from the origin, in cells: beyond, f32 no longer resolves a position within its cell well.
+/// Most nodes of the grid; beyond, the particles are too far apart for a dense one. Derived: f32 holds their indices
+/// exactly.
+const MAX_GRID_NODES: usize = 1 << 24;
+/// Farthest that a particle may be from the origin, in cells. Derived: there f32 resolves a 128th of a cell.
 const MAX_CELLS_FROM_ORIGIN: f64 = (1 << 16) as f64;
 
 /// One body, ready to simulate.
@@ -98,20 +99,20 @@ impl PreparedWorld {
         }
     }
 
-    /// The lowest and highest coordinates, in cells, that a particle reaches within `horizon` seconds at its present velocity, and
-    /// `pad` cells more.
-    pub(crate) fn reach<R: Scalar>(&self, state: &State<R>, particle: usize, horizon: f64, pad: f64) -> (DVec3, DVec3) {
+    /// The lowest and highest coordinates, in cells, that a particle reaches within `horizon` seconds at its present
+    /// velocity, and `margin` cells more.
+    pub(crate) fn swept_cells<R: Scalar>(&self, state: &State<R>, particle: usize, horizon: f64, margin: f64) -> (DVec3, DVec3) {
         let inverse = 1.0 / self.spacing;
         let here = state.position_of(particle) * inverse;
         let there = here + state.velocity_of(particle) * (horizon * inverse);
-        (here.min(there) - pad, here.max(there) + pad)
+        (here.min(there) - margin, here.max(there) + margin)
     }
 
-    /// The smallest grid that holds all particles as far as they [`Self::reach`].
-    pub(crate) fn extent<R: Scalar>(&self, state: &State<R>, horizon: f64, pad: f64) -> Result<GridBox, Violation> {
+    /// The smallest grid that holds all particles, each with the cells that it sweeps ([`Self::swept_cells`]).
+    pub(crate) fn extent<R: Scalar>(&self, state: &State<R>, horizon: f64, margin: f64) -> Result<GridBox, Violation> {
         let (mut lowest, mut highest) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         for p in 0..state.len() {
-            let (low, high) = self.reach(state, p, horizon, pad);
+            let (low, high) = self.swept_cells(state, p, horizon, margin);
             let near =
                 low.abs().max_element() < MAX_CELLS_FROM_ORIGIN && high.abs().max_element() < MAX_CELLS_FROM_ORIGIN;
             if !near {
@@ -121,7 +122,7 @@ impl PreparedWorld {
             highest = highest.max(high);
         }
         let size = highest - lowest + 5.0;
-        if size.element_product() > MAX_NODES as f64 {
+        if size.element_product() > MAX_GRID_NODES as f64 {
             return Err(Violation::left_domain(state, farthest(state), "too far from the other particles"));
         }
         let base = |x: DVec3| (x - 0.5).floor().as_ivec3();

@@ -1,7 +1,8 @@
-//! The readable engine: one particle at a time, in f64 (the oracle of all checks) or f32 (the scalar twin of the fast engine).
+//! The readable engine: one particle at a time, in f64 (the oracle of all checks) or f32 (the scalar twin of the fast
+//! engine).
 //!
-//! A substep (paper section 4.3, in the order of the published simulator), with node offsets d = x_i - x_p, D = 4 / dx^2, rest
-//! volume V, particle mass m (both with the particle's own factor):
+//! A substep (paper section 4.3, in the order of the published simulator), with node offsets d = x_i - x_p,
+//! D = 4 / dx^2, rest volume V, particle mass m (both with the particle's own factor):
 //!
 //! ```text
 //! law:   F', tau = law(dt, C, F)          A = m C - dt V D tau
@@ -25,8 +26,9 @@ use crate::math::mat3::Mat3;
 use crate::substep::state::State;
 use crate::substep::stencil;
 
-/// Room for the rounding of f32, which may put a particle into the neighbour of the cell that f64 puts it in.
-const ROUNDING_CELLS: f64 = 0.01;
+/// Margin of the grid around the particles, in cells: rounding of f32 may put a particle into the neighbour of the cell
+/// that f64 puts it in. Derived: 2^16 cells from the origin f32 resolves a 128th of a cell.
+const ROUNDING_MARGIN_CELLS: f64 = 0.01;
 
 /// The engine; `R` is f64 or f32.
 pub(crate) struct ScalarEngine<R>(core::marker::PhantomData<R>);
@@ -139,7 +141,7 @@ impl<'a, R: Scalar> Substep<'a, R> {
     fn new(world: &'a PreparedWorld, segment: Segment, index: usize, state: &State<R>) -> Result<Self, Violation> {
         Ok(Self {
             world,
-            extent: world.extent(state, 0.0, ROUNDING_CELLS)?,
+            extent: world.extent(state, 0.0, ROUNDING_MARGIN_CELLS)?,
             time: segment.time(index),
             dt: segment.dt,
             inverse_dx: R::splat(1.0 / world.spacing),
@@ -234,7 +236,8 @@ impl<'a, R: Scalar> Substep<'a, R> {
         Ok(())
     }
 
-    /// The reverse of [`Self::forward`] from `before` to `after`: `adjoint` goes from that of `after` to that of `before`.
+    /// The reverse of [`Self::forward`] from `before` to `after`: `adjoint` goes from that of `after` to that of
+    /// `before`.
     fn backward(&self, before: &State<R>, after: &State<R>, adjoint: &mut State<R>, bars: &mut [BodyBars]) {
         let mut momenta = vec![[R::zero(); 4]; self.extent.nodes()];
         let mut recomputed = before.clone();
@@ -257,7 +260,8 @@ impl<'a, R: Scalar> Substep<'a, R> {
         }
     }
 
-    /// Reads the adjoints of x', v', C'; leaves that of x (as far as it comes from here), and scatters those of the grid velocities.
+    /// Reads the adjoints of x', v', C'; leaves that of x (as far as it comes from here), and scatters those of the
+    /// grid velocities.
     fn g2p_adjoint(
         &self,
         before: &State<R>,

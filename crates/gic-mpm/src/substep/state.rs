@@ -22,7 +22,7 @@ pub(crate) struct State<R> {
 }
 
 /// Numbers per particle: x, v, C, F.
-pub(crate) const NUMBERS: usize = 24;
+pub(crate) const NUMBERS_PER_PARTICLE: usize = 24;
 
 impl<R: Scalar> State<R> {
     /// All zeros, as an adjoint starts.
@@ -36,8 +36,8 @@ impl<R: Scalar> State<R> {
     }
 
     /// The numbers of a particle: x, v, C, F.
-    pub(crate) fn to_numbers(&self, particle: usize) -> [f64; NUMBERS] {
-        let mut numbers = [0.0; NUMBERS];
+    pub(crate) fn to_numbers(&self, particle: usize) -> [f64; NUMBERS_PER_PARTICLE] {
+        let mut numbers = [0.0; NUMBERS_PER_PARTICLE];
         let (c, f) = (&self.affine[particle].0, &self.deformation[particle].0);
         let all = self.position[particle].iter().chain(&self.velocity[particle]).chain(c).chain(f);
         for (number, x) in numbers.iter_mut().zip(all) {
@@ -47,7 +47,7 @@ impl<R: Scalar> State<R> {
     }
 
     /// The reverse of [`Self::to_numbers`].
-    pub(crate) fn set_numbers(&mut self, particle: usize, numbers: &[f64; NUMBERS]) {
+    pub(crate) fn set_numbers(&mut self, particle: usize, numbers: &[f64; NUMBERS_PER_PARTICLE]) {
         let (c, f) = (&mut self.affine[particle].0, &mut self.deformation[particle].0);
         let all = self.position[particle].iter_mut().chain(&mut self.velocity[particle]).chain(c).chain(f);
         for (x, &number) in all.zip(numbers) {
@@ -62,7 +62,7 @@ impl<R: Scalar> State<R> {
 
     /// Bytes of a state of that many particles.
     pub(crate) fn bytes(particles: usize) -> usize {
-        particles * NUMBERS * size_of::<R>()
+        particles * NUMBERS_PER_PARTICLE * size_of::<R>()
     }
 
     /// Position of a particle [m].

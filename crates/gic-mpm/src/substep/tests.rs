@@ -1,7 +1,8 @@
-//! The adjoint of one substep against central differences in f64, from a state that is deformed, yields and touches obstacles.
+//! The adjoint of one substep against central differences in f64, from a state that is deformed, yields and touches
+//! obstacles.
 //!
-//! The loss is linear in every number of the new state, so that nothing an engine computes can hide. Errors are relative to the
-//! derivative itself.
+//! The loss is linear in every number of the new state, so that nothing an engine computes can hide. Errors are
+//! relative to the derivative itself.
 
 use crate::laws::law::Coefficients;
 use crate::rollouts::gradcheck::{gradcheck_materials, gradcheck_world};
@@ -10,7 +11,7 @@ use crate::substep::fast::FastEngine;
 use crate::substep::grid_update::Impulse;
 use crate::substep::prepared_world::PreparedWorld;
 use crate::substep::scalar::ScalarEngine;
-use crate::substep::state::{NUMBERS, State};
+use crate::substep::state::{NUMBERS_PER_PARTICLE, State};
 use crate::{Level, Material, Rules, World};
 
 const TOLERANCE: f64 = 1e-5;
@@ -51,20 +52,21 @@ fn changed(state: &State<f64>, change: impl Fn(usize, usize) -> f64) -> State<f6
 fn deformed(prepared: &PreparedWorld) -> State<f64> {
     changed(&prepared.initial_state(), |p, i| match i {
         0..3 => 0.0,
-        3..6 => 0.5 * noise(1, p * NUMBERS + i),
-        6..15 => 20.0 * noise(2, p * NUMBERS + i),
-        _ => 0.1 * noise(3, p * NUMBERS + i) - if i % 4 == 3 { 0.02 } else { 0.0 },
+        3..6 => 0.5 * noise(1, p * NUMBERS_PER_PARTICLE + i),
+        6..15 => 20.0 * noise(2, p * NUMBERS_PER_PARTICLE + i),
+        _ => 0.1 * noise(3, p * NUMBERS_PER_PARTICLE + i) - if i % 4 == 3 { 0.02 } else { 0.0 },
     })
 }
 
-/// The derivative of the loss with respect to a number of the new state; positions count in cells, velocity gradients per cell.
+/// The derivative of the loss with respect to a number of the new state; positions count in cells, velocity gradients
+/// per cell.
 fn weight(particle: usize, number: usize) -> f64 {
     let scale = match number {
         0..3 => 50.0,
         6..15 => 0.02,
         _ => 1.0,
     };
-    scale * noise(4, particle * NUMBERS + number)
+    scale * noise(4, particle * NUMBERS_PER_PARTICLE + number)
 }
 
 /// A start and where it leads.
@@ -178,7 +180,7 @@ fn assert_adjoint(engine: &impl Engine<Number = f64>) {
             for (kind, only) in [None, Some(3), Some(middle), Some(case.start.len() - 1)].into_iter().enumerate() {
                 let direction = |p: usize, i: usize| {
                     let moves = numbers.contains(&i) && only.is_none_or(|only| only == p);
-                    if moves { noise(10 + 4 * field + kind, p * NUMBERS + i) } else { 0.0 }
+                    if moves { noise(10 + 4 * field + kind, p * NUMBERS_PER_PARTICLE + i) } else { 0.0 }
                 };
                 let along: f64 = (0..case.start.len())
                     .flat_map(|p| adjoint.to_numbers(p).into_iter().enumerate().map(move |(i, bar)| (p, i, bar)))

@@ -91,7 +91,8 @@ pub(crate) fn mean(values: impl Iterator<Item = f64>) -> f64 {
     sum / f64::from(count)
 }
 
-/// When a signal, sampled at whole multiples of `step_s` from time zero on, first comes back to zero after its first sample.
+/// When a signal, sampled at whole multiples of `step_s` from time zero on, first comes back to zero after its first
+/// sample.
 pub(crate) fn first_return_to_zero(signal: &[f64], step_s: f64) -> Option<f64> {
     let sign = signal[1].signum();
     let after = (2..signal.len()).find(|&i| signal[i] * sign <= 0.0)?;

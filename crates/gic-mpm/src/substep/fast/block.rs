@@ -6,7 +6,7 @@ use core::marker::PhantomData;
 use gic_simd::{Lanes, MAX_LANES, Scalar};
 
 use crate::math::mat3::Mat3;
-use crate::substep::state::{NUMBERS, State};
+use crate::substep::state::{NUMBERS_PER_PARTICLE, State};
 
 /// Particles per block, on every level.
 pub(super) const BLOCK: usize = MAX_LANES;
@@ -14,7 +14,7 @@ pub(super) const BLOCK: usize = MAX_LANES;
 /// The numbers of 16 particles (or their adjoints): x, v, C, F, each for all 16.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
-pub(super) struct Block<T>([[T; BLOCK]; NUMBERS]);
+pub(super) struct Block<T>([[T; BLOCK]; NUMBERS_PER_PARTICLE]);
 
 /// Where each number of a particle starts.
 const VELOCITY: usize = 3;
@@ -23,7 +23,7 @@ const DEFORMATION: usize = 15;
 
 impl<T: Scalar> Block<T> {
     pub(super) fn zero() -> Self {
-        Self([[T::zero(); BLOCK]; NUMBERS])
+        Self([[T::zero(); BLOCK]; NUMBERS_PER_PARTICLE])
     }
 
     /// Lanes of number `number`, from particle `at` of the block on.
@@ -105,7 +105,8 @@ impl<T: Scalar> Block<T> {
         self.put_matrix(DEFORMATION, at, value);
     }
 
-    /// Copies the particles `order` of a state (or adjoint) into blocks; the places left in the last block repeat the last particle.
+    /// Copies the particles `order` of a state (or adjoint) into blocks; the places left in the last block repeat the
+    /// last particle.
     pub(super) fn gather(state: &State<T>, order: &[u32]) -> Vec<Self> {
         let mut blocks = vec![Self::zero(); order.len().div_ceil(BLOCK)];
         for (chunk, block) in order.chunks(BLOCK).zip(&mut blocks) {

@@ -19,10 +19,11 @@ use crate::substep::prepared_world::PreparedWorld;
 use crate::substep::state::State;
 use crate::substep::violation::Violation;
 
-/// Particles may move this many cells farther in a segment than their velocity at its start tells; doubled until it holds.
-const PAD_CELLS: f64 = 0.5;
-/// Nodes from which a grid update is worth several threads.
-const PARALLEL_NODES: usize = 1 << 15;
+/// First guess of how many cells farther particles move in a segment than their velocity at its start tells. A segment
+/// in which one leaves this margin is repeated with twice the margin, so it decides about time, not about results.
+const INITIAL_MARGIN_CELLS: f64 = 0.5;
+/// Nodes from which a grid update is worth several threads; the result does not depend on it.
+const MIN_NODES_FOR_THREADS: usize = 1 << 15;
 
 /// A number with machine lanes: f32, or f64 without SIMD, for tests.
 pub(crate) trait Machine: Scalar {
@@ -86,9 +87,9 @@ impl<T: Machine> FastEngine<T> {
         segment: Segment,
         record: bool,
     ) -> Result<(Tape<T>, Vec<Impulse>), Violation> {
-        let mut pad = PAD_CELLS;
+        let mut margin = INITIAL_MARGIN_CELLS;
         loop {
-            let layout = Layout::new(world, state, segment, pad, self.parallel)?;
+            let layout = Layout::new(world, state, segment, margin, self.parallel)?;
             let mut impulses = vec![Impulse::default(); world.colliders.len()];
             let mut tape = Tape { segment, extent: layout.extent, chunks: layout.chunks, momenta: Vec::new() };
             if record {
@@ -96,7 +97,7 @@ impl<T: Machine> FastEngine<T> {
             }
             match self.attempt(world, &mut tape, state, &mut impulses, record)? {
                 Outcome::Done => return Ok((tape, impulses)),
-                Outcome::Escaped => pad *= 2.0,
+                Outcome::Escaped => margin *= 2.0,
             }
         }
     }
@@ -172,7 +173,7 @@ impl<T: Machine> FastEngine<T> {
         grid: &mut [Node<T>],
         f: impl Fn(usize, &mut [Node<T>]) -> U + Send + Sync,
     ) -> Vec<U> {
-        if self.parallel && grid.len() >= PARALLEL_NODES {
+        if self.parallel && grid.len() >= MIN_NODES_FOR_THREADS {
             grid.par_chunks_exact_mut(extent.plane()).enumerate().map(|(x, plane)| f(x, plane)).collect()
         } else {
             grid.chunks_exact_mut(extent.plane()).enumerate().map(|(x, plane)| f(x, plane)).collect()

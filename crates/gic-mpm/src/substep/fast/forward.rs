@@ -1,5 +1,5 @@
-//! The forward pass over a chunk: from the grid of one substep to that of the next (g2p, then law and p2g) while the particles are in
-//! cache.
+//! The forward pass over a chunk: from the grid of one substep to that of the next (g2p, then law and p2g) while the
+//! particles are in cache.
 
 use gic_simd::{Kernel, Lanes, Scalar};
 

@@ -43,7 +43,8 @@ pub(super) fn g2p<L: Lanes>(
     flags.too_fast |= L::any(L::not(slow_enough));
 }
 
-/// The first pass of the backward direction: from the adjoints of x', v', C' to those of the grid velocities, and what of x comes from here.
+/// The first pass of the backward direction: from the adjoints of x', v', C' to those of the grid velocities, and what
+/// of x comes from here.
 pub(super) struct G2pAdjoint<'a, T> {
     pub(super) step: Step<'a>,
     /// Its blocks hold the adjoint; its slab receives the adjoint of the velocities.

@@ -1,4 +1,5 @@
-//! Rows of nodes to particles: the inner loop of g2p and of both adjoints. SAFETY of the pointers: see [`super::stencils`].
+//! Rows of nodes to particles: the inner loop of g2p and of both adjoints. SAFETY of the pointers: see
+//! [`super::stencils`].
 
 use gic_simd::{Lanes, Scalar};
 
@@ -102,8 +103,8 @@ pub(super) unsafe fn gather<L: Lanes>(
     }
 }
 
-/// Gathers, with n a node's four numbers and g those of the gift to it: sum of (slope of w along x, y, z) n * g, number by number, in
-/// the first three quads.
+/// Gathers, with n a node's four numbers and g those of the gift to it: sum of (slope of w along x, y, z) n * g, number
+/// by number, in the first three quads.
 ///
 /// # Safety
 /// `grid` must hold the nodes of the window that `s` was set for, four numbers each.

@@ -14,10 +14,11 @@ use crate::substep::prepared_world::{PreparedBody, PreparedWorld};
 use crate::substep::state::{State, map_particles};
 use crate::substep::violation::Violation;
 
-/// Particles per chunk, about: few enough for several chunks per core, many enough for a slab to pay.
-const CHUNK_PARTICLES: usize = 16_384;
+/// Particles per chunk, about: few enough for several chunks per core, many enough for a slab to pay. The order of sums,
+/// and so the last bits of a result, depend on it.
+const PARTICLES_PER_CHUNK: usize = 16_384;
 /// Most chunks per body: more slabs would cost more than more threads gain.
-const MAX_CHUNKS: usize = 16;
+const MAX_CHUNKS_PER_BODY: usize = 16;
 
 /// Chunks on a grid, at the start of a segment.
 pub(super) struct Layout<T> {
@@ -31,11 +32,11 @@ impl<T: Scalar> Layout<T> {
         world: &PreparedWorld,
         state: &State<T>,
         segment: Segment,
-        pad: f64,
+        margin: f64,
         parallel: bool,
     ) -> Result<Self, Violation> {
         let horizon = segment.dt * segment.substeps as f64;
-        let extent = world.extent(state, horizon, pad)?;
+        let extent = world.extent(state, horizon, margin)?;
         let inverse = 1.0 / world.spacing;
         let base = |p: usize, axis: usize| (state.position[p][axis].to_f64() * inverse - 0.5).floor() as i32;
         let cell = |p: usize| {
@@ -46,13 +47,13 @@ impl<T: Scalar> Layout<T> {
         for (number, body) in world.bodies.iter().enumerate() {
             let keys = map_particles(parallel, body.range.clone(), cell);
             let order = sorted(body.range.clone(), &keys, extent.nodes());
-            let count = order.len().div_ceil(CHUNK_PARTICLES).min(MAX_CHUNKS);
+            let count = order.len().div_ceil(PARTICLES_PER_CHUNK).min(MAX_CHUNKS_PER_BODY);
             // Whole blocks, so that only the last chunk has a partial one.
             let blocks = order.len().div_ceil(BLOCK).div_ceil(count);
             orders.extend(order.chunks(blocks * BLOCK).map(|order| (number, order.to_vec())));
         }
         let chunk = |(body, order): (usize, Vec<u32>)| {
-            let (window, first_node) = window(world, state, &order, extent, horizon, pad);
+            let (window, first_node) = window(world, state, &order, extent, horizon, margin);
             Chunk {
                 body,
                 blocks: Block::gather(state, &order),
@@ -98,18 +99,19 @@ fn sorted(particles: Range<usize>, keys: &[u32], cells: usize) -> Vec<u32> {
     order
 }
 
-/// The part of the grid that some particles may touch in a segment, and its first node: all planes along x that they may reach.
+/// The part of the grid that some particles may touch in a segment, and its first node: all planes along x that they
+/// may reach.
 fn window<T: Scalar>(
     world: &PreparedWorld,
     state: &State<T>,
     particles: &[u32],
     extent: GridBox,
     horizon: f64,
-    pad: f64,
+    margin: f64,
 ) -> (Window, usize) {
     let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
     for &p in particles {
-        let (low, high) = world.reach(state, p as usize, horizon, pad);
+        let (low, high) = world.swept_cells(state, p as usize, horizon, margin);
         lowest = lowest.min(low.x);
         highest = highest.max(high.x);
     }

@@ -40,7 +40,8 @@ pub(super) fn p2g<L: Lanes>(
     unsafe { scatter(stencils, row, count, pending, slab.as_flattened_mut().as_mut_ptr(), window) };
 }
 
-/// The second pass of the backward direction: from the adjoints of the grid's momenta and masses, and of F', to those of x, v, C, F.
+/// The second pass of the backward direction: from the adjoints of the grid's momenta and masses, and of F', to those
+/// of x, v, C, F.
 pub(super) struct P2gAdjoint<'a, T> {
     pub(super) step: Step<'a>,
     /// Its blocks hold the adjoint.
@@ -70,7 +71,7 @@ impl<T: Scalar> Kernel<T> for P2gAdjoint<'_, T> {
                 // SAFETY: the slice holds the window's nodes.
                 unsafe { pack.adjoint(&mut blocks[b], grid_bar.as_ptr(), window, &mut scratch, &mut lane_bars) };
             }
-            if b % BLOCKS_PER_SUM == BLOCKS_PER_SUM - 1 {
+            if b % BLOCKS_PER_LANE_SUM == BLOCKS_PER_LANE_SUM - 1 {
                 lane_bars.flush(self.step.body.volume, &mut bars);
             }
         }
@@ -145,7 +146,7 @@ impl<L: Lanes> Pack<'_, L> {
 }
 
 /// Blocks whose parameter derivatives are summed lane by lane before they are added up in f64.
-const BLOCKS_PER_SUM: usize = 4;
+const BLOCKS_PER_LANE_SUM: usize = 4;
 
 /// [`BodyBars`] of a few blocks, lane by lane.
 struct LaneBars<L> {

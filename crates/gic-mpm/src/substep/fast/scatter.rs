@@ -1,7 +1,8 @@
 //! Particles to rows of nodes: the inner loop of p2g.
 //!
-//! What a particle gives its node (i, j, k) is affine in the node: `weight * (base + i along_x + j along_y + k along_z)`, so a row
-//! costs an addition and a multiplication-addition per vector. SAFETY of the pointers: see [`super::stencils`].
+//! What a particle gives its node (i, j, k) is affine in the node: `weight * (base + i along_x + j along_y + k
+//! along_z)`, so a row costs an addition and a multiplication-addition per vector. SAFETY of the pointers: see
+//! [`super::stencils`].
 
 use core::array;
 

@@ -1,18 +1,19 @@
 //! Between lanes of particles and rows of nodes.
 //!
-//! Four nodes in a row along z, each (x, y, z, mass), are 16 numbers: one vector of AVX-512, two of AVX2, four of NEON. A particle
-//! touches nine such rows (of the fourth node it touches nothing, its weight is zero).
+//! Four nodes in a row along z, each (x, y, z, mass), are 16 numbers: one vector of AVX-512, two of AVX2, four of NEON.
+//! A particle touches nine such rows (of the fourth node it touches nothing, its weight is zero).
 //!
 //! SAFETY of the pointers in this folder: a stencil's base index is clamped by [`Stencils::set`] so that all nine rows lie in the grid of
-//! the [`Window`] that it was made for, whatever the particle's position (also NaN); callers pass grids of at least that size.
+//! the [`Window`] that it was made for, whatever the particle's position (also NaN); callers pass grids of at least
+//! that size.
 
 use gic_simd::{Lanes, Scalar};
 
 use super::block::BLOCK;
 use crate::substep::stencil;
 
-/// Four numbers per particle, for up to 16 particles, as [`Lanes::transpose`] leaves them. The end is padding: rows are read past a
-/// particle's own four numbers.
+/// Four numbers per particle, for up to 16 particles, as [`Lanes::transpose`] leaves them. The end is padding: rows are
+/// read past a particle's own four numbers.
 #[repr(C, align(64))]
 pub(super) struct Quads<T>([T; 4 * BLOCK + 4]);
 
@@ -103,8 +104,8 @@ impl<T: Scalar> Stencils<T> {
         }
     }
 
-    /// Computes the stencils of particles at `position`. Returns their offsets from the base nodes, in units of dx, and a flag for
-    /// each that is set where the stencil lies in the window.
+    /// Computes the stencils of particles at `position`. Returns their offsets from the base nodes, in units of dx, and
+    /// a flag for each that is set where the stencil lies in the window.
     #[inline(always)]
     pub(super) fn set<L: Lanes<Scalar = T>>(
         &mut self,

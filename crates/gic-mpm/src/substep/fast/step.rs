@@ -40,8 +40,8 @@ impl Step<'_> {
         4.0 / self.spacing
     }
 
-    /// The law over lanes. The match on the material is inside the loops over particles, where it costs nothing, so that all
-    /// laws share the compiled transfers.
+    /// The law over lanes. The match on the material is inside the loops over particles, where it costs nothing, so
+    /// that all laws share the compiled transfers.
     #[inline(always)]
     pub(super) fn law<L: Lanes>(&self, c: &Mat3<L>, f: &Mat3<L>) -> Updated<L> {
         let (dt, coefficients, rules) = (L::splat(self.dt), &self.body.coefficients, self.rules);
