@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use crate::MaterialError;
+use crate::options::Precision;
 
 /// Why a simulation could not be set up or continued.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -99,7 +100,7 @@ pub enum SimulationError {
     #[error("the saved state does not fit this world: {reason}")]
     StateMismatch {
         /// What differs.
-        reason: String,
+        reason: StateMismatch,
     },
     /// A gradient does not fit its memory budget.
     #[error(
@@ -118,6 +119,52 @@ pub enum SimulationError {
         /// The frame.
         frame: usize,
         /// What is wrong with it.
-        reason: String,
+        reason: LossGradientError,
+    },
+}
+
+/// What of a saved state differs from the simulator that is to continue from it.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum StateMismatch {
+    /// Another number of particles.
+    #[error("it has {found} particles, the world {expected}")]
+    Particles {
+        /// Particles of the saved state.
+        found: usize,
+        /// Particles of the world.
+        expected: usize,
+    },
+    /// Another precision.
+    #[error("it was computed in {found:?}, the options ask for {expected:?}")]
+    Precision {
+        /// Precision of the saved state.
+        found: Precision,
+        /// Precision of the simulator.
+        expected: Precision,
+    },
+    /// A number that is none.
+    #[error("particle {particle} holds a number that is not finite")]
+    NotFinite {
+        /// Number of the particle.
+        particle: usize,
+    },
+}
+
+/// What is wrong with the gradient that a loss returned.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum LossGradientError {
+    /// Not one entry for each particle.
+    #[error("has {found} entries for {particles} particles")]
+    Length {
+        /// Entries returned.
+        found: usize,
+        /// Particles of the frame.
+        particles: usize,
+    },
+    /// A number that is none.
+    #[error("is not finite at particle {particle}")]
+    NotFinite {
+        /// Number of the particle.
+        particle: usize,
     },
 }

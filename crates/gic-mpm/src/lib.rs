@@ -23,7 +23,7 @@ pub use colliders::collider::Collider;
 pub use colliders::contact::Contact;
 pub use colliders::path::ColliderPath;
 pub use colliders::shape::Primitive;
-pub use error::SimulationError;
+pub use error::{LossGradientError, SimulationError, StateMismatch};
 pub use gic_simd::Level;
 pub use laws::kind::MaterialKind;
 pub use laws::law::Rules;

@@ -1,13 +1,11 @@
 //! Sixteen f32 with AVX-512F.
 //!
-//! SAFETY, for every intrinsic here: it needs AVX-512F, and a value of this type exists only below
-//! [`dispatch`](crate::dispatch), which has checked for it. Pointers: as the trait's methods ask of their callers.
+//! SAFETY of all intrinsics here: see [`f32_vector`](crate::vector::f32_vector).
 
 use core::arch::x86_64::*;
 
-use crate::Call;
-use crate::packed::Vector;
-use crate::polynomial::{self, Bits, SQRT_HALF};
+use crate::polynomial::{Bits, SQRT_HALF};
+use crate::vector::{Vector, f32_vector, refined_rsqrt};
 
 /// The sign bits of all lanes.
 #[inline(always)]
@@ -15,181 +13,112 @@ fn sign_bits() -> __m512i {
     unsafe { _mm512_set1_epi32(i32::MIN) }
 }
 
-impl Vector for __m512 {
-    type Scalar = f32;
-    type Mask = __mmask16;
-    const LANES: usize = 16;
-
-    #[inline(always)]
-    fn of(value: f32) -> Self {
-        unsafe { _mm512_set1_ps(value) }
-    }
-    #[inline(always)]
-    unsafe fn load(from: *const f32) -> Self {
-        unsafe { _mm512_loadu_ps(from) }
-    }
-    #[inline(always)]
-    unsafe fn store(self, to: *mut f32) {
-        unsafe { _mm512_storeu_ps(to, self) }
-    }
-    #[inline(always)]
-    fn add(self, b: Self) -> Self {
-        unsafe { _mm512_add_ps(self, b) }
-    }
-    #[inline(always)]
-    fn sub(self, b: Self) -> Self {
-        unsafe { _mm512_sub_ps(self, b) }
-    }
-    #[inline(always)]
-    fn mul(self, b: Self) -> Self {
-        unsafe { _mm512_mul_ps(self, b) }
-    }
-    #[inline(always)]
-    fn div(self, b: Self) -> Self {
-        unsafe { _mm512_div_ps(self, b) }
-    }
-    #[inline(always)]
-    fn neg(self) -> Self {
-        unsafe { _mm512_castsi512_ps(_mm512_xor_si512(_mm512_castps_si512(self), sign_bits())) }
-    }
-    #[inline(always)]
-    fn mul_add(self, a: Self, b: Self) -> Self {
-        unsafe { _mm512_fmadd_ps(self, a, b) }
-    }
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        unsafe { _mm512_sqrt_ps(self) }
-    }
-    #[inline(always)]
-    fn abs(self) -> Self {
-        unsafe { _mm512_abs_ps(self) }
-    }
-    #[inline(always)]
-    fn copysign(self, sign: Self) -> Self {
-        unsafe {
-            let sign = _mm512_and_si512(_mm512_castps_si512(sign), sign_bits());
-            _mm512_castsi512_ps(_mm512_or_si512(_mm512_castps_si512(self.abs()), sign))
+f32_vector! {
+    __m512, lanes: 16, mask: __mmask16, features: "avx2,fma,avx512f",
+    of: _mm512_set1_ps, load: _mm512_loadu_ps, store: _mm512_storeu_ps,
+    unary: { sqrt = _mm512_sqrt_ps, abs = _mm512_abs_ps },
+    binary: {
+        add = _mm512_add_ps, sub = _mm512_sub_ps, mul = _mm512_mul_ps, div = _mm512_div_ps,
+        min = _mm512_min_ps, max = _mm512_max_ps,
+    },
+    compare: { lt = _mm512_cmp_ps_mask::<_CMP_LT_OQ>, le = _mm512_cmp_ps_mask::<_CMP_LE_OQ> },
+    others: {
+        #[inline(always)]
+        fn neg(self) -> Self {
+            unsafe { _mm512_castsi512_ps(_mm512_xor_si512(_mm512_castps_si512(self), sign_bits())) }
         }
-    }
-    #[inline(always)]
-    fn floor(self) -> Self {
-        // Round towards minus infinity, no exceptions.
-        unsafe { _mm512_roundscale_ps::<0x09>(self) }
-    }
-    #[inline(always)]
-    fn min(self, b: Self) -> Self {
-        unsafe { _mm512_min_ps(self, b) }
-    }
-    #[inline(always)]
-    fn max(self, b: Self) -> Self {
-        unsafe { _mm512_max_ps(self, b) }
-    }
-    #[inline(always)]
-    fn exp(self) -> Self {
-        polynomial::exp(self)
-    }
-    #[inline(always)]
-    fn ln(self) -> Self {
-        polynomial::ln(self)
-    }
-    #[inline(always)]
-    fn recip(self) -> Self {
-        Self::of(1.0).div(self)
-    }
-    #[inline(always)]
-    fn rsqrt(self) -> Self {
-        // 14 bits, then a Newton step: y (1.5 - x y^2 / 2).
-        let y = unsafe { _mm512_rsqrt14_ps(self) };
-        let half = self.mul(Self::of(-0.5)).mul(y);
-        y.mul(half.mul_add(y, Self::of(1.5)))
-    }
-    #[inline(always)]
-    fn lt(self, b: Self) -> __mmask16 {
-        unsafe { _mm512_cmp_ps_mask::<_CMP_LT_OQ>(self, b) }
-    }
-    #[inline(always)]
-    fn le(self, b: Self) -> __mmask16 {
-        unsafe { _mm512_cmp_ps_mask::<_CMP_LE_OQ>(self, b) }
-    }
-    #[inline(always)]
-    fn select(mask: __mmask16, yes: Self, no: Self) -> Self {
-        unsafe { _mm512_mask_blend_ps(mask, no, yes) }
-    }
-    #[inline(always)]
-    fn and(a: __mmask16, b: __mmask16) -> __mmask16 {
-        a & b
-    }
-    #[inline(always)]
-    fn or(a: __mmask16, b: __mmask16) -> __mmask16 {
-        a | b
-    }
-    #[inline(always)]
-    fn not(a: __mmask16) -> __mmask16 {
-        !a
-    }
-    #[inline(always)]
-    fn bits(mask: __mmask16) -> u32 {
-        u32::from(mask)
-    }
-    #[inline(always)]
-    fn outlined<C: Call>(call: C) -> C::Output {
-        #[inline(never)]
-        #[target_feature(enable = "avx2,fma,avx512f")]
-        fn outlined<C: Call>(call: C) -> C::Output {
-            call.run()
+        #[inline(always)]
+        fn mul_add(self, a: Self, b: Self) -> Self {
+            unsafe { _mm512_fmadd_ps(self, a, b) }
         }
-        unsafe { outlined(call) }
-    }
-    #[inline(always)]
-    unsafe fn quad(from: *const f32) -> Self {
-        unsafe { _mm512_broadcast_f32x4(_mm_loadu_ps(from)) }
-    }
-    #[inline(always)]
-    unsafe fn spread(from: *const f32) -> Self {
-        unsafe {
-            // In each group, pick the element with the group's own number.
-            let pick = _mm512_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
-            _mm512_permutevar_ps(Self::quad(from), pick)
+        #[inline(always)]
+        fn copysign(self, sign: Self) -> Self {
+            unsafe {
+                let sign = _mm512_and_si512(_mm512_castps_si512(sign), sign_bits());
+                _mm512_castsi512_ps(_mm512_or_si512(_mm512_castps_si512(self.abs()), sign))
+            }
         }
-    }
-    #[inline(always)]
-    unsafe fn strided_quads(from: *const f32, stride: usize) -> Self {
-        unsafe {
-            let all = _mm512_castps128_ps512(_mm_loadu_ps(from));
-            let all = _mm512_insertf32x4::<1>(all, _mm_loadu_ps(from.add(stride)));
-            let all = _mm512_insertf32x4::<2>(all, _mm_loadu_ps(from.add(2 * stride)));
-            _mm512_insertf32x4::<3>(all, _mm_loadu_ps(from.add(3 * stride)))
+        #[inline(always)]
+        fn floor(self) -> Self {
+            // Round towards minus infinity, no exceptions.
+            unsafe { _mm512_roundscale_ps::<0x09>(self) }
         }
-    }
-    #[inline(always)]
-    fn transpose([a, b, c, d]: [Self; 4]) -> [Self; 4] {
-        unsafe {
-            let (ab_low, ab_high) = (_mm512_unpacklo_ps(a, b), _mm512_unpackhi_ps(a, b));
-            let (cd_low, cd_high) = (_mm512_unpacklo_ps(c, d), _mm512_unpackhi_ps(c, d));
-            [
-                _mm512_shuffle_ps::<0x44>(ab_low, cd_low),
-                _mm512_shuffle_ps::<0xee>(ab_low, cd_low),
-                _mm512_shuffle_ps::<0x44>(ab_high, cd_high),
-                _mm512_shuffle_ps::<0xee>(ab_high, cd_high),
-            ]
+        #[inline(always)]
+        fn rsqrt(self) -> Self {
+            // The estimate has 14 bits.
+            refined_rsqrt(self, unsafe { _mm512_rsqrt14_ps(self) })
         }
-    }
-    #[inline(always)]
-    unsafe fn store_group_sums([a, b, c, d]: [Self; 4], to: *mut f32) {
-        unsafe {
-            // Groups (a0, a1, b0, b1) + (a2, a3, b2, b3), likewise c and d; then even + odd groups.
-            let ab = _mm512_shuffle_f32x4::<0x44>(a, b).add(_mm512_shuffle_f32x4::<0xee>(a, b));
-            let cd = _mm512_shuffle_f32x4::<0x44>(c, d).add(_mm512_shuffle_f32x4::<0xee>(c, d));
-            _mm512_shuffle_f32x4::<0x88>(ab, cd).add(_mm512_shuffle_f32x4::<0xdd>(ab, cd)).store(to);
+        #[inline(always)]
+        fn select(mask: __mmask16, yes: Self, no: Self) -> Self {
+            unsafe { _mm512_mask_blend_ps(mask, no, yes) }
         }
-    }
-    #[inline(always)]
-    fn broadcast_fourth(self) -> Self {
-        unsafe { _mm512_permute_ps::<0xff>(self) }
-    }
-    #[inline(always)]
-    fn with_fourth(self, fourth: Self) -> Self {
-        unsafe { _mm512_mask_blend_ps(0x8888, self, fourth) }
+        #[inline(always)]
+        fn and(a: __mmask16, b: __mmask16) -> __mmask16 {
+            a & b
+        }
+        #[inline(always)]
+        fn or(a: __mmask16, b: __mmask16) -> __mmask16 {
+            a | b
+        }
+        #[inline(always)]
+        fn not(a: __mmask16) -> __mmask16 {
+            !a
+        }
+        #[inline(always)]
+        fn bits(mask: __mmask16) -> u32 {
+            u32::from(mask)
+        }
+        #[inline(always)]
+        unsafe fn quad(from: *const f32) -> Self {
+            unsafe { _mm512_broadcast_f32x4(_mm_loadu_ps(from)) }
+        }
+        #[inline(always)]
+        unsafe fn spread(from: *const f32) -> Self {
+            unsafe {
+                // In each group, pick the element with the group's own number.
+                let pick = _mm512_setr_epi32(0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3);
+                _mm512_permutevar_ps(Self::quad(from), pick)
+            }
+        }
+        #[inline(always)]
+        unsafe fn strided_quads(from: *const f32, stride: usize) -> Self {
+            unsafe {
+                let all = _mm512_castps128_ps512(_mm_loadu_ps(from));
+                let all = _mm512_insertf32x4::<1>(all, _mm_loadu_ps(from.add(stride)));
+                let all = _mm512_insertf32x4::<2>(all, _mm_loadu_ps(from.add(2 * stride)));
+                _mm512_insertf32x4::<3>(all, _mm_loadu_ps(from.add(3 * stride)))
+            }
+        }
+        #[inline(always)]
+        fn transpose([a, b, c, d]: [Self; 4]) -> [Self; 4] {
+            unsafe {
+                let (ab_low, ab_high) = (_mm512_unpacklo_ps(a, b), _mm512_unpackhi_ps(a, b));
+                let (cd_low, cd_high) = (_mm512_unpacklo_ps(c, d), _mm512_unpackhi_ps(c, d));
+                [
+                    _mm512_shuffle_ps::<0x44>(ab_low, cd_low),
+                    _mm512_shuffle_ps::<0xee>(ab_low, cd_low),
+                    _mm512_shuffle_ps::<0x44>(ab_high, cd_high),
+                    _mm512_shuffle_ps::<0xee>(ab_high, cd_high),
+                ]
+            }
+        }
+        #[inline(always)]
+        unsafe fn store_group_sums([a, b, c, d]: [Self; 4], to: *mut f32) {
+            unsafe {
+                // Groups (a0, a1, b0, b1) + (a2, a3, b2, b3), likewise c and d; then even + odd groups.
+                let ab = _mm512_shuffle_f32x4::<0x44>(a, b).add(_mm512_shuffle_f32x4::<0xee>(a, b));
+                let cd = _mm512_shuffle_f32x4::<0x44>(c, d).add(_mm512_shuffle_f32x4::<0xee>(c, d));
+                _mm512_shuffle_f32x4::<0x88>(ab, cd).add(_mm512_shuffle_f32x4::<0xdd>(ab, cd)).store(to);
+            }
+        }
+        #[inline(always)]
+        fn broadcast_fourth(self) -> Self {
+            unsafe { _mm512_permute_ps::<0xff>(self) }
+        }
+        #[inline(always)]
+        fn with_fourth(self, fourth: Self) -> Self {
+            unsafe { _mm512_mask_blend_ps(0x8888, self, fourth) }
+        }
     }
 }
 

@@ -24,6 +24,7 @@ mod plain;
 mod polynomial;
 mod prefetch;
 mod real;
+mod vector;
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;

@@ -1,178 +1,106 @@
 //! Four f32 with NEON.
 //!
-//! SAFETY, for every intrinsic here: it needs NEON, and a value of this type exists only below
-//! [`dispatch`](crate::dispatch), which has checked for it. Pointers: as the trait's methods ask of their callers.
+//! SAFETY of all intrinsics here: see [`f32_vector`](crate::vector::f32_vector).
 
 use core::arch::aarch64::*;
 
-use crate::Call;
-use crate::packed::Vector;
-use crate::polynomial::{self, Bits, SQRT_HALF};
+use crate::polynomial::{Bits, SQRT_HALF};
+use crate::vector::{Vector, f32_vector};
 
-impl Vector for float32x4_t {
-    type Scalar = f32;
-    type Mask = uint32x4_t;
-    const LANES: usize = 4;
-
-    #[inline(always)]
-    fn of(value: f32) -> Self {
-        unsafe { vdupq_n_f32(value) }
-    }
-    #[inline(always)]
-    unsafe fn load(from: *const f32) -> Self {
-        unsafe { vld1q_f32(from) }
-    }
-    #[inline(always)]
-    unsafe fn store(self, to: *mut f32) {
-        unsafe { vst1q_f32(to, self) }
-    }
-    #[inline(always)]
-    fn add(self, b: Self) -> Self {
-        unsafe { vaddq_f32(self, b) }
-    }
-    #[inline(always)]
-    fn sub(self, b: Self) -> Self {
-        unsafe { vsubq_f32(self, b) }
-    }
-    #[inline(always)]
-    fn mul(self, b: Self) -> Self {
-        unsafe { vmulq_f32(self, b) }
-    }
-    #[inline(always)]
-    fn div(self, b: Self) -> Self {
-        unsafe { vdivq_f32(self, b) }
-    }
-    #[inline(always)]
-    fn neg(self) -> Self {
-        unsafe { vnegq_f32(self) }
-    }
-    #[inline(always)]
-    fn mul_add(self, a: Self, b: Self) -> Self {
-        unsafe { vfmaq_f32(b, self, a) }
-    }
-    #[inline(always)]
-    fn sqrt(self) -> Self {
-        unsafe { vsqrtq_f32(self) }
-    }
-    #[inline(always)]
-    fn abs(self) -> Self {
-        unsafe { vabsq_f32(self) }
-    }
-    #[inline(always)]
-    fn copysign(self, sign: Self) -> Self {
-        unsafe { vbslq_f32(vdupq_n_u32(0x8000_0000), sign, self) }
-    }
-    #[inline(always)]
-    fn floor(self) -> Self {
-        unsafe { vrndmq_f32(self) }
-    }
-    #[inline(always)]
-    fn min(self, b: Self) -> Self {
-        // Not vminq: that gives NaN for a NaN on either side.
-        Self::select(self.lt(b), self, b)
-    }
-    #[inline(always)]
-    fn max(self, b: Self) -> Self {
-        Self::select(b.lt(self), self, b)
-    }
-    #[inline(always)]
-    fn exp(self) -> Self {
-        polynomial::exp(self)
-    }
-    #[inline(always)]
-    fn ln(self) -> Self {
-        polynomial::ln(self)
-    }
-    #[inline(always)]
-    fn recip(self) -> Self {
-        Self::of(1.0).div(self)
-    }
-    #[inline(always)]
-    fn rsqrt(self) -> Self {
-        Self::of(1.0).div(self.sqrt())
-    }
-    #[inline(always)]
-    fn lt(self, b: Self) -> uint32x4_t {
-        unsafe { vcltq_f32(self, b) }
-    }
-    #[inline(always)]
-    fn le(self, b: Self) -> uint32x4_t {
-        unsafe { vcleq_f32(self, b) }
-    }
-    #[inline(always)]
-    fn select(mask: uint32x4_t, yes: Self, no: Self) -> Self {
-        unsafe { vbslq_f32(mask, yes, no) }
-    }
-    #[inline(always)]
-    fn and(a: uint32x4_t, b: uint32x4_t) -> uint32x4_t {
-        unsafe { vandq_u32(a, b) }
-    }
-    #[inline(always)]
-    fn or(a: uint32x4_t, b: uint32x4_t) -> uint32x4_t {
-        unsafe { vorrq_u32(a, b) }
-    }
-    #[inline(always)]
-    fn not(a: uint32x4_t) -> uint32x4_t {
-        unsafe { vmvnq_u32(a) }
-    }
-    #[inline(always)]
-    fn bits(mask: uint32x4_t) -> u32 {
-        unsafe {
-            let weights = vld1q_u32([1, 2, 4, 8].as_ptr());
-            vaddvq_u32(vandq_u32(mask, weights))
+f32_vector! {
+    float32x4_t, lanes: 4, mask: uint32x4_t, features: "neon",
+    of: vdupq_n_f32, load: vld1q_f32, store: vst1q_f32,
+    unary: { neg = vnegq_f32, sqrt = vsqrtq_f32, abs = vabsq_f32, floor = vrndmq_f32 },
+    binary: { add = vaddq_f32, sub = vsubq_f32, mul = vmulq_f32, div = vdivq_f32 },
+    compare: { lt = vcltq_f32, le = vcleq_f32 },
+    others: {
+        #[inline(always)]
+        fn mul_add(self, a: Self, b: Self) -> Self {
+            unsafe { vfmaq_f32(b, self, a) }
         }
-    }
-    #[inline(always)]
-    fn outlined<C: Call>(call: C) -> C::Output {
-        #[inline(never)]
-        #[target_feature(enable = "neon")]
-        fn outlined<C: Call>(call: C) -> C::Output {
-            call.run()
+        #[inline(always)]
+        fn copysign(self, sign: Self) -> Self {
+            unsafe { vbslq_f32(vdupq_n_u32(0x8000_0000), sign, self) }
         }
-        unsafe { outlined(call) }
-    }
-    #[inline(always)]
-    unsafe fn quad(from: *const f32) -> Self {
-        unsafe { vld1q_f32(from) }
-    }
-    #[inline(always)]
-    unsafe fn spread(from: *const f32) -> Self {
-        unsafe { vld1q_dup_f32(from) }
-    }
-    #[inline(always)]
-    unsafe fn strided_quads(from: *const f32, _stride: usize) -> Self {
-        unsafe { vld1q_f32(from) }
-    }
-    #[inline(always)]
-    fn transpose([a, b, c, d]: [Self; 4]) -> [Self; 4] {
-        unsafe {
-            // (a0, c0, a1, c1), (a2, c2, a3, c3), likewise b and d; then interleave those.
-            let (ac_low, ac_high) = (vzip1q_f32(a, c), vzip2q_f32(a, c));
-            let (bd_low, bd_high) = (vzip1q_f32(b, d), vzip2q_f32(b, d));
-            [
-                vzip1q_f32(ac_low, bd_low),
-                vzip2q_f32(ac_low, bd_low),
-                vzip1q_f32(ac_high, bd_high),
-                vzip2q_f32(ac_high, bd_high),
-            ]
+        #[inline(always)]
+        fn min(self, b: Self) -> Self {
+            // Not vminq: that gives NaN for a NaN on either side.
+            Self::select(self.lt(b), self, b)
         }
-    }
-    #[inline(always)]
-    unsafe fn store_group_sums([a, b, c, d]: [Self; 4], to: *mut f32) {
-        unsafe {
-            a.store(to);
-            b.store(to.add(4));
-            c.store(to.add(8));
-            d.store(to.add(12));
+        #[inline(always)]
+        fn max(self, b: Self) -> Self {
+            Self::select(b.lt(self), self, b)
         }
-    }
-    #[inline(always)]
-    fn broadcast_fourth(self) -> Self {
-        unsafe { vdupq_laneq_f32::<3>(self) }
-    }
-    #[inline(always)]
-    fn with_fourth(self, fourth: Self) -> Self {
-        unsafe { vcopyq_laneq_f32::<3, 3>(self, fourth) }
+        #[inline(always)]
+        fn rsqrt(self) -> Self {
+            Self::of(1.0).div(self.sqrt())
+        }
+        #[inline(always)]
+        fn select(mask: uint32x4_t, yes: Self, no: Self) -> Self {
+            unsafe { vbslq_f32(mask, yes, no) }
+        }
+        #[inline(always)]
+        fn and(a: uint32x4_t, b: uint32x4_t) -> uint32x4_t {
+            unsafe { vandq_u32(a, b) }
+        }
+        #[inline(always)]
+        fn or(a: uint32x4_t, b: uint32x4_t) -> uint32x4_t {
+            unsafe { vorrq_u32(a, b) }
+        }
+        #[inline(always)]
+        fn not(a: uint32x4_t) -> uint32x4_t {
+            unsafe { vmvnq_u32(a) }
+        }
+        #[inline(always)]
+        fn bits(mask: uint32x4_t) -> u32 {
+            unsafe {
+                let weights = vld1q_u32([1, 2, 4, 8].as_ptr());
+                vaddvq_u32(vandq_u32(mask, weights))
+            }
+        }
+        #[inline(always)]
+        unsafe fn quad(from: *const f32) -> Self {
+            unsafe { vld1q_f32(from) }
+        }
+        #[inline(always)]
+        unsafe fn spread(from: *const f32) -> Self {
+            unsafe { vld1q_dup_f32(from) }
+        }
+        #[inline(always)]
+        unsafe fn strided_quads(from: *const f32, _stride: usize) -> Self {
+            unsafe { vld1q_f32(from) }
+        }
+        #[inline(always)]
+        fn transpose([a, b, c, d]: [Self; 4]) -> [Self; 4] {
+            unsafe {
+                // (a0, c0, a1, c1), (a2, c2, a3, c3), likewise b and d; then interleave those.
+                let (ac_low, ac_high) = (vzip1q_f32(a, c), vzip2q_f32(a, c));
+                let (bd_low, bd_high) = (vzip1q_f32(b, d), vzip2q_f32(b, d));
+                [
+                    vzip1q_f32(ac_low, bd_low),
+                    vzip2q_f32(ac_low, bd_low),
+                    vzip1q_f32(ac_high, bd_high),
+                    vzip2q_f32(ac_high, bd_high),
+                ]
+            }
+        }
+        #[inline(always)]
+        unsafe fn store_group_sums([a, b, c, d]: [Self; 4], to: *mut f32) {
+            unsafe {
+                a.store(to);
+                b.store(to.add(4));
+                c.store(to.add(8));
+                d.store(to.add(12));
+            }
+        }
+        #[inline(always)]
+        fn broadcast_fourth(self) -> Self {
+            unsafe { vdupq_laneq_f32::<3>(self) }
+        }
+        #[inline(always)]
+        fn with_fourth(self, fourth: Self) -> Self {
+            unsafe { vcopyq_laneq_f32::<3, 3>(self, fourth) }
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! Four plain numbers as a vector: the level without SIMD, and the f64 oracle.
 
-use crate::packed::Vector;
+use crate::vector::Vector;
 use crate::{Call, Scalar};
 
 #[inline(always)]

@@ -1,6 +1,6 @@
 //! Exponential and logarithm of f32 lanes, from their power series on a reduced range.
 
-use crate::packed::Vector;
+use crate::vector::Vector;
 
 /// Access to the bits of f32 lanes.
 pub(crate) trait Bits: Vector<Scalar = f32> {

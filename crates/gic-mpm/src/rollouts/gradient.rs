@@ -13,7 +13,7 @@ use super::checkpoints::Checkpoints;
 use super::frame::Frame;
 use super::timestep_bound::Timing;
 use crate::World;
-use crate::error::SimulationError;
+use crate::error::{LossGradientError, SimulationError};
 use crate::laws::law::Coefficients;
 use crate::options::Options;
 use crate::substep::engine::{BodyBars, Engine, Segment};
@@ -181,13 +181,13 @@ impl<'a, E: Engine> Reverse<'a, E> {
 
 /// Refuses a loss gradient that cannot be one.
 fn checked(bars: Option<Vec<DVec3>>, frame: usize, particles: usize) -> Result<Option<Vec<DVec3>>, SimulationError> {
-    let error = |reason: String| Err(SimulationError::LossGradient { frame, reason });
+    let error = |reason| Err(SimulationError::LossGradient { frame, reason });
     if let Some(bars) = &bars {
         if bars.len() != particles {
-            return error(format!("has {} entries for {particles} particles", bars.len()));
+            return error(LossGradientError::Length { found: bars.len(), particles });
         }
-        if let Some(p) = bars.iter().position(|bar| !bar.is_finite()) {
-            return error(format!("is not finite at particle {p}"));
+        if let Some(particle) = bars.iter().position(|bar| !bar.is_finite()) {
+            return error(LossGradientError::NotFinite { particle });
         }
     }
     Ok(bars)

@@ -5,7 +5,7 @@ use super::frame::Frame;
 use super::snapshot::Snapshot;
 use super::timestep_bound::Timing;
 use crate::World;
-use crate::error::SimulationError;
+use crate::error::{SimulationError, StateMismatch};
 use crate::options::{Options, Precision};
 use crate::substep::engine::Engine;
 use crate::substep::prepared_world::PreparedWorld;
@@ -133,19 +133,17 @@ impl<E: Engine + Send> Drive for Running<E> {
     }
 
     fn restore(&mut self, snapshot: &Snapshot) -> Result<(), SimulationError> {
-        let mismatch = |reason: String| Err(SimulationError::StateMismatch { reason });
-        let (have, want) = (snapshot.particles.len(), self.state.len());
-        if have != want {
-            return mismatch(format!("it has {have} particles, the world {want}"));
+        let mismatch = |reason| Err(SimulationError::StateMismatch { reason });
+        let (found, expected) = (snapshot.particles.len(), self.state.len());
+        if found != expected {
+            return mismatch(StateMismatch::Particles { found, expected });
         }
         if snapshot.precision != self.precision {
-            return mismatch(format!(
-                "it was computed in {:?}, the options ask for {:?}",
-                snapshot.precision, self.precision
-            ));
+            let (found, expected) = (snapshot.precision, self.precision);
+            return mismatch(StateMismatch::Precision { found, expected });
         }
-        if let Some(p) = snapshot.particles.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
-            return mismatch(format!("particle {p} holds a number that is not finite"));
+        if let Some(particle) = snapshot.particles.iter().position(|p| !p.iter().all(|x| x.is_finite())) {
+            return mismatch(StateMismatch::NotFinite { particle });
         }
         for (p, numbers) in snapshot.particles.iter().enumerate() {
             self.state.set_numbers(p, numbers);

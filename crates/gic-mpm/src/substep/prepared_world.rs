@@ -101,7 +101,13 @@ impl PreparedWorld {
 
     /// The lowest and highest coordinates, in cells, that a particle reaches within `horizon` seconds at its present
     /// velocity, and `margin` cells more.
-    pub(crate) fn swept_cells<R: Scalar>(&self, state: &State<R>, particle: usize, horizon: f64, margin: f64) -> (DVec3, DVec3) {
+    pub(crate) fn swept_cells<R: Scalar>(
+        &self,
+        state: &State<R>,
+        particle: usize,
+        horizon: f64,
+        margin: f64,
+    ) -> (DVec3, DVec3) {
         let inverse = 1.0 / self.spacing;
         let here = state.position_of(particle) * inverse;
         let there = here + state.velocity_of(particle) * (horizon * inverse);

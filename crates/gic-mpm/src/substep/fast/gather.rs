@@ -69,17 +69,14 @@ pub(super) unsafe fn gather<L: Lanes>(
     s: &Stencils<L::Scalar>,
     grid: *const L::Scalar,
     window: &Window,
-    received: &mut G2pSums<L::Scalar>,
+    particle_sums: &mut G2pSums<L::Scalar>,
 ) {
     for p in 0..L::LANES {
         let mut sums = [L::zero(); 4];
         for r in 0..vectors::<L>() {
-            // SAFETY: see the module; the padding of `Quads`.
-            let (at, wz, dz) = unsafe {
-                let skip = r * L::GROUPS;
-                let at = grid.add(4 * s.base[p] + r * L::LANES);
-                (at, L::spread_at(s.wz.of::<L>(p).add(skip)), L::spread_at(s.dz.of::<L>(p).add(skip)))
-            };
+            // SAFETY: see the module.
+            let at = unsafe { grid.add(4 * s.base[p] + r * L::LANES) };
+            let (wz, dz) = (s.wz.along_row(p, r), s.dz.along_row(p, r));
             let (mut plain, mut by_x, mut by_y) = (L::zero(), L::zero(), L::zero());
             for i in 0..3 {
                 let (mut weighted, mut moment) = (L::zero(), L::zero());
@@ -99,11 +96,11 @@ pub(super) unsafe fn gather<L: Lanes>(
             sums[2] = by_y.mul_add(wz, sums[2]);
             sums[3] = plain.mul_add(dz, sums[3]);
         }
-        received.put(p, sums);
+        particle_sums.put(p, sums);
     }
 }
 
-/// Gathers, with n a node's four numbers and g those of the gift to it: sum of (slope of w along x, y, z) n * g, number
+/// Gathers, with n a node's four numbers and g those of the P2G row at it: sum of (slope of w along x, y, z) n * g, number
 /// by number, in the first three quads.
 ///
 /// # Safety
@@ -111,21 +108,18 @@ pub(super) unsafe fn gather<L: Lanes>(
 #[inline(always)]
 pub(super) unsafe fn gather_slopes<L: Lanes>(
     s: &Stencils<L::Scalar>,
-    gift: &P2gRow<L::Scalar>,
+    p2g_row: &P2gRow<L::Scalar>,
     grid: *const L::Scalar,
     window: &Window,
-    received: &mut G2pSums<L::Scalar>,
+    particle_sums: &mut G2pSums<L::Scalar>,
 ) {
     for p in 0..L::LANES {
         let mut sums = [L::zero(); 4];
         for r in 0..vectors::<L>() {
-            // SAFETY: see the module; the padding of `Quads`.
-            let (at, wz, sz) = unsafe {
-                let skip = r * L::GROUPS;
-                let at = grid.add(4 * s.base[p] + r * L::LANES);
-                (at, L::spread_at(s.wz.of::<L>(p).add(skip)), L::spread_at(s.sz.of::<L>(p).add(skip)))
-            };
-            let (mut to, along_x, along_y) = gift.first_row(p, z_index::<L>(r));
+            // SAFETY: see the module.
+            let at = unsafe { grid.add(4 * s.base[p] + r * L::LANES) };
+            let (wz, sz) = (s.wz.along_row(p, r), s.sz.along_row(p, r));
+            let (mut to, along_x, along_y) = p2g_row.first_row(p, z_index::<L>(r));
             let (mut by_x, mut by_y, mut by_z) = (L::zero(), L::zero(), L::zero());
             for i in 0..3 {
                 let (mut weighted, mut sloped) = (L::zero(), L::zero());
@@ -147,6 +141,6 @@ pub(super) unsafe fn gather_slopes<L: Lanes>(
             sums[1] = by_y.mul_add(wz, sums[1]);
             sums[2] = by_z.mul_add(sz, sums[2]);
         }
-        received.put(p, sums);
+        particle_sums.put(p, sums);
     }
 }

@@ -22,7 +22,7 @@ impl<T: Scalar> P2gRow<T> {
         Self { base: Quads::zero(), along: array::from_fn(|_| Quads::zero()) }
     }
 
-    /// The gift `(vector + matrix d, fourth)`, with d the node's offset from the particle in units of dx.
+    /// The row of `(vector + matrix d, fourth)`, with d the node's offset from the particle in units of dx.
     #[inline(always)]
     pub(super) fn set<L: Lanes<Scalar = T>>(&mut self, vector: [L; 3], matrix: &Mat3<L>, fourth: L, offset: [L; 3]) {
         let back = matrix.times_vec(offset);
@@ -32,7 +32,7 @@ impl<T: Scalar> P2gRow<T> {
         }
     }
 
-    /// The gift to vector `r` of the first row, and its increments along x and y, of a particle.
+    /// What goes to vector `r` of the first row, and its increments along x and y, of a particle.
     #[inline(always)]
     pub(super) fn first_row<L: Lanes<Scalar = T>>(&self, particle: usize, z: L) -> (L, L, L) {
         // SAFETY: a quad has four numbers.
@@ -46,7 +46,7 @@ impl<T: Scalar> P2gRow<T> {
     }
 }
 
-/// Sums of gifts that are not yet in the grid: those of the particles of one cell, which follow each other.
+/// Sums of what particles give that are not yet in the grid: those of the particles of one cell, which follow each other.
 pub(super) struct Pending<L> {
     rows: [[L; 9]; 4],
     /// Base index of the cell; `usize::MAX` for none.
@@ -87,14 +87,14 @@ unsafe fn add_rows<L: Lanes>(rows: &[L; 9], cell: usize, r: usize, grid: *mut L:
     }
 }
 
-/// Adds the weighted gifts of the first `count` particles to the grid, by way of `pending`.
+/// Adds what the first `count` particles give, weighted, to the grid, by way of `pending`.
 ///
 /// # Safety
 /// `grid` must hold the nodes of the window that `s` was set for, four numbers each.
 #[inline(always)]
 pub(super) unsafe fn scatter<L: Lanes>(
     s: &Stencils<L::Scalar>,
-    gift: &P2gRow<L::Scalar>,
+    p2g_row: &P2gRow<L::Scalar>,
     count: usize,
     pending: &mut Pending<L>,
     grid: *mut L::Scalar,
@@ -113,9 +113,8 @@ pub(super) unsafe fn scatter<L: Lanes>(
                 rows = [L::zero(); 9];
                 cell = s.base[p];
             }
-            // SAFETY: the padding of `Quads` makes four numbers readable from any of a quad.
-            let wz = unsafe { L::spread_at(s.wz.of::<L>(p).add(r * L::GROUPS)) };
-            let (first, along_x, along_y) = gift.first_row(p, z);
+            let wz = s.wz.along_row::<L>(p, r);
+            let (first, along_x, along_y) = p2g_row.first_row(p, z);
             let (mut to, along_x, along_y) = (first * wz, along_x * wz, along_y * wz);
             for i in 0..3 {
                 let next = to + along_y;

@@ -37,6 +37,14 @@ impl<T: Scalar> Quads<T> {
         let at = (particle % 4) * L::LANES + particle / 4 * 4;
         self.0[at..at + 4].as_ptr()
     }
+
+    /// The quad of a particle as the nodes of vector `r` of a row see it: group g is filled with number `r * GROUPS + g`.
+    #[inline(always)]
+    pub(super) fn along_row<L: Lanes<Scalar = T>>(&self, particle: usize, r: usize) -> L {
+        debug_assert!(r < vectors::<L>());
+        // SAFETY: the padding makes four numbers readable from any of a quad.
+        unsafe { L::spread_at(self.of::<L>(particle).add(r * L::GROUPS)) }
+    }
 }
 
 /// The part of the grid that a chunk's particles may touch.
