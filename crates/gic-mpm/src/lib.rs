@@ -30,7 +30,7 @@ pub use laws::law::Rules;
 pub use laws::material::{Material, MaterialError};
 pub use options::{Options, Precision};
 pub use rollouts::frame::{ContactForce, Frame};
-pub use rollouts::gradcheck::{GradcheckRow, gradcheck, gradcheck_materials, gradcheck_world};
+pub use rollouts::gradcheck::{GRADCHECK_TOLERANCE, GradcheckRow, gradcheck, gradcheck_materials, gradcheck_world};
 pub use rollouts::gradient::{BodyGradient, Gradient, gradient};
 pub use rollouts::jacobian::{Differences, Jacobian, jacobian};
 pub use rollouts::simulator::{Simulator, rollout};

@@ -2,11 +2,12 @@
 
 use glam::{DQuat, DVec3};
 
+use super::gradient::{BodyGradient, gradient};
+use super::simulator::rollout;
+use super::unknown::Unknown;
 use crate::error::SimulationError;
 use crate::options::{Options, Precision};
-use crate::rollouts::gradient::gradient;
-use crate::rollouts::simulator::rollout;
-use crate::{Body, Collider, ColliderPath, Contact, Frame, Material, Primitive, Rules, Stepping, Unknown, World};
+use crate::{Body, Collider, ColliderPath, Contact, Frame, Material, Primitive, Rules, Stepping, World};
 
 /// Step of the central differences, relative to the scale of the unknown.
 const RELATIVE_STEP: f64 = 1e-6;
@@ -14,17 +15,29 @@ const RELATIVE_STEP: f64 = 1e-6;
 /// are rounding.
 const NEGLIGIBLE_FRACTION: f64 = 1e-5;
 
+/// Largest [`GradcheckRow::relative_error`] of an adjoint that is right.
+pub const GRADCHECK_TOLERANCE: f64 = 1e-3;
+
 /// One derivative, computed in two ways.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GradcheckRow {
     /// What the loss is differentiated by.
     pub name: String,
+    /// Its value; 0 for a displacement.
+    pub value: f64,
     /// The adjoint's answer.
     pub adjoint: f64,
     /// The answer of central differences in f64.
     pub finite_difference: f64,
     /// Their difference relative to the derivative (or to a floor, where the loss hardly depends on it).
     pub relative_error: f64,
+}
+
+impl GradcheckRow {
+    /// Whether the two answers agree; a NaN does not.
+    pub fn passes(&self) -> bool {
+        self.relative_error <= GRADCHECK_TOLERANCE
+    }
 }
 
 /// Differentiates a fixed smooth loss on all frames' positions by everything that body 0 starts with, in f64: by the
@@ -35,60 +48,79 @@ pub struct GradcheckRow {
 pub fn gradcheck(world: &World, rules: Rules, frames: usize) -> Result<Vec<GradcheckRow>, SimulationError> {
     let options = Options { precision: Precision::F64, rules, ..Options::default() };
     let by_adjoint = gradient(world, &options, frames, |frame| Some(loss_gradient(frame)))?;
-    let body = &by_adjoint.bodies[0];
+    let probes = probes(world, &by_adjoint.bodies[0])?;
     let loss = |world: &World| -> Result<f64, SimulationError> {
         let mut sum = 0.0;
         rollout(world, &options, frames, |frame| sum += loss_of(&frame))?;
         Ok(sum)
     };
-    let central = |plus: &World, minus: &World, step: f64| Ok((loss(plus)? - loss(minus)?) / (2.0 * step));
+    let central = |probe: &Probe<'_>| -> Result<f64, SimulationError> {
+        let step = RELATIVE_STEP * probe.scale;
+        Ok((loss(&(probe.moved)(step)?)? - loss(&(probe.moved)(-step)?)?) / (2.0 * step))
+    };
+    let differences: Vec<f64> = probes.iter().map(central).collect::<Result<_, _>>()?;
+    let sizes = probes.iter().zip(&differences).map(|(probe, difference)| (probe.scale * difference).abs());
+    let largest = sizes.fold(0.0, f64::max);
+    Ok(probes.into_iter().zip(differences).map(|(probe, difference)| probe.row(difference, largest)).collect())
+}
 
-    // Name, scale of the unknown, adjoint, difference.
-    let mut rows = Vec::new();
+/// Something that body 0 starts with, and the adjoint's derivative with respect to it.
+struct Probe<'a> {
+    name: String,
+    value: f64,
+    /// The size of a considerable change.
+    scale: f64,
+    adjoint: f64,
+    /// The world with it changed by so much.
+    moved: Box<dyn Fn(f64) -> Result<World, SimulationError> + 'a>,
+}
+
+impl Probe<'_> {
+    /// `largest` is the largest derivative per considerable change.
+    fn row(self, finite_difference: f64, largest: f64) -> GradcheckRow {
+        let Self { name, value, scale, adjoint, .. } = self;
+        let size = finite_difference.abs().max(NEGLIGIBLE_FRACTION * largest / scale);
+        let relative_error = (adjoint - finite_difference).abs() / size;
+        GradcheckRow { name, value, adjoint, finite_difference, relative_error }
+    }
+}
+
+fn probes<'a>(world: &'a World, body: &BodyGradient) -> Result<Vec<Probe<'a>>, SimulationError> {
+    let mut probes = Vec::new();
     for (name, unknown, adjoint) in unknowns(world, body) {
         let value = unknown.get(world)?;
         // Velocities may be zero.
         let scale =
             if matches!(unknown, Unknown::Material { .. } | Unknown::Density { .. }) { value.abs() } else { 1.0 };
-        let step = RELATIVE_STEP * scale;
-        let difference = central(&unknown.set(world, value + step)?, &unknown.set(world, value - step)?, step)?;
-        rows.push((name, scale, adjoint, difference));
+        let moved = Box::new(move |step| unknown.set(world, value + step));
+        probes.push(Probe { name, value, scale, adjoint, moved });
     }
-    let volume = world.bodies[0].particle_volume_m3;
-    let with_volume = |volume: f64| {
-        let mut world = world.clone();
-        world.bodies[0].particle_volume_m3 = volume;
-        world
-    };
-    let step = RELATIVE_STEP * volume;
-    let difference = central(&with_volume(volume + step), &with_volume(volume - step), step)?;
-    rows.push(("particle_volume_m3".into(), volume, body.particle_volume, difference));
+    probes.push(particle_volume(world, body));
+    probes.push(displacement(world, body));
+    Ok(probes)
+}
 
-    let moved = |step: f64| {
+fn particle_volume<'a>(world: &'a World, body: &BodyGradient) -> Probe<'a> {
+    let value = world.bodies[0].particle_volume_m3;
+    let moved = Box::new(move |step| {
+        let mut world = world.clone();
+        world.bodies[0].particle_volume_m3 = value + step;
+        Ok(world)
+    });
+    Probe { name: "particle_volume_m3".into(), value, scale: value, adjoint: body.particle_volume, moved }
+}
+
+/// All positions at once, each along its own [`direction`].
+fn displacement<'a>(world: &'a World, body: &BodyGradient) -> Probe<'a> {
+    let moved = Box::new(|step| {
         let mut world = world.clone();
         for (p, x) in world.bodies[0].positions.iter_mut().enumerate() {
             *x += direction(p) * step;
         }
-        world
-    };
-    let step = RELATIVE_STEP * world.grid_spacing_m;
+        Ok(world)
+    });
     let adjoint = body.positions.iter().enumerate().map(|(p, bar)| bar.dot(direction(p))).sum();
-    rows.push((
-        "positions_m (along a fixed direction)".into(),
-        world.grid_spacing_m,
-        adjoint,
-        central(&moved(step), &moved(-step), step)?,
-    ));
-
-    let largest = rows.iter().map(|(_, scale, _, difference)| (scale * difference).abs()).fold(0.0, f64::max);
-    Ok(rows
-        .into_iter()
-        .map(|(name, scale, adjoint, finite_difference)| {
-            let size = finite_difference.abs().max(NEGLIGIBLE_FRACTION * largest / scale);
-            let relative_error = (adjoint - finite_difference).abs() / size;
-            GradcheckRow { name, adjoint, finite_difference, relative_error }
-        })
-        .collect())
+    Probe { name: "positions_m (one direction)".into(), value: 0.0, scale: world.grid_spacing_m, adjoint, moved }
 }
 
 /// One material of each kind, soft and weak enough to deform and yield in [`gradcheck_world`].
@@ -153,7 +185,7 @@ pub fn gradcheck_world(material: Material) -> World {
     }
 }
 
-fn unknowns(world: &World, body: &crate::BodyGradient) -> Vec<(String, Unknown, f64)> {
+fn unknowns(world: &World, body: &BodyGradient) -> Vec<(String, Unknown, f64)> {
     let names = world.bodies[0].material.parameter_names();
     let mut all: Vec<(String, Unknown, f64)> = (0..names.len())
         .map(|parameter| (names[parameter].into(), Unknown::Material { body: 0, parameter }, body.material[parameter]))
