@@ -5,7 +5,6 @@ pub mod config;
 pub mod demo;
 mod error;
 pub mod eval;
-pub mod gradcheck;
 pub mod grasp;
 pub mod pipeline;
 pub mod recording;
