@@ -5,12 +5,14 @@
 //! and the best level on all threads (there, per second of wall time). CPU time makes the figures hold on a busy
 //! machine.
 
+mod common;
+
 use std::time::{Duration, Instant};
 
+use common::{falling_cube, materials};
 use criterion::measurement::{Measurement, ValueFormatter, WallTime};
 use criterion::{BatchSize, BenchmarkId, Criterion, Throughput};
-use gic_mpm::{Body, Collider, Contact, Level, Material, Options, Simulator, Stepping, World, gradient};
-use glam::DVec3;
+use gic_mpm::{Level, Material, Options, Simulator, World, gradient};
 
 /// CPU time of the calling thread; wall time where the system does not tell.
 struct CpuTime(WallTime);
@@ -52,33 +54,9 @@ impl Measurement for CpuTime {
     }
 }
 
-/// A cube of about `particles` particles, 8 per cell, falling on the ground.
+/// About `particles` particles.
 fn world(material: Material, particles: usize, substeps: usize) -> World {
-    let side = (particles as f64).cbrt().round() as usize;
-    let at = |i: usize| DVec3::new((i % side) as f64, (i / side % side) as f64, (i / (side * side)) as f64);
-    World {
-        bodies: vec![Body {
-            material,
-            density_kg_m3: 1000.0,
-            particle_volume_m3: 1e-6,
-            volume_factors: Vec::new(),
-            positions: (0..side.pow(3)).map(|i| (at(i) + 0.5) * 0.01 + DVec3::Y * 0.03).collect(),
-            velocity_m_s: DVec3::new(0.5, -2.0, 0.25),
-            angular_velocity_rad_s: DVec3::ZERO,
-        }],
-        colliders: vec![Collider::plane(DVec3::ZERO, DVec3::Y, Contact::Sticky)],
-        gravity_m_s2: DVec3::new(0.0, -9.8, 0.0),
-        grid_spacing_m: 0.02,
-        frame_rate_hz: 4800.0 / substeps as f64,
-        stepping: Stepping::Fixed { substeps_per_frame: substeps },
-    }
-}
-
-fn materials() -> [Material; 2] {
-    [
-        Material::Elastic { youngs_modulus_pa: 3e5, poisson_ratio: 0.3 },
-        Material::Plasticine { youngs_modulus_pa: 1e6, poisson_ratio: 0.3, yield_stress_pa: 5e3 },
-    ]
+    falling_cube(material, (particles as f64).cbrt().round() as usize, substeps)
 }
 
 /// Names and options of what is compared: the twin, then each level.

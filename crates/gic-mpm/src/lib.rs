@@ -6,7 +6,7 @@
 //! | `laws` | the five constitutive laws and their adjoints, a file each; their parameters |
 //! | `colliders` | rigid obstacles: shape, path, contact law |
 //! | `substep` | p2g, grid update, g2p and their adjoints: a readable twin and the fast engine |
-//! | `rollouts` | frames from substeps; gradients and Jacobians of rollouts |
+//! | `rollouts` | frames from substeps; gradients of rollouts, and their check |
 //! | `math` | 3x3 matrices and their eigenvectors over any number |
 
 mod colliders;
@@ -32,8 +32,6 @@ pub use options::{Options, Precision};
 pub use rollouts::frame::{ContactForce, Frame};
 pub use rollouts::gradcheck::{GRADCHECK_TOLERANCE, GradcheckRow, gradcheck, gradcheck_materials, gradcheck_world};
 pub use rollouts::gradient::{BodyGradient, Gradient, gradient};
-pub use rollouts::jacobian::{Differences, Jacobian, jacobian};
 pub use rollouts::simulator::{Simulator, rollout};
 pub use rollouts::snapshot::Snapshot;
-pub use rollouts::unknown::Unknown;
 pub use world::{Body, Stepping, World};

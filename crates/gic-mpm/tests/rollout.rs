@@ -123,7 +123,7 @@ fn a_restored_state_continues_with_the_same_bits() {
 
         let mut resumed = Simulator::new(&world, &options).unwrap();
         resumed.restore(&Snapshot::read(&file[..]).unwrap()).unwrap();
-        assert_eq!(resumed.frame_index(), 2);
+        assert_eq!(resumed.frame().index, 2);
         assert_eq!(resumed.advance_frame().unwrap(), expected);
 
         let cut = Snapshot::read(&file[..file.len() - 1]).unwrap_err();

@@ -96,14 +96,6 @@ f32_vector! {
                 cd.store(to.add(8));
             }
         }
-        #[inline(always)]
-        fn broadcast_fourth(self) -> Self {
-            unsafe { _mm256_permute_ps::<0xff>(self) }
-        }
-        #[inline(always)]
-        fn with_fourth(self, fourth: Self) -> Self {
-            unsafe { _mm256_blend_ps::<0x88>(self, fourth) }
-        }
     }
 }
 

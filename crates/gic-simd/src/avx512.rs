@@ -111,14 +111,6 @@ f32_vector! {
                 _mm512_shuffle_f32x4::<0x88>(ab, cd).add(_mm512_shuffle_f32x4::<0xdd>(ab, cd)).store(to);
             }
         }
-        #[inline(always)]
-        fn broadcast_fourth(self) -> Self {
-            unsafe { _mm512_permute_ps::<0xff>(self) }
-        }
-        #[inline(always)]
-        fn with_fourth(self, fourth: Self) -> Self {
-            unsafe { _mm512_mask_blend_ps(0x8888, self, fourth) }
-        }
     }
 }
 

@@ -75,12 +75,6 @@ pub trait Lanes: Real {
     /// `to` must be writable for 16 numbers.
     unsafe fn store_group_sums_at(rows: [Self; 4], to: *mut Self::Scalar);
 
-    /// Element 3 of each group, in all four of its places.
-    fn broadcast_fourth(self) -> Self;
-
-    /// `self`, with element 3 of each group taken from `fourth`.
-    fn with_fourth(self, fourth: Self) -> Self;
-
     /// Loads from the start of a slice.
     ///
     /// # Panics
@@ -121,27 +115,11 @@ pub trait Lanes: Real {
         to[..count].copy_from_slice(&all[..count]);
     }
 
-    /// The same four numbers in every group.
-    #[inline(always)]
-    fn quad(from: &[Self::Scalar; 4]) -> Self {
-        // SAFETY: the array has four numbers.
-        unsafe { Self::quad_at(from.as_ptr()) }
-    }
-
     /// Group g filled with `from[g]`.
     #[inline(always)]
     fn spread(from: &[Self::Scalar; 4]) -> Self {
         // SAFETY: the array has four numbers.
         unsafe { Self::spread_at(from.as_ptr()) }
-    }
-
-    /// See [`Lanes::store_group_sums_at`].
-    #[inline(always)]
-    fn group_sums(rows: [Self; 4]) -> [Self::Scalar; 16] {
-        let mut to = [Self::Scalar::default(); 16];
-        // SAFETY: the array has room for 16 numbers.
-        unsafe { Self::store_group_sums_at(rows, to.as_mut_ptr()) };
-        to
     }
 
     /// The lanes' own numbers 0, 1, 2 ...

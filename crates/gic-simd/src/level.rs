@@ -185,9 +185,18 @@ mod tests {
         assert!(!(Level::Neon.is_supported() && Level::Avx2.is_supported()));
     }
 
+    struct CountLanes;
+
+    impl Kernel for CountLanes {
+        type Output = usize;
+        fn run<L: Lanes<Scalar = f32>>(self) -> usize {
+            L::LANES
+        }
+    }
+
     #[test]
     fn the_widest_level_is_detected() {
-        assert!(Level::detect().is_supported());
-        assert!(Level::supported().all(|level| level <= Level::detect()));
+        let widest = Level::supported().map(|level| dispatch(level, CountLanes)).max();
+        assert_eq!(Some(dispatch(Level::detect(), CountLanes)), widest);
     }
 }

@@ -93,14 +93,6 @@ f32_vector! {
                 d.store(to.add(12));
             }
         }
-        #[inline(always)]
-        fn broadcast_fourth(self) -> Self {
-            unsafe { vdupq_laneq_f32::<3>(self) }
-        }
-        #[inline(always)]
-        fn with_fourth(self, fourth: Self) -> Self {
-            unsafe { vcopyq_laneq_f32::<3, 3>(self, fourth) }
-        }
     }
 }
 

@@ -193,12 +193,4 @@ impl<V: Vector> Lanes for Packed<V> {
         // SAFETY: the caller keeps the same contract.
         unsafe { V::store_group_sums([a.0, b.0, c.0, d.0], to) }
     }
-    #[inline(always)]
-    fn broadcast_fourth(self) -> Self {
-        Packed(self.0.broadcast_fourth())
-    }
-    #[inline(always)]
-    fn with_fourth(self, fourth: Self) -> Self {
-        Packed(self.0.with_fourth(fourth.0))
-    }
 }

@@ -157,12 +157,4 @@ impl<T: Scalar> Vector for [T; 4] {
             unsafe { row.store(to.add(4 * q)) }
         }
     }
-    #[inline(always)]
-    fn broadcast_fourth(self) -> Self {
-        [self[3]; 4]
-    }
-    #[inline(always)]
-    fn with_fourth(self, fourth: Self) -> Self {
-        [self[0], self[1], self[2], fourth[3]]
-    }
 }

@@ -43,8 +43,6 @@ pub(crate) trait Vector: Copy + Send + Sync + core::fmt::Debug + 'static {
     unsafe fn strided_quads(from: *const Self::Scalar, stride: usize) -> Self;
     fn transpose(rows: [Self; 4]) -> [Self; 4];
     unsafe fn store_group_sums(rows: [Self; 4], to: *mut Self::Scalar);
-    fn broadcast_fourth(self) -> Self;
-    fn with_fourth(self, fourth: Self) -> Self;
 }
 
 /// Implements [`Vector`] for a vector of f32: the operations that are one intrinsic by its name, then the others.

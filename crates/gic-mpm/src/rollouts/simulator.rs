@@ -25,11 +25,6 @@ impl Simulator {
         Ok(Self(with_engine!(options, engine => Box::new(Running::new(engine, prepared, world, options.precision)))))
     }
 
-    /// Number of the current frame; 0 at the start.
-    pub fn frame_index(&self) -> usize {
-        self.0.frame_index()
-    }
-
     /// The current frame. Contact forces are those of the last [`Self::advance_frame`], zero right after a start or a
     /// restore.
     pub fn frame(&self) -> Frame {
@@ -81,7 +76,6 @@ pub fn rollout(
 
 /// A simulator whose engine is hidden.
 trait Drive: Send {
-    fn frame_index(&self) -> usize;
     fn frame(&self) -> Frame;
     fn advance_frame(&mut self) -> Result<Frame, SimulationError>;
     fn snapshot(&self) -> Snapshot;
@@ -110,10 +104,6 @@ impl<E: Engine> Running<E> {
 }
 
 impl<E: Engine + Send> Drive for Running<E> {
-    fn frame_index(&self) -> usize {
-        self.index
-    }
-
     fn frame(&self) -> Frame {
         self.rollout().frame(self.index, &self.state, self.last.as_ref())
     }

@@ -5,7 +5,7 @@ use crate::error::SimulationError;
 
 /// One number of a world that may be sought.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Unknown {
+pub(super) enum Unknown {
     /// A material parameter.
     Material {
         /// Number of the body.
@@ -39,7 +39,7 @@ impl Unknown {
     ///
     /// # Errors
     /// [`SimulationError::Invalid`] when the world has no such number.
-    pub fn get(&self, world: &World) -> Result<f64, SimulationError> {
+    pub(super) fn get(&self, world: &World) -> Result<f64, SimulationError> {
         let mut world = world.clone();
         self.with_number(&mut world, |number| *number)
     }
@@ -49,7 +49,7 @@ impl Unknown {
     /// # Errors
     /// [`SimulationError::Invalid`] when the world has no such number, [`SimulationError::Material`] when the value is
     /// out of range.
-    pub fn set(&self, world: &World, value: f64) -> Result<World, SimulationError> {
+    pub(super) fn set(&self, world: &World, value: f64) -> Result<World, SimulationError> {
         let mut world = world.clone();
         self.with_number(&mut world, |number| *number = value)?;
         for (body, b) in world.bodies.iter().enumerate() {
