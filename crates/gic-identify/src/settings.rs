@@ -193,12 +193,22 @@ impl Settings {
     }
 }
 
+/// Why a value of the flag `--fix` is none.
+#[cfg(feature = "cli")]
+#[derive(Debug, thiserror::Error)]
+enum KnownValueError {
+    #[error("write NAME=VALUE, for example poisson_ratio=0.3")]
+    NoName,
+    #[error("the value is not a number")]
+    NoNumber,
+}
+
 /// One value of the flag `--fix`.
 #[cfg(feature = "cli")]
-fn known_value(text: &str) -> Result<(String, f64), String> {
-    let (name, value) = text.split_once('=').ok_or("write NAME=VALUE, for example poisson_ratio=0.3")?;
+fn known_value(text: &str) -> Result<(String, f64), KnownValueError> {
+    let (name, value) = text.split_once('=').ok_or(KnownValueError::NoName)?;
     let value = value.trim().parse::<f64>().ok().filter(|v| v.is_finite());
-    Ok((name.trim().to_owned(), value.ok_or("the value is not a number")?))
+    Ok((name.trim().to_owned(), value.ok_or(KnownValueError::NoNumber)?))
 }
 
 fn as_table<S: Serializer>(pairs: &[(String, f64)], serializer: S) -> Result<S::Ok, S::Error> {

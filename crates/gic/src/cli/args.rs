@@ -3,12 +3,13 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
-use gic::grasp::MAX_REFINEMENT;
+use gic::grasp::Gripper;
 use gic_mpm::MaterialKind;
 use gic_scene::SceneSettings;
 use gic_twin::twin::Setting;
 
 use super::flags::{AppearanceFlags, Flags, ReconstructFlags, SettingsFlags};
+use super::values::{Pad, coefficient, length, positive, refinement, size, slowness};
 
 /// Video in, physical digital twin out.
 ///
@@ -408,13 +409,13 @@ pub(crate) struct GraspArgs {
     #[arg(long, value_name = "auto|x|y|z", default_value = "auto")]
     pub(crate) axis: gic::grasp::AxisChoice,
     /// A pad's sides, across and along the finger [m]
-    #[arg(long, value_name = "WIDTHxLENGTH", default_value = "0.022x0.0375", value_parser = pad)]
-    pub(crate) pad: [f64; 2],
+    #[arg(long, value_name = "WIDTHxLENGTH", default_value_t = Pad(Gripper::default().pad_m))]
+    pub(crate) pad: Pad,
     /// Coulomb coefficient of friction between pads and object
-    #[arg(long, value_name = "MU", default_value = "0.5", value_parser = coefficient)]
+    #[arg(long, value_name = "MU", default_value_t = Gripper::default().friction, value_parser = coefficient)]
     pub(crate) friction: f64,
     /// How far to lift [m]
-    #[arg(long, value_name = "HEIGHT", default_value = "0.05", value_parser = length)]
+    #[arg(long, value_name = "HEIGHT", default_value_t = Gripper::default().lift_m, value_parser = length)]
     pub(crate) lift_m: f64,
     /// Cut each particle into N^3 on a grid N times finer [default: the least with which the grid feels the pads]
     #[arg(long, value_name = "N", value_parser = refinement)]
@@ -445,60 +446,6 @@ pub(crate) struct GradcheckArgs {
     /// Only this material
     #[arg(long, value_name = "MODEL")]
     pub(crate) material: Option<MaterialKind>,
-}
-
-fn positive(text: &str) -> Result<usize, String> {
-    match text.parse() {
-        Ok(n) if n >= 1 => Ok(n),
-        _ => Err("must be a whole number of at least 1".into()),
-    }
-}
-
-fn size(text: &str) -> Result<[usize; 2], String> {
-    const LARGEST: usize = 8192;
-    let sides: Option<Vec<usize>> = text.split('x').map(|side| side.parse().ok()).collect();
-    match sides.as_deref() {
-        Some(&[width, height]) if (1..=LARGEST).contains(&width) && (1..=LARGEST).contains(&height) => {
-            Ok([width, height])
-        }
-        _ => Err(format!("must be like 640x480, each side at most {LARGEST}")),
-    }
-}
-
-fn pad(text: &str) -> Result<[f64; 2], String> {
-    let sides: Option<Vec<f64>> = text.split('x').map(|side| length(side).ok()).collect();
-    match sides.as_deref() {
-        Some(&[width, length]) => Ok([width, length]),
-        _ => Err("must be like 0.022x0.0375, two lengths in metres".into()),
-    }
-}
-
-fn length(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(metres) if metres > 0.0 && f64::is_finite(metres) => Ok(metres),
-        _ => Err("must be a length in metres above 0".into()),
-    }
-}
-
-fn coefficient(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(friction) if friction >= 0.0 && f64::is_finite(friction) => Ok(friction),
-        _ => Err("must be a number of at least 0".into()),
-    }
-}
-
-fn refinement(text: &str) -> Result<usize, String> {
-    match text.parse() {
-        Ok(n) if (1..=MAX_REFINEMENT).contains(&n) => Ok(n),
-        _ => Err(format!("must be a whole number from 1 to {MAX_REFINEMENT}")),
-    }
-}
-
-fn slowness(text: &str) -> Result<f64, String> {
-    match text.parse() {
-        Ok(times) if times > 0.0 && f64::is_finite(times) => Ok(times),
-        _ => Err("must be a number above 0".into()),
-    }
 }
 
 #[cfg(test)]

@@ -16,7 +16,7 @@ pub(crate) fn run(args: &GraspArgs, context: &Context) -> anyhow::Result<()> {
         settings: args.set.clone(),
         widths_m: args.width_m.clone(),
         axis: args.axis,
-        gripper: Gripper { pad_m: args.pad, friction: args.friction, lift_m: args.lift_m },
+        gripper: Gripper { pad_m: args.pad.0, friction: args.friction, lift_m: args.lift_m },
         refine: args.refine,
         pictures: !args.no_pictures,
         size: args.size,

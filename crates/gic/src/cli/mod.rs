@@ -11,6 +11,7 @@ mod run;
 mod simulate;
 #[cfg(test)]
 mod tests;
+mod values;
 mod view;
 
 use std::io::Write;
