@@ -1,5 +1,5 @@
-//! Time of filling by the number of voxels, in CPU time of one thread: filling is linear where the throughput (voxels a second) is the
-//! same at every spacing, but for what does not depend on it (depth maps).
+//! Time of filling by the number of voxels, in CPU time of one thread: filling is linear where the throughput (voxels a
+//! second) is the same at every spacing, but for what does not depend on it (depth maps).
 //!
 //! `cargo bench -p gic-continuum --bench filling`
 

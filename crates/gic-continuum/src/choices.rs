@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{FillSettings, GroundPlane, Unseen};
+use crate::{FillSettings, GroundPlane, Tuning, Unseen};
 
 /// Settings of filling; lengths that are left out follow from the body.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -39,11 +39,15 @@ pub struct Settings {
         arg(long, value_name = "BOOL", action = clap::ArgAction::Set, default_value_t = Settings::default().symmetry)
     )]
     pub symmetry: bool,
+    /// Tuned numbers, written only where they are not the defaults.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    #[serde(skip_serializing_if = "Tuning::is_default")]
+    pub tuning: Tuning,
 }
 
 impl Default for Settings {
     fn default() -> Settings {
-        let FillSettings { levels, th_min, th_max, min_opacity, unseen, .. } = FillSettings::for_size(1.0);
+        let FillSettings { levels, th_min, th_max, min_opacity, unseen, tuning, .. } = FillSettings::for_size(1.0);
         Settings {
             particle_spacing_m: None,
             voxel_spacing_m: None,
@@ -53,6 +57,7 @@ impl Default for Settings {
             min_opacity,
             unseen,
             symmetry: true,
+            tuning,
         }
     }
 }
@@ -60,7 +65,7 @@ impl Default for Settings {
 impl Settings {
     /// The same for a body whose largest side at the first frame is `size` [m], on `ground`, if that is known.
     pub fn for_body(&self, size: f64, ground: Option<GroundPlane>) -> FillSettings {
-        let defaults = FillSettings::for_size(size);
+        let defaults = FillSettings::tuned(size, self.tuning.clone());
         FillSettings {
             grid_spacing: self.voxel_spacing_m.unwrap_or(defaults.grid_spacing),
             levels: self.levels,

@@ -5,8 +5,8 @@
 pub enum ContinuumError {
     /// Fewer usable Gaussians than a body needs.
     #[error(
-        "of {total} Gaussians {kept} are opaque enough and inside the masks; a body needs at least {needed}. Check that masks \
-         and cameras belong together (`gic inspect`), and that the reconstruction has converged"
+        "of {total} Gaussians {kept} are opaque enough and inside the masks; a body needs at least {needed}. \
+         Check that masks and cameras belong together (`gic inspect`), and that the reconstruction has converged"
     )]
     TooFewGaussians {
         /// Gaussians given.
@@ -48,7 +48,8 @@ pub enum ContinuumError {
     },
     /// The field has no inside.
     #[error(
-        "nothing is left of the body after filling: no voxel is inside every mask and behind every depth map; check the cameras and masks"
+        "nothing is left of the body after filling: no voxel is inside every mask and behind every depth \
+         map; check the cameras and masks"
     )]
     Empty,
     /// A grid or a mesh cannot be made.

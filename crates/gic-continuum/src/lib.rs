@@ -1,5 +1,5 @@
-//! From Gaussians to matter (paper section 4.2): the density field by coarse-to-fine filling, particles for simulation, the
-//! Gaussian-informed continuum, surfaces and meshes.
+//! From Gaussians to matter (paper section 4.2): the density field by coarse-to-fine filling, particles for simulation,
+//! the Gaussian-informed continuum, surfaces and meshes.
 
 mod carve;
 mod choices;
@@ -9,7 +9,11 @@ mod export;
 mod fill;
 mod particles;
 mod settings;
+mod shape_from;
 mod symmetry;
+#[cfg(test)]
+mod test_cross;
+mod tuning;
 
 pub use carve::ColouredView;
 pub use choices::Settings;
@@ -22,4 +26,6 @@ pub use particles::{
     sample_particles, sample_points,
 };
 pub use settings::{FillSettings, GroundPlane, Unseen};
+pub use shape_from::ShapeFrom;
 pub use symmetry::{Completion, MirrorPlane, Symmetry};
+pub use tuning::*;

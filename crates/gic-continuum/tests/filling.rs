@@ -1,5 +1,5 @@
-//! Filling bodies whose shape is known, from perfect and from noisy Gaussians: errors of volume and surface stay within the grid's
-//! size.
+//! Filling bodies whose shape is known, from perfect and from noisy Gaussians: errors of volume and surface stay within
+//! the grid's size.
 
 mod common;
 
@@ -8,8 +8,8 @@ use common::{
     sphere, torus, views,
 };
 use gic_continuum::{
-    ContinuumError, Drawing, FillSettings, Filling, GroundPlane, MaskedView, Particles, Placement, Unseen, calibrate,
-    compare_with_masks, fill, sample_particles,
+    ContinuumError, Drawing, FillSettings, Filling, GroundPlane, MaskedView, ParticleTuning, Particles, Placement,
+    Unseen, calibrate, compare_with_masks, fill, sample_particles,
 };
 use gic_geometry::{KdTree, SurfacePoint};
 use gic_scene::Camera;
@@ -44,16 +44,15 @@ fn surface_error(body: &Body, filling: &Filling) -> SurfaceError {
     }
 }
 
-/// The default settings but for the inset, which is calibrated for trained Gaussians: these are wider (a standard deviation is a
-/// whole voxel) and their centres lie less deep. 0.7 standard deviations more than [`common::INSET`], because depth maps of so wide
-/// Gaussians are rippled and the emptiest view counts. The voxels are as wide as the Gaussians, of which there are fewer than trained ones.
+/// The default settings but for the inset, which is calibrated for trained Gaussians: these are wider (a standard
+/// deviation is a whole voxel) and their centres lie less deep. 0.7 standard deviations more than [`common::INSET`],
+/// because depth maps of so wide Gaussians are rippled and the emptiest view counts. The voxels are as wide as the
+/// Gaussians, of which there are fewer than trained ones.
 fn settings_for(body: &Body) -> FillSettings {
-    FillSettings {
-        grid_spacing: body.size / 6.0,
-        depth_inset: common::INSET + 0.7,
-        depth_offset: 0.0,
-        ..FillSettings::for_size(body.size)
-    }
+    let mut settings = FillSettings { grid_spacing: body.size / 6.0, ..FillSettings::for_size(body.size) };
+    settings.tuning.depth.inset = common::INSET + 0.7;
+    settings.tuning.depth.inset_size_divisor = f64::INFINITY;
+    settings
 }
 
 /// Largest distance between filled and true surface from perfect Gaussians, in finest voxels: the corners of boxes.
@@ -115,9 +114,9 @@ fn thin_plates_stay_two() {
     check(&plates(), &noisy_gaussians(&plates(), 4), NOISY);
 }
 
-/// Late frames of liquids and sand: every camera looks down, so the silhouettes alone leave a cone over the pile and all of the
-/// ground below it. Gaussians are left out where nothing sees them, on the underside. The limit is [`NOISY`] even for perfect
-/// Gaussians: a rim of 31 degrees ends 1.7 voxels beyond the place where it is one voxel thick.
+/// Late frames of liquids and sand: every camera looks down, so the silhouettes alone leave a cone over the pile and
+/// all of the ground below it. Gaussians are left out where nothing sees them, on the underside. The limit is [`NOISY`]
+/// even for perfect Gaussians: a rim of 31 degrees ends 1.7 voxels beyond the place where it is one voxel thick.
 #[test]
 fn flat_pile_on_the_ground_seen_from_above() {
     let ground = Some(GroundPlane { point: DVec3::ZERO, normal: DVec3::Y });
@@ -136,7 +135,8 @@ fn fill_seen_from_above(body: &Body, settings: &FillSettings) -> Filling {
     fill(&gaussians, &views(&cameras, &masks), settings).unwrap()
 }
 
-/// The largest body fills most of the notch of a bridge. What is certain about it is its volume, where that is known from elsewhere.
+/// The largest body fills most of the notch of a bridge. What is certain about it is its volume, where that is known
+/// from elsewhere.
 #[test]
 fn undersides_that_no_camera_sees_are_smooth_and_give_the_known_volume() {
     let body = bridge();
@@ -168,10 +168,11 @@ fn a_pile_that_hovers_over_the_floor_is_not_filled_down_to_it() {
 fn particles_near_undersides_are_in_doubt_and_those_behind_seen_surfaces_are_not() {
     let body = bridge();
     let filling = fill_seen_from_above(&body, &settings_for(&body));
-    let particles = sample_particles(&filling, 0.01, Placement::Layered).unwrap();
+    let particles = sample_particles(&filling, 0.01, Placement::Layered, &ParticleTuning::default()).unwrap();
     let doubts = || particles.positions.iter().zip(&particles.doubts);
     assert!(particles.doubts.iter().all(|d| (0.0..=1.0).contains(d)));
-    // No underside is within 4 voxels of the upper half of the middle; upright edges are rendered too softly to count as seen.
+    // No underside is within 4 voxels of the upper half of the middle; upright edges are rendered too softly to count
+    // as seen.
     assert!(doubts().filter(|(p, _)| p.y > 0.05 && p.x.abs() < 0.1 && p.z.abs() < 0.08).all(|(_, &d)| d == 0.0));
     let lowest = particles.positions.iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
     assert!(doubts().filter(|(p, _)| p.y < lowest + 0.004).all(|(_, &d)| d > 0.5));
@@ -189,7 +190,7 @@ fn particles_near_undersides_are_in_doubt_and_those_behind_seen_surfaces_are_not
     let cameras = cameras();
     let masks: Vec<Vec<f32>> = cameras.iter().map(|c| mask(&body, c)).collect();
     let filling = fill(&perfect_gaussians(&body), &views(&cameras, &masks), &settings_for(&body)).unwrap();
-    let seen = sample_particles(&filling, 0.01, Placement::Layered).unwrap();
+    let seen = sample_particles(&filling, 0.01, Placement::Layered, &ParticleTuning::default()).unwrap();
     let mean = |doubts: &[f32]| doubts.iter().sum::<f32>() / doubts.len() as f32;
     println!("mean doubt: seen from above {:.3}, from all sides {:.3}", mean(&particles.doubts), mean(&seen.doubts));
     assert!(mean(&seen.doubts) < 0.1 * mean(&particles.doubts));
@@ -278,7 +279,7 @@ fn particles_share_the_volume_and_their_alpha_matches_the_masks() {
     let views = views(&cameras, &masks);
     let filling = fill(&perfect_gaussians(&body), &views, &settings_for(&body)).unwrap();
     for placement in [Placement::Lattice, Placement::Layered, Placement::Jittered { amount: 0.8, seed: 1 }] {
-        let particles = sample_particles(&filling, 0.007, placement).unwrap();
+        let particles = sample_particles(&filling, 0.007, placement, &ParticleTuning::default()).unwrap();
         let n = particles.positions.len() as f64;
         assert!((n * particles.volume / filling.volume() - 1.0).abs() < 1e-9);
         assert!((n * 0.007f64.powi(3) / filling.volume() - 1.0).abs() < 0.03, "the lattice counts the volume");
@@ -288,7 +289,7 @@ fn particles_share_the_volume_and_their_alpha_matches_the_masks() {
             assert!(surface || depth > 0.002, "what is not surface is deep: {depth}");
             assert!(!surface || depth < 0.016, "what is surface is not: {depth}");
         }
-        let appearance = calibrate(&particles, &views, 0.9).unwrap();
+        let appearance = calibrate(&particles, &views, &ParticleTuning::default()).unwrap();
         let agreements: Vec<_> =
             compare_with_masks(&particles, &appearance, &views).into_iter().map(Option::unwrap).collect();
         let mean = agreements.iter().map(|a| a.signed_area_error).sum::<f64>() / agreements.len() as f64;
@@ -300,7 +301,7 @@ fn particles_share_the_volume_and_their_alpha_matches_the_masks() {
         // Images of 160 pixels: a body 70 pixels wide, where half a pixel all around is 3 % already.
         assert!(agreements.iter().all(|a| a.iou > 0.94));
     }
-    assert!(sample_particles(&filling, 0.0, Placement::Lattice).is_err());
+    assert!(sample_particles(&filling, 0.0, Placement::Lattice, &ParticleTuning::default()).is_err());
 }
 
 /// Mass and stiffness against bending of a plate, however many layers of particles fall inside.
@@ -311,7 +312,7 @@ fn a_plate_of_broken_layers_has_its_mass_and_its_stiffness() {
         let distance = |p: DVec3| (p.x.abs() - half_side).max(p.z.abs() - half_side).max(p.y.abs() - half_thickness);
         let room = DVec3::new(0.12, 0.0425, 0.12);
         let filling = Filling::of_body((-room, room), 0.002, 0.004, distance).unwrap();
-        let particles = sample_particles(&filling, spacing, Placement::Lattice).unwrap();
+        let particles = sample_particles(&filling, spacing, Placement::Lattice, &ParticleTuning::default()).unwrap();
         let within = |p: &DVec3| p.x.abs() < 0.08 && p.z.abs() < 0.08;
         let (mut volume, mut second) = (0.0, 0.0);
         for (p, factor) in particles.positions.iter().zip(&particles.volume_factors).filter(|(p, _)| within(p)) {
@@ -340,13 +341,13 @@ fn a_finer_drawing_agrees_better_with_the_masks_and_follows_the_particles() {
     let masks: Vec<Vec<f32>> = cameras.iter().map(|c| mask(&body, c)).collect();
     let views = views(&cameras, &masks);
     let filling = fill(&perfect_gaussians(&body), &views, &settings_for(&body)).unwrap();
-    let simulated = sample_particles(&filling, 0.014, Placement::Layered).unwrap();
-    let drawing = Drawing::new(&filling, &simulated, 0.007).unwrap();
+    let simulated = sample_particles(&filling, 0.014, Placement::Layered, &ParticleTuning::default()).unwrap();
+    let drawing = Drawing::new(&filling, &simulated, 0.007, &ParticleTuning::default()).unwrap();
     let n = drawing.particles.positions.len();
     assert!(n > 7 * simulated.positions.len() && drawing.parents.len() == n);
 
     let worst = |particles: &Particles| {
-        let appearance = calibrate(particles, &views, 0.9).unwrap();
+        let appearance = calibrate(particles, &views, &ParticleTuning::default()).unwrap();
         compare_with_masks(particles, &appearance, &views).iter().map(|a| a.unwrap().iou).fold(1.0, f64::min)
     };
     let (coarse, fine) = (worst(&simulated), worst(&drawing.particles));

@@ -87,6 +87,14 @@ impl Gaussians {
         self.positions.is_empty()
     }
 
+    /// Standard deviation of a Gaussian [m]; of an anisotropic one the geometric mean.
+    pub fn scale(&self, i: usize) -> f32 {
+        match &self.shape {
+            Shape::Isotropic { scales } => scales[i],
+            Shape::Anisotropic { scales, .. } => scales[i].iter().product::<f32>().cbrt(),
+        }
+    }
+
     /// Spherical-harmonics coefficients per Gaussian and channel: (degree + 1)^2.
     pub fn sh_per_gaussian(&self) -> usize {
         (self.sh_degree + 1) * (self.sh_degree + 1)

@@ -1,10 +1,12 @@
-//! What the views' pixels say of a place.
+//! What the views' pixels say of a place: is it inside the mask, and is it in front of the rendered surface?
 
-mod overview;
+mod depth_bias;
+mod depth_map;
+mod pyramid;
 mod view;
 
 pub use view::MaskedView;
 pub(crate) use {
-    overview::{Overview, Survey},
-    view::Evidence,
+    pyramid::{BoxBounds, EvidencePyramid},
+    view::{Evidence, pixel_index},
 };

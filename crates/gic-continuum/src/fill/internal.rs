@@ -1,18 +1,15 @@
 //! Lines 1 to 6 of Algorithm 1: which share of each voxel is inside every mask and behind every rendered depth.
 
-use gic_geometry::DensityField;
 use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::FillSettings;
-use crate::evidence::{Evidence, Overview, Survey};
+use crate::evidence::{BoxBounds, Evidence, EvidencePyramid};
+use gic_geometry::DensityField;
 
-/// Side of the boxes that the views are asked about first [voxels]; each is halved as long as some view is undecided about it.
-const BOX: usize = 8;
-
-/// A view sees matter at a point that lies less than this behind its surface [voxels of the first level]; what lies deeper may be hidden by
-/// something else.
-const MATTER_WITHIN: f64 = 0.1;
+/// Side of the boxes that the views are asked about first [voxels], a power of two; each is halved as long as some view
+/// is undecided about it. No result depends on it.
+const LARGEST_BOX: usize = 8;
 
 /// The shares of each voxel of the finest level that are certainly inside and in doubt; the rest is certainly empty.
 pub(crate) struct InternalParticles {
@@ -20,30 +17,35 @@ pub(crate) struct InternalParticles {
     pub(crate) doubtful: DensityField,
 }
 
-/// Lines 1 to 6: particles sampled in the box of `grid`, kept where they are inside every mask and behind every rendered depth; `inset` [m] is
-/// how far the rendered depths lie below the surface.
+/// Lines 1 to 6: particles sampled in the box of `grid`, kept where they are inside every mask and behind every
+/// rendered depth; `inset` [m] is how far the rendered depths lie below the surface.
 ///
-/// The sampling is stratified (2x2x2 to a voxel). A particle's weight ramps from 0 to 1 across the surface over its own width, so
-/// that the mean over a voxel is the share of the voxel that is inside. Where all particles of a box have the same weight, by the bounds of
-/// what its views say, none of them is looked at.
+/// The sampling is stratified (2x2x2 to a voxel). A particle's weight ramps from 0 to 1 across the surface over its own
+/// width, so that the mean over a voxel is the share of the voxel that is inside. Where all particles of a box have the
+/// same weight, by the bounds of what its views say, none of them is looked at.
 pub(crate) fn internal_particles(
     grid: &DensityField,
     views: &[Evidence],
     inset: f64,
     settings: &FillSettings,
 ) -> InternalParticles {
-    let overviews = Overview::all(views);
+    let pyramids = EvidencePyramid::all(views);
     let sampling = Sampling::new(grid, inset, settings, views.len());
-    let all: Vec<&Overview> = overviews.iter().collect();
+    let all: Vec<&EvidencePyramid> = pyramids.iter().collect();
     let mut inside = DensityField { values: vec![0.0; grid.len()], ..*grid };
     let mut doubtful = inside.clone();
-    let slab = BOX * grid.size[0] * grid.size[1];
+    let slab = LARGEST_BOX * grid.size[0] * grid.size[1];
     inside.values.par_chunks_mut(slab).zip(doubtful.values.par_chunks_mut(slab)).enumerate().for_each(
         |(i, (inside, doubtful))| {
-            let mut shares = Slab { first: BOX * i, inside, doubtful };
-            for y in (0..grid.size[1]).step_by(BOX) {
-                for x in (0..grid.size[0]).step_by(BOX) {
-                    sampling.fill_box(Block { low: [x, y, BOX * i], side: BOX }, &all, Tally::default(), &mut shares);
+            let mut shares = Slab { first: LARGEST_BOX * i, inside, doubtful };
+            for y in (0..grid.size[1]).step_by(LARGEST_BOX) {
+                for x in (0..grid.size[0]).step_by(LARGEST_BOX) {
+                    sampling.fill_box(
+                        Block { low: [x, y, LARGEST_BOX * i], side: LARGEST_BOX },
+                        &all,
+                        BoxVotes::default(),
+                        &mut shares,
+                    );
                 }
             }
         },
@@ -51,7 +53,7 @@ pub(crate) fn internal_particles(
     InternalParticles { inside, doubtful }
 }
 
-/// More votes are not counted.
+/// Votes beyond these are not counted.
 const MOST_VOTES: usize = 4;
 
 /// A cube of voxels.
@@ -70,7 +72,7 @@ struct Slab<'a> {
 
 /// What views say about all points of a box.
 #[derive(Clone, Copy, Default)]
-struct Tally {
+struct BoxVotes {
     /// How many see it in front of the surface.
     empty: usize,
     /// Whether one of these sees that surface through no hole.
@@ -85,21 +87,23 @@ struct Sampling<'a> {
     settings: &'a FillSettings,
     /// Width of a particle [m].
     width: f64,
-    /// Views that must see in front of the surface where a point is certainly empty although another one sees matter there.
+    /// Views that must see in front of the surface where a point is certainly empty although another one sees matter
+    /// there.
     votes: usize,
-    /// See [`MATTER_WITHIN`] [m].
-    reach: f64,
+    /// Behind its surface by less than this a view sees matter [m].
+    matter_within: f64,
 }
 
 impl Sampling<'_> {
     fn new<'a>(grid: &'a DensityField, inset: f64, settings: &'a FillSettings, views: usize) -> Sampling<'a> {
-        let votes = settings.depth_votes.min(MOST_VOTES).min(views.div_ceil(3));
-        let reach = MATTER_WITHIN * settings.grid_spacing;
-        Sampling { grid, inset, settings, width: 0.5 * grid.spacing, votes, reach }
+        let tuning = &settings.tuning.filling;
+        let votes = tuning.empty_votes.clamp(1, MOST_VOTES).min(views.div_ceil(tuning.views_per_vote));
+        let matter_within = tuning.matter_within * settings.grid_spacing;
+        Sampling { grid, inset, settings, width: 0.5 * grid.spacing, votes, matter_within }
     }
 
-    /// Fills the voxels of a box, which `views` are undecided about; others said what is in `tally`.
-    fn fill_box(&self, block: Block, views: &[&Overview], mut tally: Tally, shares: &mut Slab) {
+    /// Fills the voxels of a box, which `views` are undecided about; others said what is in `votes_so_far`.
+    fn fill_box(&self, block: Block, views: &[&EvidencePyramid], mut votes_so_far: BoxVotes, shares: &mut Slab) {
         let size = self.grid.size;
         if (0..3).any(|axis| block.low[axis] >= size[axis]) {
             return;
@@ -109,51 +113,52 @@ impl Sampling<'_> {
         let centre = corner + 0.5 * side;
         let height = self.settings.ground.map_or(f64::INFINITY, |ground| ground.height(centre));
         // The box within a ball.
-        let reach = 0.5 * side * 3f64.sqrt();
-        if height + reach <= -0.5 * self.width {
+        let radius = 0.5 * side * 3f64.sqrt();
+        if height + radius <= -0.5 * self.width {
             return;
         }
         let mut undecided = Vec::with_capacity(views.len());
         for view in views {
-            match view.survey(centre, 0.5 * side) {
-                Survey::Unseen => {}
-                Survey::Seen { coverage, .. } if coverage[1] <= 0.0 => return,
-                Survey::Seen { coverage, behind, .. } if coverage[0] >= 1.0 && self.is_hidden(behind) => {}
-                Survey::Seen { coverage, behind, .. } if coverage[0] >= 1.0 && self.is_matter(behind) => {
-                    tally.matter = true
+            match view.bounds(centre, 0.5 * side) {
+                BoxBounds::Unseen => {}
+                BoxBounds::Seen { coverage, .. } if coverage[1] <= 0.0 => return,
+                BoxBounds::Seen { coverage, behind, .. } if coverage[0] >= 1.0 && self.is_hidden(behind) => {}
+                BoxBounds::Seen { coverage, behind, .. } if coverage[0] >= 1.0 && self.is_matter(behind) => {
+                    votes_so_far.matter = true
                 }
-                Survey::Seen { coverage, behind, through_hole } if coverage[0] >= 1.0 && self.is_empty(behind) => {
-                    tally.empty += 1;
-                    tally.clear |= !through_hole;
+                BoxBounds::Seen { coverage, behind, through_hole } if coverage[0] >= 1.0 && self.is_empty(behind) => {
+                    votes_so_far.empty += 1;
+                    votes_so_far.clear |= !through_hole;
                 }
                 _ => undecided.push(*view),
             }
         }
         let decided = undecided.is_empty();
-        if tally.empty >= self.votes || decided && tally.clear && !tally.matter {
+        if votes_so_far.empty >= self.votes || decided && votes_so_far.clear && !votes_so_far.matter {
             return;
         }
-        if decided && height - reach >= 0.5 * self.width {
-            self.set(block, if tally.empty == 0 { (1.0, 0.0) } else { (0.0, 1.0) }, shares);
+        if decided && height - radius >= 0.5 * self.width {
+            self.set(block, if votes_so_far.empty == 0 { (1.0, 0.0) } else { (0.0, 1.0) }, shares);
         } else if block.side == 1 {
-            self.set(block, self.sample(centre, &undecided, tally), shares);
+            self.set(block, self.sample(centre, &undecided, votes_so_far), shares);
         } else {
             let half = block.side / 2;
             for k in 0..8 {
                 let low = [0, 1, 2].map(|axis| block.low[axis] + half * (k >> axis & 1));
-                self.fill_box(Block { low, side: half }, &undecided, tally, shares);
+                self.fill_box(Block { low, side: half }, &undecided, votes_so_far, shares);
             }
         }
     }
 
-    /// Whether all particles between two distances behind the surface [m] are too deep for a view to see anything there.
+    /// Whether all particles between two distances behind the surface [m] are too deep for a view to see anything
+    /// there.
     fn is_hidden(&self, behind: [f64; 2]) -> bool {
-        behind[0] + self.inset >= self.reach.max(0.5 * self.width)
+        behind[0] + self.inset >= self.matter_within.max(0.5 * self.width)
     }
 
     /// Whether a view sees matter at all particles between two distances behind the surface [m].
     fn is_matter(&self, behind: [f64; 2]) -> bool {
-        behind[0] + self.inset >= 0.5 * self.width && behind[1] + self.inset < self.reach
+        behind[0] + self.inset >= 0.5 * self.width && behind[1] + self.inset < self.matter_within
     }
 
     /// Whether all particles between two distances behind the surface [m] are empty.
@@ -174,35 +179,36 @@ impl Sampling<'_> {
     }
 
     /// The shares (inside, in doubt) of the voxel around `centre`: means over its particles.
-    fn sample(&self, centre: DVec3, views: &[&Overview], tally: Tally) -> (f32, f32) {
+    fn sample(&self, centre: DVec3, views: &[&EvidencePyramid], votes_so_far: BoxVotes) -> (f32, f32) {
         let (mut inside, mut doubtful) = (0.0, 0.0);
         for k in 0..8u32 {
             let corner = DVec3::new(f64::from(k & 1), f64::from(k >> 1 & 1), f64::from(k >> 2)) - 0.5;
-            let weight = self.filter_by_views(centre + self.width * corner, views, tally);
+            let weight = self.filter_by_views(centre + self.width * corner, views, votes_so_far);
             inside += weight.0 / 8.0;
             doubtful += weight.1 / 8.0;
         }
         (inside, doubtful)
     }
 
-    /// Line 5 for one particle: its weights (inside, doubtful). Views that are not given said what is in `tally`.
-    fn filter_by_views(&self, point: DVec3, views: &[&Overview], tally: Tally) -> (f32, f32) {
+    /// Line 5 for one particle: its weights (inside, doubtful). Views that are not given said what is in
+    /// `votes_so_far`.
+    fn filter_by_views(&self, point: DVec3, views: &[&EvidencePyramid], votes_so_far: BoxVotes) -> (f32, f32) {
         let mut covered = match self.settings.ground {
             Some(ground) => (0.5 + ground.height(point) / self.width).clamp(0.0, 1.0) as f32,
             None => 1.0,
         };
         // The emptiest few views, emptiest first.
         let mut emptiest = [0.0f32; MOST_VOTES];
-        emptiest[..tally.empty].fill(1.0);
-        let (mut matter, mut clear) = (tally.matter, f32::from(u8::from(tally.clear)));
-        for overview in views {
+        emptiest[..votes_so_far.empty].fill(1.0);
+        let (mut matter, mut clear) = (votes_so_far.matter, f32::from(u8::from(votes_so_far.clear)));
+        for pyramid in views {
             if covered <= 0.0 {
                 return (0.0, 0.0);
             }
-            let Some(seen) = overview.view.look(point) else { continue };
+            let Some(seen) = pyramid.view.evidence_at(point) else { continue };
             covered = covered.min(seen.coverage);
             let behind = f64::from(seen.behind) + self.inset;
-            matter |= behind > 0.0 && behind < self.reach;
+            matter |= behind > 0.0 && behind < self.matter_within;
             let mut empty = (0.5 - behind / self.width).clamp(0.0, 1.0) as f32;
             if !seen.through_hole {
                 clear = clear.max(empty);
@@ -227,6 +233,7 @@ mod tests {
 
     use super::*;
     use crate::GroundPlane;
+    use crate::tuning::DepthTuning;
 
     /// A ball of radius 0.1 m before a camera at a distance of 1 m: mask and depth.
     fn ball(camera: &Camera) -> (Vec<f32>, Vec<f32>) {
@@ -257,19 +264,19 @@ mod tests {
         let views: Vec<Evidence> = cameras
             .iter()
             .zip(&pictures)
-            .map(|(camera, (mask, depth))| Evidence::with_depth(camera, mask, depth.clone()))
+            .map(|(camera, (mask, depth))| Evidence::with_depth(camera, mask, depth.clone(), &DepthTuning::default()))
             .collect();
         let grid = DensityField::covering(DVec3::splat(-0.17), DVec3::splat(0.17), 0.01, 2).unwrap();
         let ground = GroundPlane { point: -0.06 * DVec3::Y, normal: DVec3::Y };
         for ground in [None, Some(ground)] {
             let settings = FillSettings { ground, ..FillSettings::for_size(0.2) };
             let found = internal_particles(&grid, &views, 0.002, &settings);
-            let overviews = Overview::all(&views);
-            let all: Vec<&Overview> = overviews.iter().collect();
+            let pyramids = EvidencePyramid::all(&views);
+            let all: Vec<&EvidencePyramid> = pyramids.iter().collect();
             let sampling = Sampling::new(&grid, 0.002, &settings, views.len());
             let (mut whole, mut parts) = (0, 0);
             for i in 0..grid.len() {
-                let (inside, doubtful) = sampling.sample(grid.centre(grid.voxel(i)), &all, Tally::default());
+                let (inside, doubtful) = sampling.sample(grid.centre(grid.voxel(i)), &all, BoxVotes::default());
                 let off = (found.inside.values[i] - inside).abs().max((found.doubtful.values[i] - doubtful).abs());
                 assert!(
                     off < 1e-5,
@@ -290,10 +297,11 @@ mod tests {
         let (focal, principal) = (DVec2::splat(200.0), DVec2::splat(16.0));
         let camera = Camera { width: size, height: size, focal, principal, rotation, centre: -DVec3::Z };
         let mask = vec![1.0; size * size];
-        let wall = |depth: f32| Evidence::with_depth(&camera, &mask, vec![depth; size * size]);
+        let wall = |depth: f32| Evidence::with_depth(&camera, &mask, vec![depth; size * size], &DepthTuning::default());
         let settings = FillSettings { grid_spacing: 0.2, ..FillSettings::for_size(1.0) };
         let grid = DensityField { origin: DVec3::splat(-0.005), spacing: 0.01, size: [1; 3], values: vec![0.0] };
-        // The voxel is 1 m away. One view sees past it, the others a wall in front of it, so near that it may be this wall or not.
+        // The voxel is 1 m away. One view sees past it, the others a wall in front of it, so near that it may be this
+        // wall or not.
         for (other, inside, doubtful) in [(0.5, 0.0, 0.0), (0.9925, 0.0, 1.0)] {
             let mut views: Vec<Evidence> = (0..6).map(|_| wall(0.5)).collect();
             views.push(wall(other));

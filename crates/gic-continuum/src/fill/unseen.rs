@@ -1,43 +1,23 @@
 //! Undersides: the boundary of the body where no view sees it.
 //!
-//! The largest body that agrees with all views hangs down in wedges below every part whose underside no camera sees. It is bounded by
-//! rays that graze the body along the rim of what is seen, so the rim is true and what spans it is not. Three steps find a better
-//! span:
+//! The largest body that agrees with all views hangs down in wedges below every part whose underside no camera sees. It
+//! is bounded by rays that graze the body along the rim of what is seen, so the rim is true and what spans it is not.
+//! Three steps find a better span:
 //!
-//! 1. The boundary that no view sees is relaxed towards the smallest surface that spans the rim, inside the largest body, by
-//!    filtering and sharpening in turn (motion by mean curvature: Merriman, Bence & Osher 1992). What is seen stays.
-//! 2. The whole unseen boundary is moved along its normal. By how much is a compromise of two priors: the body keeps the volume it is
-//!    known to have ([`FillSettings::volume`]), and undersides lie [`FillSettings::unseen_lift`] above the relaxed surface.
+//! 1. The boundary that no view sees is relaxed towards the smallest surface that spans the rim, inside the largest
+//!    body, by filtering and sharpening in turn (motion by mean curvature: Merriman, Bence & Osher 1992). What is seen
+//!    stays.
+//! 2. The whole unseen boundary is moved along its normal. By how much is a compromise of two priors: the body keeps
+//!    the volume it is known to have ([`FillSettings::volume`]), and undersides lie [`UnseenTuning::lift_size_divisor`]
+//!    above the relaxed surface.
 //! 3. What lies close to where the boundary ends up is in doubt ([`crate::Filling::doubt`]).
 
-use gic_geometry::DensityField;
 use rayon::prelude::*;
 
 use crate::evidence::Evidence;
+use crate::tuning::UnseenTuning;
 use crate::{FillSettings, Unseen};
-
-/// Boundary within so many voxels of a rendered surface counts as seen.
-const SEEN_WITHIN: f64 = 1.5;
-/// ... from a camera that it faces: cosine between its normal and the direction to the camera. The sides of a wedge that hangs below
-/// an unseen part are what rays along silhouettes leave behind, so that no camera looks at them from the front.
-const FACING: f64 = 0.25;
-/// If less than this share of the boundary is seen, too little is known to say anything about the rest.
-const MIN_SEEN: f64 = 0.3;
-/// Rounds of filtering and sharpening; each moves the boundary by 0.67 voxels^2 times its curvature.
-const ROUNDS: usize = 30;
-/// Mean filters a round, and the slope of the sharpening at one half.
-const FILTERS: usize = 2;
-/// See [`FILTERS`].
-const SHARPNESS: f32 = 3.0;
-/// Standard deviation of the change of a body's volume over a video, as a share: soft bodies are squeezed when they land.
-const VOLUME_SPREAD: f64 = 0.02;
-/// Standard deviation of how far the unseen boundary is from where it is expected, and how far it is moved at most, both over the
-/// voxels of the first level (a tenth of the object's size).
-const BOUNDARY_SPREAD: f64 = 0.25;
-/// See [`BOUNDARY_SPREAD`].
-const MAX_MOVE: f64 = 0.5;
-/// Levels that are tried, per voxel.
-const LEVELS_PER_VOXEL: f64 = 8.0;
+use gic_geometry::DensityField;
 
 /// Half of the neighbours of a voxel: one of each pair of opposite directions.
 const DIRECTIONS: [[i64; 3]; 13] = [
@@ -56,8 +36,9 @@ const DIRECTIONS: [[i64; 3]; 13] = [
     [-1, 1, 1],
 ];
 
-/// Puts the unseen boundary of the largest body where it is most likely. Returns how much each voxel's matter is in doubt: 1 at and
-/// beyond the unseen boundary, falling linearly to 0 at [`MAX_MOVE`] below it. Linear in the number of voxels.
+/// Puts the unseen boundary of the largest body where it is most likely. Returns how much each voxel's matter is in
+/// doubt: 1 at and beyond the unseen boundary, falling linearly to 0 at [`UnseenTuning::furthest_move`] below it.
+/// Linear in the number of voxels.
 pub(crate) fn place_unseen(
     field: &mut DensityField,
     views: &[Evidence],
@@ -66,11 +47,12 @@ pub(crate) fn place_unseen(
 ) -> Vec<f32> {
     let body: Vec<bool> = field.values.iter().map(|&v| f64::from(v) >= settings.th_min).collect();
     let (seen, share) = seen_boundary(field, &body, views, inset, settings);
-    if share < MIN_SEEN {
+    let tuning = &settings.tuning.unseen;
+    if share < tuning.least_seen {
         return Vec::new();
     }
-    let reach = (MAX_MOVE * settings.grid_spacing / field.spacing) as f32;
-    let depths = depths_below_unseen(field, &body, &seen, reach);
+    let furthest = (tuning.furthest_move * settings.grid_spacing / field.spacing) as f32;
+    let depths = depths_below_unseen(field, &body, &seen, furthest, tuning);
     let level = match settings.unseen {
         Unseen::Smooth => likeliest_level(field, &depths, settings),
         Unseen::Fill => depths.iter().copied().fold(0.0, f32::min) - 0.5,
@@ -79,12 +61,13 @@ pub(crate) fn place_unseen(
         *value = value.min((0.5 + depth - level).clamp(0.0, 1.0));
     }
     let doubt =
-        |(&depth, &body): (&f32, &bool)| if body { (1.0 - (depth - level) / reach).clamp(0.0, 1.0) } else { 0.0 };
+        |(&depth, &body): (&f32, &bool)| if body { (1.0 - (depth - level) / furthest).clamp(0.0, 1.0) } else { 0.0 };
     depths.iter().zip(&body).map(doubt).collect()
 }
 
-/// Voxels of the body that touch its outside where some view renders a surface, and the share of all that touch it of which something
-/// is known: these and the ones on the ground. Of a body whose volume is not known, the ground is taken for its underside.
+/// Voxels of the body that touch its outside where some view renders a surface, and the share of all that touch it of
+/// which something is known: these and the ones on the ground. Of a body whose volume is not known, the ground is taken
+/// for its underside.
 fn seen_boundary(
     field: &DensityField,
     body: &[bool],
@@ -92,7 +75,8 @@ fn seen_boundary(
     inset: f64,
     settings: &FillSettings,
 ) -> (Vec<bool>, f64) {
-    let near = SEEN_WITHIN * field.spacing;
+    let tuning = &settings.tuning.unseen;
+    let near = tuning.seen_within * field.spacing;
     let on_ground = |point| settings.ground.is_some_and(|g| g.height(point) < near);
     let (seen, known): (Vec<bool>, Vec<Option<bool>>) = (0..body.len())
         .into_par_iter()
@@ -103,8 +87,8 @@ fn seen_boundary(
             let point = field.centre(field.voxel(i));
             let normal = -field.gradient(point).normalize_or_zero();
             let seen = views.iter().any(|v| {
-                normal.dot(v.direction_from(point)) > FACING
-                    && v.look(point).is_some_and(|s| (f64::from(s.behind) + inset).abs() < near)
+                normal.dot(v.direction_from(point)) > tuning.facing_cosine
+                    && v.evidence_at(point).is_some_and(|s| (f64::from(s.behind) + inset).abs() < near)
             });
             let grounded = on_ground(point);
             (seen || grounded && settings.volume.is_none(), Some(seen || grounded))
@@ -136,16 +120,23 @@ fn step(field: &DensityField, index: usize, direction: [i64; 3]) -> Option<usize
     Some(field.index(to[0], to[1], to[2]))
 }
 
-/// Depth of every voxel of the body, and of those around it, below the relaxed unseen boundary [voxels], negative beyond it but not
-/// below `-reach`; infinite where this boundary is not.
-fn depths_below_unseen(field: &DensityField, body: &[bool], seen: &[bool], reach: f32) -> Vec<f32> {
+/// Depth of every voxel of the body, and of those around it, below the relaxed unseen boundary [voxels], negative
+/// beyond it but not below `-furthest`; infinite where this boundary is not.
+fn depths_below_unseen(
+    field: &DensityField,
+    body: &[bool],
+    seen: &[bool],
+    furthest: f32,
+    tuning: &UnseenTuning,
+) -> Vec<f32> {
     let fixed = shell(field, body, seen);
-    let mut relaxed = relax(field, body, &fixed);
+    let mut relaxed = relax(field, body, &fixed, tuning);
     for ((relaxed, &value), &body) in relaxed.values.iter_mut().zip(&field.values).zip(body) {
         *relaxed = if body { relaxed.min(value) } else { value };
     }
     let inside: Vec<bool> = relaxed.values.iter().map(|&v| v >= 0.5).collect();
-    // Where the boundary lies between a voxel inside and its neighbours outside, from the centre of the one and of the other.
+    // Where the boundary lies between a voxel inside and its neighbours outside, from the centre of the one and of the
+    // other.
     let (mut depth, mut height) = (vec![f32::INFINITY; body.len()], vec![f32::INFINITY; body.len()]);
     for i in (0..body.len()).filter(|&i| inside[i] && !fixed[i]) {
         for j in sides(field, i).filter(|&j| !inside[j]) {
@@ -155,12 +146,12 @@ fn depths_below_unseen(field: &DensityField, body: &[bool], seen: &[bool], reach
             height[j] = height[j].min(1.0 - share);
         }
     }
-    spread(field, &mut depth, &inside);
-    spread(field, &mut height, body);
+    spread_distances(field, &mut depth, &inside, tuning.distance_sweeps);
+    spread_distances(field, &mut height, body, tuning.distance_sweeps);
     (0..body.len())
         .map(|i| match (inside[i], body[i] || height[i].is_finite()) {
             (true, _) => depth[i],
-            (false, true) => -height[i].min(reach),
+            (false, true) => -height[i].min(furthest),
             (false, false) => f32::INFINITY,
         })
         .collect()
@@ -173,32 +164,33 @@ fn shell(field: &DensityField, body: &[bool], seen: &[bool]) -> Vec<bool> {
 }
 
 /// Densities of the body with its boundary, at one half, relaxed where it is not fixed.
-fn relax(field: &DensityField, body: &[bool], fixed: &[bool]) -> DensityField {
+fn relax(field: &DensityField, body: &[bool], fixed: &[bool], tuning: &UnseenTuning) -> DensityField {
     let values = body.iter().map(|&b| f32::from(u8::from(b))).collect();
     let mut relaxed = DensityField { values, ..*field };
-    for _ in 0..ROUNDS {
-        for _ in 0..FILTERS {
+    for _ in 0..tuning.relax_rounds {
+        for _ in 0..tuning.relax_filters {
             relaxed.mean_filter(1.0 / 3.0);
         }
         relaxed.values.par_iter_mut().enumerate().for_each(|(i, value)| {
             *value = match (body[i], fixed[i]) {
                 (_, true) => 1.0,
                 (false, _) => 0.0,
-                _ => (0.5 + SHARPNESS * (*value - 0.5)).clamp(0.0, 1.0),
+                _ => (0.5 + tuning.sharpness * (*value - 0.5)).clamp(0.0, 1.0),
             }
         });
     }
     relaxed
 }
 
-/// The depth [voxels] at which the unseen boundary is most likely: the sum of the squared deviations of the volume and of the
-/// boundary, each over its spread, is least.
+/// The depth [voxels] at which the unseen boundary is most likely: the sum of the squared deviations of the volume and
+/// of the boundary, each over its standard deviation, is least.
 fn likeliest_level(field: &DensityField, depths: &[f32], settings: &FillSettings) -> f32 {
     let per_voxel = 1.0 / field.spacing;
-    let expected = settings.unseen_lift * per_voxel;
+    let tuning = &settings.tuning.unseen;
+    let expected = settings.size / tuning.lift_size_divisor * per_voxel;
     let Some(known) = settings.volume else { return expected as f32 };
-    let spread = BOUNDARY_SPREAD * settings.grid_spacing * per_voxel;
-    let most = MAX_MOVE * settings.grid_spacing * per_voxel;
+    let deviation = tuning.boundary_deviation * settings.grid_spacing * per_voxel;
+    let most = tuning.furthest_move * settings.grid_spacing * per_voxel;
     let least = f64::from(depths.iter().copied().fold(0.0, f32::min));
     // Only these voxels change with the level.
     let near: Vec<(f32, f32)> = field
@@ -213,17 +205,17 @@ fn likeliest_level(field: &DensityField, depths: &[f32], settings: &FillSettings
     let cost = |level: f64| {
         let cut = |&(value, depth): &(f32, f32)| (value - (0.5 + depth - level as f32).clamp(0.0, 1.0)).max(0.0);
         let volume = all - voxel * f64::from(near.iter().map(cut).sum::<f32>());
-        let deviations = [(volume / known - 1.0) / VOLUME_SPREAD, (level - expected) / spread];
+        let deviations = [(volume / known - 1.0) / tuning.volume_deviation, (level - expected) / deviation];
         deviations.iter().map(|d| d * d).sum::<f64>()
     };
-    let levels = (0..).map(|i| least + f64::from(i) / LEVELS_PER_VOXEL).take_while(|level| *level <= most);
+    let levels = (0..).map(|i| least + f64::from(i) / tuning.levels_per_voxel).take_while(|level| *level <= most);
     let best = levels.map(|level| (level, cost(level))).min_by(|a, b| a.1.total_cmp(&b.1));
     best.map_or(expected, |(level, _)| level) as f32
 }
 
-/// Spreads distances [voxels] from where they are finite to all that can be reached inside `within`, by sweeps of the 26-neighbour
-/// distance transform (exact along the axes and diagonals, at most a tenth too long between).
-fn spread(field: &DensityField, distance: &mut [f32], within: &[bool]) {
+/// Spreads distances [voxels] from where they are finite to all that can be reached inside `within`, by sweeps of the
+/// 26-neighbour distance transform (exact along the axes and diagonals, at most a tenth too long between).
+fn spread_distances(field: &DensityField, distance: &mut [f32], within: &[bool], sweeps: usize) {
     // The half of the neighbours that comes before a voxel in memory, with their distances.
     let earlier: Vec<([i64; 3], f32)> = DIRECTIONS
         .iter()
@@ -234,8 +226,8 @@ fn spread(field: &DensityField, distance: &mut [f32], within: &[bool]) {
         })
         .collect();
     let count = distance.len();
-    // Two rounds, because paths inside `within` may bend.
-    for _ in 0..2 {
+    // Several sweeps, because paths inside `within` may bend.
+    for _ in 0..sweeps {
         for pass in [1, -1] {
             for k in 0..count {
                 let i = if pass == 1 { k } else { count - 1 - k };

@@ -1,10 +1,11 @@
 //! The Gaussian-informed continuum (paper eq. 7): particles as isotropic Gaussians, of which only alpha is drawn.
 
-use gic_geometry::KdTree;
 use gic_splat::{Gaussians, RenderSettings, Shape, render};
 use glam::DVec3;
 
-use crate::{ContinuumError, Filling, MaskedView, Particles, Placement, sample_particles};
+use super::Particles;
+use crate::tuning::ParticleTuning;
+use crate::{ContinuumError, MaskedView};
 
 /// How particles are drawn: what eq. 7 leaves open, found from the masks by [`calibrate`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,8 +32,8 @@ pub struct Agreement {
     pub signed_area_error: f64,
 }
 
-/// The triplets (position, scale, opacity) of eq. 7 as Gaussians: sigma_F times the appearance's opacity, the lattice's spacing
-/// times its scale. Colours are black. `positions` [m] may be those of any time, in the order of the particles.
+/// The triplets (position, scale, opacity) of eq. 7 as Gaussians: sigma_F times the appearance's opacity, the lattice's
+/// spacing times its scale. Colours are black. `positions` [m] may be those of any time, in the order of the particles.
 pub fn informed_gaussians(positions: &[DVec3], particles: &Particles, appearance: &Appearance) -> Gaussians {
     let scale = (appearance.scale * particles.spacing) as f32;
     Gaussians {
@@ -77,9 +78,17 @@ pub fn agreement(alpha: &[f32], mask: &[f32]) -> Agreement {
     }
 }
 
-/// The scale at which the drawn area equals the masks' area, summed over the views, at a given opacity: a bisection, because the
-/// area grows with the scale. Clamped to 0.2 to 1.5 spacings.
-pub fn calibrate(particles: &Particles, views: &[MaskedView], opacity: f32) -> Result<Appearance, ContinuumError> {
+/// The scale at which the drawn area equals the masks' area, summed over the views: a bisection, because the
+/// area grows with the scale.
+///
+/// # Errors
+/// No view has a mask.
+pub fn calibrate(
+    particles: &Particles,
+    views: &[MaskedView],
+    tuning: &ParticleTuning,
+) -> Result<Appearance, ContinuumError> {
+    let opacity = tuning.opacity;
     if views.iter().all(|v| v.mask.is_none()) {
         return Err(ContinuumError::NoMasks { views: views.len() });
     }
@@ -94,58 +103,10 @@ pub fn calibrate(particles: &Particles, views: &[MaskedView], opacity: f32) -> R
             })
             .sum()
     };
-    let (mut low, mut high) = (0.2, 1.5);
-    for _ in 0..8 {
+    let (mut low, mut high) = (tuning.smallest_scale, tuning.largest_scale);
+    for _ in 0..tuning.scale_halvings {
         let middle = 0.5 * (low + high);
         if excess(middle) > 0.0 { high = middle } else { low = middle }
     }
     Ok(Appearance { scale: 0.5 * (low + high), opacity })
-}
-
-/// Points to draw that are finer than the particles that are simulated: eq. 7 on a finer sampling of the same field. Outlines are
-/// then ragged by half of the finer spacing only, while the simulation costs what it did.
-///
-/// Every point is bound to the nearest particle and moves with it by translation. Appearances of the drawing are calibrated on
-/// [`Drawing::particles`].
-#[derive(Clone, Debug, PartialEq)]
-pub struct Drawing {
-    /// The points at the time of the filling; their densities and spacing are those to draw with.
-    pub particles: Particles,
-    /// Index of the simulated particle that carries each point.
-    pub parents: Vec<u32>,
-    /// From the parent to the point at the time of the filling [m].
-    pub offsets: Vec<DVec3>,
-}
-
-impl Drawing {
-    /// Samples the body of `filling` anew, `spacing` metres apart, and binds the points to `simulated`, which were sampled from
-    /// the same filling.
-    pub fn new(filling: &Filling, simulated: &Particles, spacing: f64) -> Result<Drawing, ContinuumError> {
-        let particles = sample_particles(filling, spacing, Placement::Layered)?;
-        let anchors: Vec<[f32; 3]> = simulated.positions.iter().map(|p| p.as_vec3().to_array()).collect();
-        let tree = KdTree::new(&anchors);
-        let parents: Vec<u32> = particles
-            .positions
-            .iter()
-            .map(|p| tree.nearest(p.as_vec3().to_array()).map(|(i, _)| i as u32).ok_or(ContinuumError::Empty))
-            .collect::<Result<_, _>>()?;
-        let offsets =
-            particles.positions.iter().zip(&parents).map(|(p, &i)| *p - simulated.positions[i as usize]).collect();
-        Ok(Drawing { particles, parents, offsets })
-    }
-
-    /// Where the points are when the simulated particles are at `moved` [m], in the order of those.
-    pub fn positions(&self, moved: &[DVec3]) -> Vec<DVec3> {
-        self.parents.iter().zip(&self.offsets).map(|(&i, &offset)| moved[i as usize] + offset).collect()
-    }
-
-    /// The gradient with respect to `simulated` particles' positions from that with respect to the points': the transpose of
-    /// [`Drawing::positions`], summed in the order of the points.
-    pub fn pull_back(&self, gradient: &[DVec3], simulated: usize) -> Vec<DVec3> {
-        let mut sums = vec![DVec3::ZERO; simulated];
-        for (&i, &g) in self.parents.iter().zip(gradient) {
-            sums[i as usize] += g;
-        }
-        sums
-    }
 }

@@ -1,5 +1,6 @@
 //! Particles for simulation: points inside the level set at a requested spacing.
 
+mod drawing;
 mod informed;
 
 use gic_geometry::{GeometryError, KdTree, MAX_VOXELS};
@@ -8,21 +9,20 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
+use crate::tuning::ParticleTuning;
 use crate::{ContinuumError, Filling};
 
-pub use informed::{Agreement, Appearance, Drawing, agreement, calibrate, compare_with_masks, informed_gaussians};
-
-/// Points along each axis of a particle's cell that are asked to which particle they belong.
-const SHARE_POINTS: usize = 4;
+pub use drawing::Drawing;
+pub use informed::{Agreement, Appearance, agreement, calibrate, compare_with_masks, informed_gaussians};
 
 /// How particles are placed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Placement {
     /// A cubic lattice.
     Lattice,
-    /// A cubic lattice whose particles near the surface are moved along its normal to the middle of their layer: half a spacing
-    /// below the surface, and half of the way to one and a half. Outlines that are drawn from particles are then smooth, where
-    /// those of a lattice are ragged by half a spacing.
+    /// A cubic lattice whose particles near the surface are moved along its normal to the middle of their layer: half a
+    /// spacing below the surface, and half of the way to one and a half. Outlines that are drawn from particles are
+    /// then smooth, where those of a lattice are ragged by half a spacing.
     Layered,
     /// A cubic lattice whose points are moved at random by up to `amount` / 2 spacings along each axis, 0 to 1.
     Jittered {
@@ -40,7 +40,8 @@ pub struct Particles {
     pub positions: Vec<DVec3>,
     /// Mean volume of a particle [m^3].
     pub volume: f64,
-    /// Volume of each particle in units of that: the part of the body that is nearer to it than to the others. They sum to n.
+    /// Volume of each particle in units of that: the part of the body that is nearer to it than to the others. They sum
+    /// to n.
     pub volume_factors: Vec<f32>,
     /// Density of the field where each particle is, in [th_min, 1]: sigma_F of eq. 7.
     pub densities: Vec<f32>,
@@ -59,27 +60,44 @@ impl Particles {
     }
 }
 
-/// Fills the body with particles `spacing` metres apart. A point is inside where the interpolated field is at least th_min, so the
-/// boundary is followed below the size of a voxel. The particles share the body's volume: each has what is nearest to it, so that a limb
-/// of six and a half layers is as heavy as that, whether six or seven of them fell inside.
-pub fn sample_particles(filling: &Filling, spacing: f64, placement: Placement) -> Result<Particles, ContinuumError> {
-    let mut positions = place(filling, spacing, placement)?;
-    let volume_factors = share(filling, &mut positions, spacing);
-    Ok(describe(filling, positions, volume_factors, spacing))
+/// Fills the body with particles `spacing` metres apart. A point is inside where the interpolated field is at least
+/// th_min, so the boundary is followed below the size of a voxel. The particles share the body's volume: each has what
+/// is nearest to it, so that a limb of six and a half layers is as heavy as that, whether six or seven of them fell
+/// inside.
+pub fn sample_particles(
+    filling: &Filling,
+    spacing: f64,
+    placement: Placement,
+    tuning: &ParticleTuning,
+) -> Result<Particles, ContinuumError> {
+    let mut positions = place(filling, spacing, placement, tuning)?;
+    let volume_factors = share_volume(filling, &mut positions, spacing, tuning);
+    Ok(describe(filling, positions, volume_factors, spacing, tuning))
 }
 
-/// As [`sample_particles`], but each particle stays where it is placed and has the mean volume: enough to compare shapes and outlines with.
+/// As [`sample_particles`], but each particle stays where it is placed and has the mean volume: enough to compare
+/// shapes and outlines with.
 ///
 /// # Errors
 /// Those of [`sample_particles`].
-pub fn sample_points(filling: &Filling, spacing: f64, placement: Placement) -> Result<Particles, ContinuumError> {
-    let positions = place(filling, spacing, placement)?;
+pub fn sample_points(
+    filling: &Filling,
+    spacing: f64,
+    placement: Placement,
+    tuning: &ParticleTuning,
+) -> Result<Particles, ContinuumError> {
+    let positions = place(filling, spacing, placement, tuning)?;
     let volume_factors = vec![1.0; positions.len()];
-    Ok(describe(filling, positions, volume_factors, spacing))
+    Ok(describe(filling, positions, volume_factors, spacing, tuning))
 }
 
 /// Points inside the body [m]; at least one.
-fn place(filling: &Filling, spacing: f64, placement: Placement) -> Result<Vec<DVec3>, ContinuumError> {
+fn place(
+    filling: &Filling,
+    spacing: f64,
+    placement: Placement,
+    tuning: &ParticleTuning,
+) -> Result<Vec<DVec3>, ContinuumError> {
     let good = spacing > 0.0 && spacing.is_finite();
     if !good {
         return Err(ContinuumError::Setting { setting: "particle spacing", value: spacing, must: "above 0 m" });
@@ -108,30 +126,36 @@ fn place(filling: &Filling, spacing: f64, placement: Placement) -> Result<Vec<DV
     }
     let mut inside: Vec<DVec3> = points.into_par_iter().filter(|&p| field.sample(p) >= filling.th_min).collect();
     if placement == Placement::Layered {
-        arrange_in_layers(filling, &mut inside, spacing);
+        arrange_in_layers(filling, &mut inside, spacing, tuning);
     }
     if inside.is_empty() { Err(ContinuumError::Empty) } else { Ok(inside) }
 }
 
 /// The particles at `positions` with their attributes.
-fn describe(filling: &Filling, positions: Vec<DVec3>, volume_factors: Vec<f32>, spacing: f64) -> Particles {
+fn describe(
+    filling: &Filling,
+    positions: Vec<DVec3>,
+    volume_factors: Vec<f32>,
+    spacing: f64,
+    tuning: &ParticleTuning,
+) -> Particles {
     let field = &filling.field;
     let doubt = |p: &DVec3| field.discretize(*p).and_then(|i| filling.doubt.get(i)).map_or(0.0, |d| *d);
     Particles {
         volume: filling.volume() / positions.len() as f64,
         volume_factors,
         densities: positions.par_iter().map(|p| (field.sample(*p) as f32).min(1.0)).collect(),
-        surface: positions.par_iter().map(|p| near_surface(filling, *p, spacing)).collect(),
+        surface: positions.par_iter().map(|p| near_surface(filling, *p, tuning.surface_within * spacing)).collect(),
         doubts: positions.iter().map(doubt).collect(),
         spacing,
         positions,
     }
 }
 
-/// Gives each particle what is nearest to it of the points of a finer lattice inside, and moves it to their middle where that is inside.
-/// Returns the shares, in units of their mean.
-fn share(filling: &Filling, positions: &mut [DVec3], spacing: f64) -> Vec<f32> {
-    let step = spacing / SHARE_POINTS as f64;
+/// Gives each particle what is nearest to it of the points of a finer lattice inside, and moves it to their middle
+/// where that is inside. Returns the shares, in units of their mean.
+fn share_volume(filling: &Filling, positions: &mut [DVec3], spacing: f64, tuning: &ParticleTuning) -> Vec<f32> {
+    let step = spacing / tuning.share_points as f64;
     let [nx, ny, nz] = filling.field.size.map(|n| (n as f64 * filling.field.spacing / step).ceil() as usize);
     let tree = KdTree::new(&positions.iter().map(|p| p.as_vec3().to_array()).collect::<Vec<_>>());
     let owned_in_slice = |z: usize| -> Vec<(usize, DVec3)> {
@@ -156,8 +180,8 @@ fn share(filling: &Filling, positions: &mut [DVec3], spacing: f64) -> Vec<f32> {
     sums.into_iter().map(|(count, _)| (count / mean) as f32).collect()
 }
 
-/// Moves particles of the two outermost layers towards the middle of their layer; one that would leave the body stays.
-fn arrange_in_layers(filling: &Filling, points: &mut [DVec3], spacing: f64) {
+/// Moves particles of the outermost layers towards the middle of their layer; one that would leave the body stays.
+fn arrange_in_layers(filling: &Filling, points: &mut [DVec3], spacing: f64, tuning: &ParticleTuning) {
     let mesh = filling.surface_mesh();
     let vertices: Vec<[f32; 3]> = mesh.vertices.iter().map(|v| v.as_vec3().to_array()).collect();
     let tree = KdTree::new(&vertices);
@@ -166,8 +190,8 @@ fn arrange_in_layers(filling: &Filling, points: &mut [DVec3], spacing: f64) {
         let normal = mesh.normals[nearest];
         let depth = (mesh.vertices[nearest] - *p).dot(normal);
         let layer = (depth / spacing).floor();
-        if (0.0..2.0).contains(&layer) {
-            let share = if layer == 0.0 { 1.0 } else { 0.5 };
+        if (0.0..tuning.layers as f64).contains(&layer) {
+            let share = if layer == 0.0 { 1.0 } else { tuning.inner_layer_share };
             let moved = *p + share * (depth - (layer + 0.5) * spacing) * normal;
             if filling.field.sample(moved) >= filling.th_min {
                 *p = moved;
@@ -176,9 +200,9 @@ fn arrange_in_layers(filling: &Filling, points: &mut [DVec3], spacing: f64) {
     });
 }
 
-/// Whether one of the six points a spacing away is outside.
-fn near_surface(filling: &Filling, point: DVec3, spacing: f64) -> bool {
+/// Whether one of the six points at a distance [m] along the axes is outside.
+fn near_surface(filling: &Filling, point: DVec3, distance: f64) -> bool {
     DVec3::AXES.iter().any(|&axis| {
-        [spacing, -spacing].iter().any(|&reach| filling.field.sample(point + reach * axis) < filling.th_min)
+        [distance, -distance].iter().any(|&along| filling.field.sample(point + along * axis) < filling.th_min)
     })
 }

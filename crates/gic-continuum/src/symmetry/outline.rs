@@ -1,48 +1,20 @@
 //! Mirror planes from outlines alone, for a body of which too little surface is known.
 //!
-//! A body that is its own mirror image looks to a camera's mirror image as it looks to the camera, mirrored. So each ray along an outline must
-//! somewhere pass within all the other outlines and all their mirror images: silhouette coherence (Hernandez, Schmitt & Cipolla 2007, who
-//! find the motion of a turntable by it). Three cameras and three planes make twenty-four outlines, which a wrong plane contradicts by pixels.
+//! A body that is its own mirror image looks to a camera's mirror image as it looks to the camera, mirrored. So each
+//! ray along an outline must somewhere pass within all the other outlines and all their mirror images: silhouette
+//! coherence (Hernandez, Schmitt & Cipolla 2007, who find the motion of a turntable by it). Three cameras and three
+//! planes make twenty-four outlines, which a wrong plane contradicts by pixels.
 
 use gic_geometry::distance_transform;
 use gic_optimize::damped_step;
 use gic_scene::{Camera, Hull, HullSettings, HullView, Mask};
-use glam::{DMat3, DQuat, DVec3};
+use glam::{DQuat, DVec3};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::symmetry::{Images, direction, normals};
-use crate::{MaskedView, MirrorPlane, Symmetry};
-
-/// Rays along the outline of each view, and places on each of them.
-const RAYS: usize = 70;
-const PLACES: usize = 80;
-/// How far the places reach to both sides of the body's middle, over its size.
-const REACH: f64 = 0.75;
-/// Pixels within this of the outline are on it [pixels].
-const ON_OUTLINE: f32 = 1.3;
-/// Places that lie further outside of a view's own outlines are not looked at [pixels].
-const OUTSIDE: f32 = 6.0;
-/// A ray misses by no more than this [pixels].
-const FARTHEST: f32 = 10.0;
-/// Directions of one plane's normal that are tried, and of another's around each.
-const DIRECTIONS: usize = 60;
-const CIRCLE: usize = 5;
-/// The best so many are fitted.
-const CANDIDATES: usize = 16;
-/// Rounds of fitting, its finite-difference steps [rad, sizes], and its largest steps.
-const ROUNDS: usize = 16;
-const STEP: f64 = 2e-3;
-const LARGEST_TURN: f64 = 0.2;
-const LARGEST_SHIFT: f64 = 0.05;
-/// A fit has arrived where a round gains less than this share.
-const ARRIVED: f64 = 1e-3;
-/// Planes are none where rays miss by more than this, root mean square [pixels]. True ones have .1 to .4, others 1.6 and more.
-const LARGEST_MISS: f64 = 0.5;
-/// A body has kept its shape while its planes fit at most so many times worse than at first.
-const UNDEFORMED: f64 = 1.5;
-/// Sets of planes agree as well as the best where their rays miss by so many times as much.
-const ALIKE: f64 = 1.25;
+use super::planes::{Images, MirrorPlane, Symmetry, direction, normals_beside};
+use crate::MaskedView;
+use crate::tuning::OutlineSymmetryTuning;
 
 /// One view's outline.
 struct Outline {
@@ -62,7 +34,7 @@ impl Outline {
     }
 
     /// How far within the outline a point [m] appears [pixels]; infinitely where this view does not see it.
-    fn look(&self, point: DVec3) -> f32 {
+    fn signed_distance_px(&self, point: DVec3) -> f32 {
         let Some((pixel, _)) = self.camera.project(point) else { return f32::INFINITY };
         let (w, h) = (self.camera.width, self.camera.height);
         let (x, y) = (pixel.x - 0.5, pixel.y - 0.5);
@@ -78,9 +50,11 @@ impl Outline {
 }
 
 /// The outlines of a body in one moment.
-struct Outlines {
+struct Outlines<'a> {
+    tuning: &'a OutlineSymmetryTuning,
     views: Vec<Outline>,
-    /// Places along rays that touch the outlines, with how far they are within the outlines of all views, the innermost first.
+    /// Places along rays that touch the outlines, with how far they are within the outlines of all views, the innermost
+    /// first.
     rays: Vec<Vec<(f32, DVec3)>>,
     /// Cells of the hull.
     hull: Vec<DVec3>,
@@ -89,9 +63,9 @@ struct Outlines {
     size: f64,
 }
 
-impl Outlines {
+impl Outlines<'_> {
     /// `None` where masks are missing or empty, or have no hull in common.
-    fn new(views: &[MaskedView]) -> Option<Outlines> {
+    fn new<'a>(views: &[MaskedView], tuning: &'a OutlineSymmetryTuning) -> Option<Outlines<'a>> {
         let masked = views.iter().filter_map(|view| Some((view.camera, view.mask?)));
         let masks: Vec<(&Camera, Mask)> = masked
             .map(|(camera, mask)| {
@@ -103,6 +77,7 @@ impl Outlines {
         let (low, high) = hull.bounds();
         let points = hull.points();
         let mut outlines = Outlines {
+            tuning,
             views: masks.par_iter().map(|(camera, mask)| Outline::new(camera, &mask.coverage)).collect(),
             rays: Vec::new(),
             middle: points.iter().sum::<DVec3>() / points.len() as f64,
@@ -114,16 +89,17 @@ impl Outlines {
     }
 
     fn rays_of<'a>(&'a self, view: &'a Outline) -> impl Iterator<Item = Vec<(f32, DVec3)>> + 'a {
-        let width = view.camera.width;
-        let touching = |(i, d): (usize, &f32)| (*d > 0.0 && *d < ON_OUTLINE).then_some(i);
+        let (width, tuning) = (view.camera.width, self.tuning);
+        let touching = |(i, d): (usize, &f32)| (*d > 0.0 && *d < tuning.on_outline_within).then_some(i);
         let pixels: Vec<usize> = view.distance.iter().enumerate().filter_map(touching).collect();
         let depth = view.camera.to_camera(self.middle).z;
-        (0..RAYS.min(pixels.len())).map(move |k| {
-            let i = pixels[k * pixels.len() / RAYS.min(pixels.len())];
+        let (rays, count) = (tuning.rays.min(pixels.len()), tuning.places_per_ray);
+        (0..rays).map(move |k| {
+            let i = pixels[k * pixels.len() / rays];
             let pixel = glam::DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
-            let along = |n: usize| REACH * self.size * (2.0 * n as f64 / (PLACES - 1) as f64 - 1.0);
-            let places = (0..PLACES).map(|n| view.camera.unproject(pixel, (depth + along(n)).max(1e-3)));
-            let known = places.map(|p| (self.within_all(p), p)).filter(|(d, _)| *d > -OUTSIDE);
+            let along = |n: usize| tuning.ray_half_length * self.size * (2.0 * n as f64 / (count - 1) as f64 - 1.0);
+            let places = (0..count).map(|n| view.camera.unproject(pixel, (depth + along(n)).max(1e-3)));
+            let known = places.map(|p| (self.within_all(p), p)).filter(|(d, _)| *d > -tuning.skip_outside);
             let mut places: Vec<(f32, DVec3)> = known.collect();
             places.sort_by(|a, b| b.0.total_cmp(&a.0));
             places
@@ -132,16 +108,16 @@ impl Outlines {
 
     /// How far within the outlines of all views a point appears [pixels].
     fn within_all(&self, point: DVec3) -> f32 {
-        self.views.iter().map(|view| view.look(point)).fold(f32::INFINITY, f32::min)
+        self.views.iter().map(|view| view.signed_distance_px(point)).fold(f32::INFINITY, f32::min)
     }
 
-    /// The same with all mirror images of the outlines; no more than `own`, what it is without them, and looked at no further once it is
-    /// less than `least`.
+    /// The same with all mirror images of the outlines; no more than `own`, what it is without them, and looked at no
+    /// further once it is less than `least`.
     fn within_images(&self, point: DVec3, own: f32, images: &Images, least: f32) -> f32 {
         let mut within = own;
         for image in images.of(point).skip(1) {
             for view in &self.views {
-                within = within.min(view.look(image));
+                within = within.min(view.signed_distance_px(image));
                 if within <= least {
                     return within;
                 }
@@ -154,7 +130,7 @@ impl Outlines {
     fn misses(&self, symmetry: &Symmetry) -> DVector<f64> {
         let images = symmetry.images();
         let miss = |ray: &Vec<(f32, DVec3)>| {
-            let mut best = -FARTHEST;
+            let mut best = -self.tuning.farthest_miss;
             for &(own, place) in ray {
                 if own <= best || best >= 0.0 {
                     break;
@@ -166,53 +142,56 @@ impl Outlines {
         DVector::from_iterator(self.rays.len(), self.rays.iter().map(miss))
     }
 
-    /// Planes fitted so that no ray misses, by Gauss-Newton's method with damping, and how far they miss, root mean square [pixels].
+    /// Planes fitted so that no ray misses, by Gauss-Newton's method with damping, and how far they miss, root mean
+    /// square [pixels].
     fn fit(&self, start: Symmetry) -> (f64, Symmetry) {
-        let unknowns = 3 + start.planes.len();
-        let (mut symmetry, mut damping) = (start, 1e-2);
+        let (unknowns, tuning) = (3 + start.planes.len(), self.tuning);
+        let (mut symmetry, mut damping) = (start, tuning.first_damping);
         let mut misses = self.misses(&symmetry);
-        for _ in 0..ROUNDS {
+        for _ in 0..tuning.fit_rounds {
             let mut jacobian = DMatrix::zeros(misses.len(), unknowns);
             for k in 0..unknowns {
                 let mut step = DVector::zeros(unknowns);
-                step[k] = STEP;
+                step[k] = tuning.difference_step;
                 let moved = self.misses(&self.moved(&symmetry, &step));
-                jacobian.set_column(k, &((moved - &misses) / STEP));
+                jacobian.set_column(k, &((moved - &misses) / tuning.difference_step));
             }
             let (hessian, gradient) = (jacobian.tr_mul(&jacobian), jacobian.tr_mul(&misses));
             let before = misses.norm_squared();
             let least = 1e-9 + 1e-6 * hessian.trace();
             let mut gained = 0.0;
-            for _ in 0..5 {
+            for _ in 0..tuning.steps_tried {
                 let Some(step) = damped_step(&hessian, &gradient, |own| damping * (own + least)) else { break };
                 let moved = self.moved(&symmetry, &step);
                 let new = self.misses(&moved);
                 gained = before - new.norm_squared();
                 if gained > 0.0 {
-                    (symmetry, misses, damping) = (moved, new, damping * 0.2);
+                    (symmetry, misses, damping) = (moved, new, damping * tuning.damping_falls);
                     break;
                 }
-                damping *= 10.0;
+                damping *= tuning.damping_rises;
             }
-            if gained <= ARRIVED * before {
+            if gained <= tuning.converged_gain * before {
                 break;
             }
         }
         ((misses.norm_squared() / misses.len().max(1) as f64).sqrt(), symmetry)
     }
 
-    /// The planes turned together about the body's middle by the first three unknowns [rad], and each shifted by its own [sizes].
+    /// The planes turned together about the body's middle by the first three unknowns [rad], and each shifted by its
+    /// own [sizes].
     fn moved(&self, symmetry: &Symmetry, step: &DVector<f64>) -> Symmetry {
-        let turn = DVec3::new(step[0], step[1], step[2]).clamp_length_max(LARGEST_TURN);
+        let turn = DVec3::new(step[0], step[1], step[2]).clamp_length_max(self.tuning.largest_turn);
         let rotation = DQuat::from_scaled_axis(turn);
+        let largest_shift = self.tuning.largest_shift;
         let planes = symmetry.planes.iter().enumerate().map(|(k, plane)| {
             let turned = plane.turned(rotation * plane.normal, self.middle);
             MirrorPlane {
-                offset: turned.offset + self.size * step[3 + k].clamp(-LARGEST_SHIFT, LARGEST_SHIFT),
+                offset: turned.offset + self.size * step[3 + k].clamp(-largest_shift, largest_shift),
                 ..turned
             }
         });
-        Symmetry { planes: planes.collect(), alike: symmetry.alike.clone() }
+        Symmetry { planes: planes.collect(), interchangeable_planes: symmetry.interchangeable_planes.clone() }
     }
 
     /// The volume, in cells of the hull, that all outlines and their images leave.
@@ -221,37 +200,40 @@ impl Outlines {
         self.hull.iter().filter(|p| self.within_images(**p, f32::INFINITY, &images, 0.0) > 0.0).count()
     }
 
-    /// Three planes at right angles that agree with all outlines. Of several sets that agree as well, which a body with more planes than three
-    /// has, that which leaves the least of the hull.
+    /// Three planes at right angles that agree with all outlines. Of several sets that agree as well, which a body with
+    /// more planes than three has, that which leaves the least of the hull.
     fn planes(&self) -> Option<Symmetry> {
+        let tuning = self.tuning;
         let through = |normal: DVec3| MirrorPlane { normal, offset: normal.dot(self.middle), misfit: 0.0 };
-        let starts: Vec<Symmetry> = (0..DIRECTIONS)
-            .map(|k| through(direction(k, DIRECTIONS)))
+        let starts: Vec<Symmetry> = (0..tuning.normals)
+            .map(|k| through(direction(k, tuning.normals)))
             .flat_map(|first| {
-                let seconds = normals(&[first], CIRCLE).into_iter().map(through);
+                let seconds = normals_beside(&[first], 0, tuning.second_normals).into_iter().map(through);
                 seconds.map(move |second| vec![first, second, through(first.normal.cross(second.normal))])
             })
-            .map(|planes| Symmetry { planes, alike: Vec::new() })
+            .map(|planes| Symmetry { planes, interchangeable_planes: Vec::new() })
             .collect();
         let mut rated: Vec<(f64, Symmetry)> =
             starts.into_par_iter().map(|start| (self.misses(&start).norm_squared(), start)).collect();
         rated.sort_by(|a, b| a.0.total_cmp(&b.0));
-        rated.truncate(CANDIDATES);
+        rated.truncate(tuning.candidates);
         let fits: Vec<(f64, Symmetry)> = rated.into_par_iter().map(|(_, start)| self.fit(start)).collect();
         let least = fits.iter().map(|(miss, _)| *miss).fold(f64::INFINITY, f64::min);
-        let agreeing = fits.into_iter().filter(|(miss, _)| *miss <= LARGEST_MISS.min(ALIKE * least));
+        let agreeing =
+            fits.into_iter().filter(|(miss, _)| *miss <= tuning.largest_miss.min(tuning.as_good_as_best * least));
         let agreeing: Vec<_> = agreeing.collect();
-        let complete = agreeing.into_par_iter().map(|(miss, symmetry)| self.with_alike(miss, symmetry));
+        let complete =
+            agreeing.into_par_iter().map(|(miss, symmetry)| self.with_interchangeable_planes(miss, symmetry));
         complete.map(|(miss, s)| self.measured(miss, s)).min_by_key(|s| self.volume(s))
     }
 
-    /// With planes changing places where that agrees with the outlines, too. A body with a square section, or a round one, has more planes
-    /// than three, and twice or six times the images.
-    fn with_alike(&self, miss: f64, symmetry: Symmetry) -> (f64, Symmetry) {
+    /// With planes changing places where that agrees with the outlines, too. A body with a square section, or a round
+    /// one, has more planes than three, and twice or six times the images.
+    fn with_interchangeable_planes(&self, miss: f64, symmetry: Symmetry) -> (f64, Symmetry) {
         [[0, 1], [1, 2], [0, 2]].into_iter().fold((miss, symmetry), |(miss, symmetry), pair| {
-            let alike = [&symmetry.alike[..], &[pair]].concat();
-            let more = self.fit(Symmetry { alike, ..symmetry.clone() });
-            if more.0 <= LARGEST_MISS { more } else { (miss, symmetry) }
+            let interchangeable_planes = [&symmetry.interchangeable_planes[..], &[pair]].concat();
+            let more = self.fit(Symmetry { interchangeable_planes, ..symmetry.clone() });
+            if more.0 <= self.tuning.largest_miss { more } else { (miss, symmetry) }
         })
     }
 
@@ -265,119 +247,43 @@ impl Outlines {
 }
 
 impl Symmetry {
-    /// Three mirror planes at right angles that all outlines of a body agree with; none where there are no three. Fewer are not looked for: three
-    /// outlines of anything agree with some plane.
-    pub fn of_outlines(views: &[MaskedView]) -> Symmetry {
-        let found = Outlines::new(views).and_then(|outlines| outlines.planes());
+    /// Three mirror planes at right angles that all outlines of a body agree with; none where there are no three. Fewer
+    /// are not looked for: three outlines of anything agree with some plane.
+    pub fn of_outlines(views: &[MaskedView], tuning: &OutlineSymmetryTuning) -> Symmetry {
+        let found = Outlines::new(views, tuning).and_then(|outlines| outlines.planes());
         found.unwrap_or_default()
     }
 
-    /// The planes of the same body a moment later, if it has moved as a rigid one: by about `moved` [m], and turned but little.
-    pub fn followed(&self, views: &[MaskedView], moved: DVec3) -> Option<Symmetry> {
+    /// The planes of the same body a moment later, if it has moved as a rigid one: by about `moved` [m], and turned but
+    /// little.
+    pub fn followed(&self, views: &[MaskedView], moved: DVec3, tuning: &OutlineSymmetryTuning) -> Option<Symmetry> {
         let shifted = |p: &MirrorPlane| MirrorPlane { offset: p.offset + p.normal.dot(moved), ..*p };
         let planes = self.planes.iter().map(shifted).collect();
-        let later = Symmetry { planes, alike: self.alike.clone() }.on_outlines(views)?;
-        (later.misfit() <= UNDEFORMED * self.misfit()).then_some(later)
+        let interchangeable_planes = self.interchangeable_planes.clone();
+        let later = Symmetry { planes, interchangeable_planes }.on_outlines(views, tuning)?;
+        (later.misfit() <= tuning.undeformed * self.misfit()).then_some(later)
     }
 
     /// The planes, fitted to the outlines; `None` where they do not agree.
-    pub(crate) fn on_outlines(&self, views: &[MaskedView]) -> Option<Symmetry> {
-        let outlines = Outlines::new(views)?;
+    pub(super) fn on_outlines(&self, views: &[MaskedView], tuning: &OutlineSymmetryTuning) -> Option<Symmetry> {
+        let outlines = Outlines::new(views, tuning)?;
         let (miss, symmetry) = outlines.fit(self.clone());
-        (miss <= LARGEST_MISS).then(|| outlines.measured(miss, symmetry))
-    }
-
-    /// A camera that sees the body at rest as `camera` sees it where its planes are `later`; `None` where fewer than three planes leave the
-    /// body's motion open.
-    pub fn camera_at_rest(&self, later: &Symmetry, camera: &Camera) -> Option<Camera> {
-        let (here, there) = (self.centre()?, later.centre()?);
-        let axes = |s: &Symmetry| DMat3::from_cols(s.planes[0].normal, s.planes[1].normal, s.planes[2].normal);
-        let back = axes(self) * axes(later).transpose();
-        Some(Camera {
-            rotation: back * camera.rotation,
-            centre: here + back * (camera.centre - there),
-            ..camera.clone()
-        })
-    }
-
-    /// The mirror images of a camera: to them, the body looks as it does to the camera. Their axes are left-handed where a single mirror
-    /// made them.
-    pub(crate) fn cameras(&self, camera: &Camera) -> Vec<Camera> {
-        let (images, axes) = (self.images(), camera.rotation);
-        let origins: Vec<DVec3> = images.of(DVec3::ZERO).skip(1).collect();
-        let columns = [axes.x_axis, axes.y_axis, axes.z_axis].map(|a| images.of(a).skip(1).collect::<Vec<_>>());
-        let centres = images.of(camera.centre).skip(1);
-        (centres.enumerate())
-            .map(|(k, centre)| {
-                let [x, y, z] = [0, 1, 2].map(|c: usize| columns[c][k] - origins[k]);
-                Camera { rotation: DMat3::from_cols(x, y, z), centre, ..camera.clone() }
-            })
-            .collect()
+        (miss <= tuning.largest_miss).then(|| outlines.measured(miss, symmetry))
     }
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
-    use gic_splat::{Gaussians, Shape};
-    use glam::DVec2;
-
+mod tests {
     use super::*;
-    use crate::symmetry::tests::turned;
-    use crate::{FillSettings, fill_outlines, symmetry};
+    use crate::test_cross::{CENTRE, VOLUME, cameras, cross, gaussians, mask, turned, views};
+    use crate::{FillSettings, fill_outlines};
 
-    const SIZE: usize = 120;
-
-    fn camera(from: DVec3) -> Camera {
-        let z = (CENTRE - from).normalize();
-        let x = z.cross(DVec3::Y).normalize();
-        Camera {
-            width: SIZE,
-            height: SIZE,
-            focal: DVec2::splat(150.0),
-            principal: DVec2::splat(0.5 * SIZE as f64),
-            rotation: DMat3::from_cols(x, z.cross(x), z),
-            centre: from,
-        }
+    fn of_outlines(views: &[MaskedView]) -> Symmetry {
+        Symmetry::of_outlines(views, &OutlineSymmetryTuning::default())
     }
 
-    pub(crate) const CENTRE: DVec3 = DVec3::new(0.02, 0.4, -0.03);
-
-    pub(crate) fn cameras() -> Vec<Camera> {
-        [DVec3::new(0.9, 0.9, 0.2), DVec3::new(-0.5, 0.7, 0.8), DVec3::new(-0.4, 1.0, -0.7)].map(camera).to_vec()
-    }
-
-    /// Where the ray of a pixel hits a body, by marching.
-    pub(crate) fn hit(camera: &Camera, pixel: DVec2, distance: &dyn Fn(DVec3) -> f64) -> Option<DVec3> {
-        let direction = (camera.unproject(pixel, 1.0) - camera.centre).normalize();
-        let mut along = 0.3;
-        while along < 2.2 {
-            let point = camera.centre + along * direction;
-            let off = distance(point);
-            if off < 1e-4 {
-                return Some(point);
-            }
-            along += off.max(1e-4);
-        }
-        None
-    }
-
-    /// The mask of a body, by rays of four to a pixel.
-    pub(crate) fn mask(camera: &Camera, distance: &dyn Fn(DVec3) -> f64) -> Vec<f32> {
-        let corners = [DVec2::new(0.25, 0.25), DVec2::new(0.75, 0.25), DVec2::new(0.25, 0.75), DVec2::new(0.75, 0.75)];
-        let covered = |pixel: DVec2| corners.iter().filter(|c| hit(camera, pixel + **c, distance).is_some()).count();
-        (0..SIZE * SIZE).map(|i| covered(DVec2::new((i % SIZE) as f64, (i / SIZE) as f64)) as f32 / 4.0).collect()
-    }
-
-    /// Volume of the cross [m^3]: its three bars share the middle.
-    pub(crate) const VOLUME: f64 = 8.0 * 0.04 * 0.04 * (0.16 + 0.13 + 0.145) - 2.0 * 0.08 * 0.08 * 0.08;
-
-    /// The cross at its place, `moved` [m].
-    pub(crate) fn cross(p: DVec3, moved: DVec3) -> f64 {
-        symmetry::tests::cross(turned().inverse() * (p - CENTRE - moved))
-    }
-
-    pub(crate) fn views<'a>(cameras: &'a [Camera], masks: &'a [Vec<f32>]) -> Vec<MaskedView<'a>> {
-        cameras.iter().zip(masks).map(|(camera, mask)| MaskedView { camera, mask: Some(mask) }).collect()
+    fn followed(symmetry: &Symmetry, views: &[MaskedView], moved: DVec3) -> Symmetry {
+        symmetry.followed(views, moved, &OutlineSymmetryTuning::default()).expect("it is the same body")
     }
 
     fn assert_planes(symmetry: &Symmetry, centre: DVec3) {
@@ -396,11 +302,11 @@ pub(crate) mod tests {
         let (cameras, moved) = (cameras(), DVec3::new(0.01, -0.05, 0.02));
         let at = |moved: DVec3| -> Vec<Vec<f32>> { cameras.iter().map(|c| mask(c, &|p| cross(p, moved))).collect() };
         let masks = at(DVec3::ZERO);
-        let symmetry = Symmetry::of_outlines(&views(&cameras, &masks));
+        let symmetry = of_outlines(&views(&cameras, &masks));
         assert_planes(&symmetry, CENTRE);
-        assert_eq!(symmetry.alike, Vec::<[usize; 2]>::new(), "its arms are 16, 13 and 14.5 cm long");
+        assert_eq!(symmetry.interchangeable_planes, Vec::<[usize; 2]>::new(), "its arms are 16, 13 and 14.5 cm long");
         let masks = at(moved);
-        let later = symmetry.followed(&views(&cameras, &masks), 0.8 * moved).expect("it is the same body");
+        let later = followed(&symmetry, &views(&cameras, &masks), 0.8 * moved);
         assert_planes(&later, CENTRE + moved);
         // What a camera sees later it would have seen before from where the body's motion takes it back to.
         let back = symmetry.camera_at_rest(&later, &cameras[0]).expect("three planes");
@@ -408,32 +314,9 @@ pub(crate) mod tests {
         assert!(now.distance(then) < 0.6, "{now} {then}");
     }
 
-    /// Gaussians all over the cross.
-    pub(crate) fn gaussians() -> Gaussians {
-        let range = -16..=16;
-        let places = range.clone().flat_map(|x| {
-            range
-                .clone()
-                .flat_map(move |y| (-16..=16).map(move |z| 0.01 * DVec3::new(f64::from(x), f64::from(y), f64::from(z))))
-        });
-        let positions: Vec<[f32; 3]> = places
-            .map(|p| CENTRE + turned() * p)
-            .filter(|p| cross(*p, DVec3::ZERO) < 0.0)
-            .map(|p| p.as_vec3().to_array())
-            .collect();
-        let count = positions.len();
-        Gaussians {
-            positions,
-            opacities: vec![0.9; count],
-            shape: Shape::Isotropic { scales: vec![0.005; count] },
-            sh_degree: 0,
-            sh: vec![[0.0; 3]; count],
-        }
-    }
-
     /// Two of three bars are of one length.
     #[test]
-    fn planes_that_are_alike_may_change_places() {
+    fn planes_of_equal_bars_are_interchangeable() {
         let lengths = DVec3::new(0.15, 0.12, 0.15);
         let body = |p: DVec3| {
             let own = (turned().inverse() * (p - CENTRE)).abs();
@@ -442,22 +325,23 @@ pub(crate) mod tests {
         };
         let cameras = cameras();
         let masks: Vec<Vec<f32>> = cameras.iter().map(|c| mask(c, &body)).collect();
-        let symmetry = Symmetry::of_outlines(&views(&cameras, &masks));
-        assert_eq!(symmetry.alike.len(), 1, "{symmetry:?}");
-        // Along the planes that are alike lie the two long bars, or what is between them.
-        let [a, b] = symmetry.alike[0].map(|k| turned().inverse() * symmetry.planes[k].normal);
+        let symmetry = of_outlines(&views(&cameras, &masks));
+        assert_eq!(symmetry.interchangeable_planes.len(), 1, "{symmetry:?}");
+        // Along the interchangeable planes lie the two long bars, or what is between them.
+        let [a, b] = symmetry.interchangeable_planes[0].map(|k| turned().inverse() * symmetry.planes[k].normal);
         assert!(a.y.abs() < 0.03 && b.y.abs() < 0.03, "{a} {b}");
         assert_eq!(symmetry.images().of(CENTRE).count(), 16);
     }
 
-    /// Three outlines leave twice the body; with all that their mirror images and a later moment show, little more than it.
+    /// Three outlines leave twice the body; with all that their mirror images and a later moment show, little more than
+    /// it.
     #[test]
     fn outlines_and_their_images_make_the_body() {
         let (cameras, moved) = (cameras(), DVec3::new(0.01, -0.05, 0.02));
         let at = |moved: DVec3| -> Vec<Vec<f32>> { cameras.iter().map(|c| mask(c, &|p| cross(p, moved))).collect() };
         let (masks, later_masks) = (at(DVec3::ZERO), at(moved));
-        let symmetry = Symmetry::of_outlines(&views(&cameras, &masks));
-        let later = symmetry.followed(&views(&cameras, &later_masks), moved).expect("it is the same body");
+        let symmetry = of_outlines(&views(&cameras, &masks));
+        let later = followed(&symmetry, &views(&cameras, &later_masks), moved);
         let back: Vec<Camera> = cameras.iter().filter_map(|c| symmetry.camera_at_rest(&later, c)).collect();
         let gaussians = gaussians();
         let both = [views(&cameras, &masks), views(&back, &later_masks)].concat();
@@ -484,20 +368,20 @@ pub(crate) mod tests {
         let body = |p: DVec3| balls.iter().map(|(c, r)| (p - CENTRE - *c).length() - r).fold(f64::INFINITY, f64::min);
         let cameras = cameras();
         let masks: Vec<Vec<f32>> = cameras.iter().map(|c| mask(c, &body)).collect();
-        assert_eq!(Symmetry::of_outlines(&views(&cameras, &masks)).planes, Vec::new());
-        assert_eq!(Symmetry::of_outlines(&[]).planes, Vec::new());
+        assert_eq!(of_outlines(&views(&cameras, &masks)).planes, Vec::new());
+        assert_eq!(of_outlines(&[]).planes, Vec::new());
     }
 
     #[test]
     fn a_mirrored_camera_sees_the_mirror_image() {
         let planes = [DVec3::new(0.6, 0.0, 0.8), DVec3::new(-0.8, 0.0, 0.6)];
         let planes = planes.map(|normal| MirrorPlane { normal, offset: normal.dot(CENTRE), misfit: 0.0 });
-        let symmetry = Symmetry { planes: planes.to_vec(), alike: Vec::new() };
+        let symmetry = Symmetry { planes: planes.to_vec(), interchangeable_planes: Vec::new() };
         let (camera, point) = (&cameras()[0], CENTRE + DVec3::new(0.1, -0.05, 0.03));
         let seen = camera.project(point).unwrap();
         let images: Vec<DVec3> = symmetry.images().of(point).skip(1).collect();
         assert_eq!(images.len(), 3);
-        for (mirrored, image) in symmetry.cameras(camera).iter().zip(images) {
+        for (mirrored, image) in symmetry.mirrored_cameras(camera).iter().zip(images) {
             let found = mirrored.project(image).unwrap();
             assert!(found.0.distance(seen.0) < 1e-9 && (found.1 - seen.1).abs() < 1e-12);
         }

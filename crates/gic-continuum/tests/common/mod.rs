@@ -212,7 +212,8 @@ pub fn perfect_gaussians(body: &Body) -> Gaussians {
     }
 }
 
-/// Noisy Gaussians: 30 % missing, centres off by 1.5 mm, and one in twenty an outlier anywhere in the box, half of them faint.
+/// Noisy Gaussians: 30 % missing, centres off by 1.5 mm, and one in twenty an outlier anywhere in the box, half of them
+/// faint.
 pub fn noisy_gaussians(body: &Body, seed: u64) -> Gaussians {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let perfect = perfect_gaussians(body);

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use gic_continuum::{
-    Agreement, Appearance, Drawing, FillSettings, Filling, GroundPlane, MirrorPlane, Particles, Placement, calibrate,
-    compare_with_masks, sample_particles, sample_points,
+    Agreement, Appearance, Drawing, FillSettings, Filling, GroundPlane, MirrorPlane, ParticleTuning, Particles,
+    Placement, calibrate, compare_with_masks, sample_particles, sample_points,
 };
 use gic_scene::{Hull, HullSettings, HullView, Mask};
 use gic_twin::atomic;
@@ -16,14 +16,6 @@ use super::fill_input::FillInput;
 use super::frame_filler::FrameFiller;
 use super::{Run, Stage};
 use crate::error::{Error, Result};
-
-/// Grid cells along the side of a cube with the object's volume, before rounding: 0.02 m cells for the paper's objects,
-/// whose boxes are 0.3 to 0.45 m. The volume, unlike the box, does not depend on the object's orientation.
-const CELLS_ALONG_CUBE_SIDE: f64 = 8.0;
-/// Spacing of the points that are drawn, over that of the particles that are simulated.
-const DRAWING_SPACING: f64 = 0.6;
-/// Opacity of a particle of density 1; the scale is then fitted to the masks.
-const OPACITY: f32 = 0.9;
 
 /// `fill.json`: what filling found.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -138,16 +130,18 @@ impl Run<'_> {
             let masks = input.masks(frame)?;
             let views = input.masked_views(frame, &masks);
             let filling = filler.next(&input, frame, &views, &settings)?;
-            let spacing = *spacing.get_or_insert_with(|| self.particle_spacing(size, &filling));
+            let spacing =
+                *spacing.get_or_insert_with(|| self.particle_spacing(size, &filling, &settings.tuning.particles));
             // Only the first frame's particles are simulated and need volumes of their own.
             let place = if frame == 0 { sample_particles } else { sample_points };
-            let particles = place(&filling, spacing, Placement::Layered).map_err(Error::filling(frame))?;
-            let points =
-                place(&filling, DRAWING_SPACING * spacing, Placement::Layered).map_err(Error::filling(frame))?;
+            let tuning = &settings.tuning.particles;
+            let particles = place(&filling, spacing, Placement::Layered, tuning).map_err(Error::filling(frame))?;
+            let finer = tuning.drawing_spacing * spacing;
+            let points = place(&filling, finer, Placement::Layered, tuning).map_err(Error::filling(frame))?;
             let surface_points = self.write_frame(frame, &filling, &particles)?;
             let drawn = match &first {
                 Some((_, _, drawn, _)) => *drawn,
-                None => calibrate(&points, &views, OPACITY).map_err(Error::filling(frame))?,
+                None => calibrate(&points, &views, tuning).map_err(Error::filling(frame))?,
             };
             let volume_m3 = filling.volume();
             let ious = overlaps(&compare_with_masks(&points, &drawn, &views));
@@ -163,10 +157,10 @@ impl Run<'_> {
             let values = [("volume_m3", volume_m3), ("surface_points", surface_points as f64)];
             self.events.step(Stage::Fill.name(), "", frame as u64 + 1, Some(count as u64), &values);
             if frame == 0 {
+                let appearance = calibrate(&particles, &views, tuning).map_err(Error::filling(frame))?;
+                first = Some((particles, appearance, drawn, ious));
                 // More is seen of a body in the air than of one on the ground.
                 settings.volume = Some(volume_m3);
-                let appearance = calibrate(&particles, &views, OPACITY).map_err(Error::filling(frame))?;
-                first = Some((particles, appearance, drawn, ious));
             }
         }
         let Some((particles, appearance, drawn, mask_iou)) = first else {
@@ -204,8 +198,8 @@ impl Run<'_> {
 
     /// Distance of neighbouring particles [m]: two a grid cell along each axis, for the object as filled at the first
     /// frame.
-    fn particle_spacing(&self, size: f64, filling: &Filling) -> f64 {
-        let spacing = 0.5 * round_length(filling.volume().cbrt() / CELLS_ALONG_CUBE_SIDE);
+    fn particle_spacing(&self, size: f64, filling: &Filling, tuning: &ParticleTuning) -> f64 {
+        let spacing = tuning.spacing * round_length(filling.volume().cbrt() / tuning.cells_across);
         let voxels = 1e3 * filling.field.spacing;
         let text = format!("object {size:.3} m, finest voxels {voxels:.2} mm, particles {:.2} mm apart", 1e3 * spacing);
         self.events.note(Stage::Fill.name(), text);
@@ -218,8 +212,9 @@ impl Run<'_> {
     /// Those of filling.
     pub fn drawing(&self, continuum: &Continuum) -> Result<(Drawing, Appearance)> {
         let filling = self.first_filling(continuum)?;
-        let drawing = Drawing::new(&filling, &continuum.particles, DRAWING_SPACING * continuum.particles.spacing)
-            .map_err(Error::filling(0))?;
+        let tuning = &self.fill_settings(continuum.summary.object_size_m).tuning.particles;
+        let spacing = tuning.drawing_spacing * continuum.particles.spacing;
+        let drawing = Drawing::new(&filling, &continuum.particles, spacing, tuning).map_err(Error::filling(0))?;
         Ok((drawing, Appearance { scale: continuum.summary.drawing_scale, ..continuum.appearance }))
     }
 

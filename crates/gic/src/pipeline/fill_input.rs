@@ -11,10 +11,6 @@ use glam::DVec3;
 use super::Run;
 use crate::error::{Error, Result};
 
-/// Largest number of photographs of a scan that filling uses. Its thresholds are for the emptiest of about so many
-/// views: with fifty, a few depth maps are wrong nearly everywhere and the body becomes too small.
-const MAX_SCAN_VIEWS: usize = 12;
-
 /// What the matter is made of: the video with its Gaussians, or the scan, moved to where it lies in the video's first
 /// frame.
 pub(super) struct FillInput<'a> {
@@ -34,7 +30,11 @@ impl FillInput<'_> {
     }
 
     /// Cameras and masks of a frame.
-    pub(super) fn masked_views<'b>(&'b self, frame: usize, masks: &'b [Mask]) -> Vec<MaskedView<'b>> {
+    pub(super) fn masked_views<'b>(
+        &'b self,
+        frame: usize,
+        masks: impl IntoIterator<Item = &'b Mask>,
+    ) -> Vec<MaskedView<'b>> {
         let views = self.scene.views_at(frame).iter().zip(masks);
         views
             .map(|(view, mask)| MaskedView {
@@ -59,7 +59,8 @@ impl Run<'_> {
         let canonical = place_scan(&gaussians.canonical, &similarity);
         let gaussians = DynamicGaussians { canonical, motion: None };
         let scene = scan.moved(&similarity);
-        let cameras = far_apart(&scene.cameras, &gaussians.canonical.positions, MAX_SCAN_VIEWS);
+        let cameras =
+            far_apart(&scene.cameras, &gaussians.canonical.positions, self.config.fill.tuning.depth.scan_photographs);
         let scene = scene.with_cameras(&cameras).map_err(Error::stage("choosing photographs"))?;
         Ok(FillInput { scene: Cow::Owned(scene), gaussians })
     }

@@ -1,6 +1,6 @@
-//! The body of each frame, one after the other, completed by its mirror planes.
+//! The bodies of all frames, filled one after the other. [`ShapeFrom`] tells from what.
 
-use gic_continuum::{Completion, FillSettings, Filling, MaskedView, Symmetry, fill};
+use gic_continuum::{Completion, FillSettings, Filling, MaskedView, ShapeFrom, Symmetry, fill};
 
 use super::fill_input::FillInput;
 use super::rigid_frames::RigidFrames;
@@ -12,13 +12,13 @@ pub(super) struct FrameFiller {
     symmetric: bool,
     /// Planes found in the surface.
     completion: Completion,
-    /// Planes found in the outlines, where the surface shows less than three.
-    rigid: Option<RigidFrames>,
+    /// What makes the shape; decided at the first frame.
+    shape: ShapeFrom<RigidFrames>,
 }
 
 impl FrameFiller {
     pub(super) fn new(symmetric: bool) -> FrameFiller {
-        FrameFiller { symmetric, completion: Completion::default(), rigid: None }
+        FrameFiller { symmetric, completion: Completion::default(), shape: ShapeFrom::Depths }
     }
 
     /// The body of the next frame.
@@ -29,33 +29,39 @@ impl FrameFiller {
         views: &[MaskedView],
         settings: &FillSettings,
     ) -> Result<Filling> {
-        if let Some(rigid) = self.rigid.as_ref().filter(|rigid| frame < rigid.frames()) {
+        if let Some(rigid) = self.rigid_frames().filter(|rigid| frame < rigid.frames()) {
             return rigid.fill(input, frame, settings);
         }
         let gaussians = input.gaussians.at(input.scene.times[frame]);
         let mut filling = fill(&gaussians, views, settings).map_err(Error::filling(frame))?;
-        // One view tells nothing of a body's far side.
-        if !self.symmetric || filling.views_used < 2 {
+        if !self.symmetric {
             return Ok(filling);
         }
-        self.completion.next(&mut filling, views);
-        if frame == 0 && self.completion.first().is_none_or(|symmetry| symmetry.planes.len() < 3) {
-            self.rigid = RigidFrames::find(input)?;
-            if let Some(rigid) = &self.rigid {
-                return rigid.fill(input, frame, settings);
-            }
+        self.completion.next(&mut filling, views, &settings.tuning);
+        if frame > 0 {
+            return Ok(filling);
         }
-        Ok(filling)
+        let by_outlines = || RigidFrames::find(input, &settings.tuning.outline_symmetry);
+        self.shape = ShapeFrom::decide(&filling, self.completion.first(), by_outlines)?;
+        self.rigid_frames().map_or(Ok(filling), |rigid| rigid.fill(input, frame, settings))
+    }
+
+    /// The frames whose outlines make the body, where outlines do.
+    fn rigid_frames(&self) -> Option<&RigidFrames> {
+        match &self.shape {
+            ShapeFrom::Depths => None,
+            ShapeFrom::Outlines(rigid) => Some(rigid),
+        }
     }
 
     /// The symmetry of the body in the first frame, where it has any.
     pub(super) fn symmetry(&self) -> Option<&Symmetry> {
-        self.rigid.as_ref().map(RigidFrames::symmetry).or(self.completion.first())
+        self.rigid_frames().map(RigidFrames::symmetry).or(self.completion.first())
     }
 
     /// Frames whose outlines alone made the body.
     pub(super) fn outline_frames(&self) -> usize {
-        self.rigid.as_ref().map_or(0, RigidFrames::frames)
+        self.rigid_frames().map_or(0, RigidFrames::frames)
     }
 
     /// The symmetry that was found and how it was used, in a sentence.

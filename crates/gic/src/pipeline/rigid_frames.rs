@@ -3,7 +3,7 @@
 //! Where cameras are so few that the reconstructed surface shows no symmetry, the outlines may: then each frame of
 //! flight shows the same body from as many sides again, and all of them together say where it is not.
 
-use gic_continuum::{ColouredView, FillSettings, Filling, MaskedView, Symmetry, fill_outlines};
+use gic_continuum::{ColouredView, FillSettings, Filling, MaskedView, OutlineSymmetryTuning, Symmetry, fill_outlines};
 use gic_scene::{Camera, Mask, Picture};
 
 use super::fill_input::{FillInput, mean};
@@ -18,21 +18,22 @@ pub(super) struct RigidFrames {
 
 impl RigidFrames {
     /// `None` where the outlines of the first frame show no symmetry.
-    pub(super) fn find(input: &FillInput) -> Result<Option<RigidFrames>> {
-        let masks = input.masks(0)?;
-        let first = Symmetry::of_outlines(&input.masked_views(0, &masks));
+    pub(super) fn find(input: &FillInput, tuning: &OutlineSymmetryTuning) -> Result<Option<RigidFrames>> {
+        let pictures = input.pictures(0)?;
+        let first = Symmetry::of_outlines(&input.masked_views(0, pictures.iter().map(|(_, mask)| mask)), tuning);
         if first.planes.is_empty() {
             return Ok(None);
         }
         let centre = |frame: usize| mean(&input.gaussians.at(input.scene.times[frame]).positions);
         let start = centre(0);
-        let mut rigid = RigidFrames { symmetries: vec![first], pictures: vec![input.pictures(0)?] };
+        let mut rigid = RigidFrames { symmetries: vec![first], pictures: vec![pictures] };
         for frame in 1..input.scene.times.len() {
-            let masks = input.masks(frame)?;
-            let views = input.masked_views(frame, &masks);
-            let Some(symmetry) = rigid.symmetries[0].followed(&views, centre(frame) - start) else { break };
+            let pictures = input.pictures(frame)?;
+            let views = input.masked_views(frame, pictures.iter().map(|(_, mask)| mask));
+            let followed = rigid.symmetries[0].followed(&views, centre(frame) - start, tuning);
+            let Some(symmetry) = followed else { break };
             rigid.symmetries.push(symmetry);
-            rigid.pictures.push(input.pictures(frame)?);
+            rigid.pictures.push(pictures);
         }
         Ok(Some(rigid))
     }
@@ -55,7 +56,7 @@ impl RigidFrames {
         let views: Vec<MaskedView> = moved.iter().map(MovedView::masked).collect();
         let mut filling = fill_outlines(&gaussians, &views, here, settings).map_err(Error::filling(frame))?;
         let views: Vec<ColouredView> = moved.iter().map(MovedView::coloured).collect();
-        filling.carve(&views, here);
+        filling.carve(&views, here, &settings.tuning);
         Ok(filling)
     }
 

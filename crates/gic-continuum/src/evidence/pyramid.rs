@@ -1,13 +1,18 @@
-//! What one view says about all points of a box: bounds, so that matter far from every surface needs no look at each of its voxels.
+//! What one view says about all points of a box: bounds, so that matter far from every surface is decided in whole
+//! boxes instead of voxel by voxel.
+//!
+//! Each view keeps least and largest values of its mask and depth map over squares of 1, 2, 4 ... pixels, as a mipmap
+//! does (Greene, Kass & Miller 1993 test boxes against depths by it). A box projects into few such squares, whose
+//! bounds hold for all its points.
 
 use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
-use crate::evidence::Evidence;
+use super::view::Evidence;
 
-/// Share by which distances are rounded, with room to spare: bounds hold for looks in single precision.
+/// Share by which distances are rounded, with room to spare: bounds hold for evidence in single precision.
 const ROUNDING: f64 = 1e-6;
 
 /// Least and largest of what a view holds in a square of pixels.
@@ -102,57 +107,59 @@ fn levels(view: &Evidence) -> Vec<Level> {
     levels
 }
 
-/// What [`Evidence::look`] says at any point of a box.
+/// What [`Evidence::evidence_at`] says at any point of a box.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Survey {
+pub(crate) enum BoxBounds {
     /// Nothing: the view sees no part of the box.
     Unseen,
-    /// The view sees all of the box: least and largest coverage, and distance behind the surface [m]; whether parts of that surface may be
-    /// seen through small holes.
+    /// The view sees all of the box: least and largest coverage, and distance behind the surface [m]; whether parts of
+    /// that surface may be seen through small holes.
     Seen { coverage: [f32; 2], behind: [f64; 2], through_hole: bool },
     /// The box reaches out of the image.
     Partly,
 }
 
 /// A view with its pixels in squares of side 1, 2, 4, ...
-pub(crate) struct Overview<'a> {
+pub(crate) struct EvidencePyramid<'a> {
     pub(crate) view: &'a Evidence<'a>,
     levels: Arc<Vec<Level>>,
-    /// From world to camera, and the same without signs: half the sides of a box that is aligned with the world to those of one
-    /// around it that is aligned with the camera.
-    turn: DMat3,
+    /// Rotation from world to camera axes.
+    camera_from_world: DMat3,
+    /// The same without signs: half the sides of a box along the world's axes to those of the box around it along the
+    /// camera's.
     widen: DMat3,
 }
 
-impl<'a> Overview<'a> {
+impl<'a> EvidencePyramid<'a> {
     /// Of all views; those that share their pixels, as mirror images do, share their levels, too.
-    pub(crate) fn all(views: &'a [Evidence<'a>]) -> Vec<Overview<'a>> {
+    pub(crate) fn all(views: &'a [Evidence<'a>]) -> Vec<EvidencePyramid<'a>> {
         let same = |a: &Evidence, b: &Evidence| Arc::ptr_eq(&a.depth, &b.depth);
         let first = |view: &Evidence| views.iter().position(|other| same(other, view));
         let originals: Vec<usize> =
             views.iter().enumerate().filter(|(k, v)| first(v) == Some(*k)).map(|(k, _)| k).collect();
         let known: Vec<Arc<Vec<Level>>> = originals.par_iter().map(|k| Arc::new(levels(&views[*k]))).collect();
         let shared = |view: &Evidence| originals.iter().position(|k| same(&views[*k], view)).map(|k| known[k].clone());
-        views.iter().filter_map(|view| Some(Overview::with(view, shared(view)?))).collect()
+        views.iter().filter_map(|view| Some(EvidencePyramid::with(view, shared(view)?))).collect()
     }
 
-    fn with(view: &'a Evidence<'a>, levels: Arc<Vec<Level>>) -> Overview<'a> {
-        let turn = view.camera.rotation.transpose();
-        let widen = DMat3::from_cols(turn.x_axis.abs(), turn.y_axis.abs(), turn.z_axis.abs());
-        Overview { view, levels, turn, widen }
+    fn with(view: &'a Evidence<'a>, levels: Arc<Vec<Level>>) -> EvidencePyramid<'a> {
+        let camera_from_world = view.camera.rotation.transpose();
+        let [x, y, z] = [camera_from_world.x_axis, camera_from_world.y_axis, camera_from_world.z_axis];
+        let widen = DMat3::from_cols(x.abs(), y.abs(), z.abs());
+        EvidencePyramid { view, levels, camera_from_world, widen }
     }
 
     /// What the view says about the points of a box, given by its centre and half of its side [m].
-    pub(crate) fn survey(&self, centre: DVec3, half: f64) -> Survey {
+    pub(crate) fn bounds(&self, centre: DVec3, half: f64) -> BoxBounds {
         let camera = self.view.camera;
-        let middle = self.turn * (centre - camera.centre);
-        let reach = self.widen * DVec3::splat(half);
-        let (near, far) = (middle.z - reach.z, middle.z + reach.z);
+        let middle = self.camera_from_world * (centre - camera.centre);
+        let half = self.widen * DVec3::splat(half);
+        let (near, far) = (middle.z - half.z, middle.z + half.z);
         if near <= 1e-9 {
-            return if far <= 1e-9 { Survey::Unseen } else { Survey::Partly };
+            return if far <= 1e-9 { BoxBounds::Unseen } else { BoxBounds::Partly };
         }
         let range = |axis: usize| {
-            let (low, high) = (middle[axis] - reach[axis], middle[axis] + reach[axis]);
+            let (low, high) = (middle[axis] - half[axis], middle[axis] + half[axis]);
             let focal = camera.focal[axis];
             let shift = camera.principal[axis] - 0.5;
             let low = focal * low / if low > 0.0 { far } else { near } + shift;
@@ -162,16 +169,20 @@ impl<'a> Overview<'a> {
         let ((left, right), (top, bottom)) = (range(0), range(1));
         let (width, height) = (camera.width as f64 - 0.5, camera.height as f64 - 0.5);
         if right < -0.5 || bottom < -0.5 || left >= width || top >= height {
-            return Survey::Unseen;
+            return BoxBounds::Unseen;
         }
         if !(left >= -0.5 && top >= -0.5 && right < width && bottom < height) {
-            return Survey::Partly;
+            return BoxBounds::Partly;
         }
         // Half a pixel outside the outermost centres counts as these; casting truncates towards them.
         let first = |c: f64| c.max(0.0) as usize;
         let last = |c: f64, n: usize| ((c + 1.0) as usize).min(n - 1);
         let texel = self.texel([first(left), first(top)], [last(right, camera.width), last(bottom, camera.height)]);
-        Survey::Seen { coverage: texel.coverage, behind: self.behind(&texel, near, far), through_hole: texel.through }
+        BoxBounds::Seen {
+            coverage: texel.coverage,
+            behind: self.behind(&texel, near, far),
+            through_hole: texel.through,
+        }
     }
 
     /// The pixels from `low` to `high`, both included, and perhaps a few around them.
@@ -208,9 +219,10 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
+    use crate::tuning::DepthTuning;
 
     #[test]
-    fn bounds_hold_for_every_look_into_a_box() {
+    fn bounds_hold_at_every_point_of_a_box() {
         let camera = Camera {
             width: 61,
             height: 47,
@@ -230,28 +242,28 @@ mod tests {
                 depth[i] = 1.0 + 0.004 * x + if y > 5.0 { 0.1 } else { 0.0 };
             }
         }
-        let view = Evidence::with_depth(&camera, &mask, depth);
-        let overview = Overview::with(&view, Arc::new(levels(&view)));
+        let view = Evidence::with_depth(&camera, &mask, depth, &DepthTuning::default());
+        let pyramid = EvidencePyramid::with(&view, Arc::new(levels(&view)));
         let (mut seen, mut tight) = (0, 0);
         for _ in 0..3000 {
             let mut uniform = |low: f64, high: f64| low + (high - low) * random.random::<f64>();
             let pixel = DVec2::new(uniform(-8.0, 69.0), uniform(-8.0, 55.0));
             let centre = camera.unproject(pixel, uniform(-0.05, 1.4));
             let half = uniform(0.001, 0.02);
-            let survey = overview.survey(centre, half);
+            let bounds = pyramid.bounds(centre, half);
             for _ in 0..20 {
                 let point = centre + half * DVec3::new(uniform(-1.0, 1.0), uniform(-1.0, 1.0), uniform(-1.0, 1.0));
-                let Some(look) = view.look(point) else {
-                    assert!(!matches!(survey, Survey::Seen { .. }));
+                let Some(here) = view.evidence_at(point) else {
+                    assert!(!matches!(bounds, BoxBounds::Seen { .. }));
                     continue;
                 };
-                match survey {
-                    Survey::Unseen => panic!("{point} is seen"),
-                    Survey::Partly => {}
-                    Survey::Seen { coverage, behind, .. } => {
-                        let within = look.coverage >= coverage[0] - 1e-6 && look.coverage <= coverage[1] + 1e-6;
-                        let depth = f64::from(look.behind);
-                        assert!(within && depth >= behind[0] && depth <= behind[1], "{look:?} in {survey:?}");
+                match bounds {
+                    BoxBounds::Unseen => panic!("{point} is seen"),
+                    BoxBounds::Partly => {}
+                    BoxBounds::Seen { coverage, behind, .. } => {
+                        let within = here.coverage >= coverage[0] - 1e-6 && here.coverage <= coverage[1] + 1e-6;
+                        let depth = f64::from(here.behind);
+                        assert!(within && depth >= behind[0] && depth <= behind[1], "{here:?} in {bounds:?}");
                         seen += 1;
                         tight += u32::from(coverage[0] == 1.0 && behind[1] - behind[0] < 0.06);
                     }
