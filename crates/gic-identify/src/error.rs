@@ -1,6 +1,34 @@
 //! What can go wrong, and the way out.
 
+use gic_mpm::SimulationError;
 use thiserror::Error;
+
+/// Why a fit ended without a result.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum FitError {
+    /// The simulator refused the hypothesis, or gave up.
+    #[error(transparent)]
+    Simulation(#[from] SimulationError),
+    /// Some particle is nowhere.
+    #[error("the rollout is not finite")]
+    NotFinite,
+    /// Nothing was tried.
+    #[error("no iteration was asked for")]
+    NoIteration,
+    /// The caller asked to stop.
+    #[error("identification was interrupted")]
+    Interrupted,
+}
+
+impl FitError {
+    /// The error of a stage that went on from `starts` starting points.
+    pub(crate) fn of_stage(self, starts: usize) -> IdentifyError {
+        match self {
+            FitError::Interrupted => IdentifyError::Interrupted,
+            reason => IdentifyError::NoStart { starts, reason },
+        }
+    }
+}
 
 /// Why nothing could be identified.
 #[derive(Debug, Error)]
@@ -25,13 +53,14 @@ pub enum IdentifyError {
     },
     /// No start led to a rollout that ran.
     #[error(
-        "none of {starts} starting points could be simulated (last reason: {reason}); give a start near the expected material or more substeps per frame"
+        "none of {starts} starting points could be simulated (last reason: {reason}); \
+         give a start near the expected material or more substeps per frame"
     )]
     NoStart {
         /// How many were tried.
         starts: usize,
-        /// Message of the last failure.
-        reason: String,
+        /// The last failure.
+        reason: FitError,
     },
     /// The caller asked to stop.
     #[error("identification was interrupted")]

@@ -6,6 +6,7 @@ mod forward;
 mod input;
 mod observe;
 mod result;
+mod session;
 mod settings;
 mod solve;
 mod stages;
@@ -14,7 +15,7 @@ mod unknowns;
 mod vector;
 
 pub use checkpoint::{Checkpoint, Event};
-pub use error::IdentifyError;
+pub use error::{FitError, IdentifyError};
 pub use input::{Input, Observation, View};
 pub use result::{Estimate, Estimates, Loss, Stage, Step};
 pub use settings::{MaterialChoice, Optimizer, Settings, Target};

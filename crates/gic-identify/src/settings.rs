@@ -6,6 +6,9 @@ use std::path::PathBuf;
 use gic_mpm::MaterialKind;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use crate::IdentifyError;
+use crate::unknowns::parameter::{Parameter, sought, sought_by_name};
+
 /// Substeps of a frame on a grid of [`REFERENCE_GRID_M`], whatever the frame rate, as in the published simulations.
 /// Every substep's transfers damp the motion a little, so other numbers of them find other parameters: 144 instead of 200
 /// cost 5 % of a bouncing solid's stiffness.
@@ -185,6 +188,33 @@ impl Default for Settings {
 }
 
 impl Settings {
+    /// The given value of a parameter that is not sought.
+    pub(crate) fn fixed_value(&self, parameter: &Parameter) -> Option<f64> {
+        self.fixed.iter().find(|(name, _)| name == parameter.name).map(|(_, value)| *value)
+    }
+
+    /// Checks names and values against the parameters of `kind`.
+    pub(crate) fn validate(&self, kind: MaterialKind) -> Result<(), IdentifyError> {
+        for (name, value) in &self.fixed {
+            let (low, high) = sought_by_name(kind, name)?.bounds;
+            let is_admitted = *value >= low && *value <= high;
+            if !is_admitted {
+                return Err(IdentifyError::input(
+                    name,
+                    format!("is fixed to {value}"),
+                    format!("give {low} to {high}"),
+                ));
+            }
+        }
+        if let Some(start) = &self.start
+            && start.len() != sought(kind).len()
+        {
+            let wanted = sought(kind).iter().map(|p| p.name).collect::<Vec<_>>().join(", ");
+            return Err(IdentifyError::input("start", format!("has {} values", start.len()), format!("give {wanted}")));
+        }
+        Ok(())
+    }
+
     /// Side of a cell of the simulation grid [m] and substeps per frame, for particles `particle_spacing_m` apart [m].
     pub fn resolution(&self, particle_spacing_m: f64) -> (f64, usize) {
         let grid_spacing_m = self.grid_spacing_m.unwrap_or(2.0 * particle_spacing_m);

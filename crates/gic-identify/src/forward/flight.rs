@@ -3,11 +3,11 @@
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
-use crate::Input;
 use crate::forward::shape::ShapeModes;
 use crate::forward::trajectories::{ForwardModel, FrameSelection, Trajectories};
 use crate::observe::video::ObservedVideo;
 use crate::unknowns::state::State;
+use crate::{FitError, Input};
 
 /// Distance travelled after `time` by gravity alone, as symplectic Euler sums it with steps of `dt`: g t (t + dt) / 2.
 ///
@@ -56,7 +56,7 @@ impl Flight<'_> {
 }
 
 impl ForwardModel for Flight<'_> {
-    fn trajectories(&self, state: &State, selection: &FrameSelection) -> Result<Trajectories, String> {
+    fn trajectories(&self, state: &State, selection: &FrameSelection) -> Result<Trajectories, FitError> {
         let end = selection.end.min(self.video.frames.len());
         let positions: Vec<Vec<[f32; 3]>> = (0..self.video.frames.len())
             .into_par_iter()

@@ -5,7 +5,6 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use gic_mpm::{Body, MaterialKind, Options, Stepping, World, rollout};
 use glam::DVec3;
 
-use crate::Input;
 use crate::forward::flight::{fall, placed, substep, volume_factors};
 use crate::forward::shape::ShapeModes;
 use crate::forward::splat_widths::SplatWidths;
@@ -13,6 +12,31 @@ use crate::forward::trajectories::{ForwardModel, FrameSelection, Trajectories};
 use crate::observe::video::ObservedVideo;
 use crate::unknowns::parameter::{material_of, sought};
 use crate::unknowns::state::State;
+use crate::{FitError, Input};
+
+/// How many rollouts were made, on the full grid and on the coarse one.
+#[derive(Debug)]
+pub(crate) struct RolloutCounts {
+    pub full: AtomicUsize,
+    pub coarse: AtomicUsize,
+}
+
+impl RolloutCounts {
+    /// Goes on from `(full, coarse)`.
+    pub(crate) fn new((full, coarse): (usize, usize)) -> RolloutCounts {
+        RolloutCounts { full: AtomicUsize::new(full), coarse: AtomicUsize::new(coarse) }
+    }
+
+    /// Those on the full grid.
+    pub(crate) fn full(&self) -> usize {
+        self.full.load(Ordering::Relaxed)
+    }
+
+    /// Those on the coarse grid.
+    pub(crate) fn coarse(&self) -> usize {
+        self.coarse.load(Ordering::Relaxed)
+    }
+}
 
 /// Which particles are simulated, on which grid.
 #[derive(Clone, Debug)]
@@ -105,7 +129,7 @@ impl Simulation<'_> {
 }
 
 impl ForwardModel for Simulation<'_> {
-    fn trajectories(&self, state: &State, selection: &FrameSelection) -> Result<Trajectories, String> {
+    fn trajectories(&self, state: &State, selection: &FrameSelection) -> Result<Trajectories, FitError> {
         self.count();
         let end = selection.end.min(self.video.frames.len());
         let (world, from) = self.world_and_start(state);
@@ -141,11 +165,10 @@ impl ForwardModel for Simulation<'_> {
                         scales[o] = self.splat_widths.scales(&frame.positions);
                     }
                 }
-            })
-            .map_err(|error| error.to_string())?;
+            })?;
         }
         if positions.iter().flatten().flatten().any(|x| !x.is_finite()) {
-            return Err("the rollout is not finite".to_owned());
+            return Err(FitError::NotFinite);
         }
         let outward_displacements = self.shape.outward_displacements(&state.shape);
         Ok(Trajectories { positions, scales, splat_factor: state.splat.exp() as f32, outward_displacements })

@@ -1,5 +1,6 @@
 //! What a forward model predicts: where every particle is at every observed time.
 
+use crate::FitError;
 use crate::forward::footprint::IsotropicGaussians;
 use crate::unknowns::state::State;
 
@@ -47,6 +48,9 @@ pub(crate) struct FrameSelection {
 
 /// A model of motion.
 pub(crate) trait ForwardModel: Sync {
-    /// Positions at the observations of `level`; the message says why there are none.
-    fn trajectories(&self, state: &State, selection: &FrameSelection) -> Result<Trajectories, String>;
+    /// Trajectories at the observations of `selection`.
+    ///
+    /// # Errors
+    /// Where the state cannot be simulated.
+    fn trajectories(&self, state: &State, selection: &FrameSelection) -> Result<Trajectories, FitError>;
 }

@@ -1,18 +1,24 @@
-//! Levenberg-Marquardt on Jacobians from independent forward runs, in parallel, kept up to date by secants in between.
+//! Levenberg-Marquardt (Marquardt 1963) with Broyden's secants (Broyden 1965).
+//!
+//! A hypothesis x has residuals r(x), weighted, and a prior with information P around m. The cost is
+//! `1/2 r^T r + 1/2 (x - m)^T P (x - m)`. A step solves `(H + lambda diag H) d = -g` with `H = J^T J + P` and
+//! `g = J^T r + P (x - m)`. The Jacobian J comes from finite differences of the trajectories, one rollout per unknown; a step that
+//! gains about what the quadratic model predicts only corrects them by what it showed (a rank-one update), so that most steps cost two
+//! rollouts. A failed rollout is a rejected step.
 
 use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 
+use crate::FitError;
 use crate::forward::trajectories::Trajectories;
-use crate::solve::linearisation::{Linearisation, Tangents};
+use crate::solve::linearisation::Linearisation;
 use crate::solve::normal_equations::Normal;
 use crate::solve::problem::Problem;
-use crate::solve::residual_block::ResidualBlock;
 use crate::unknowns::state::State;
 
 /// A Jacobian that was carried along from earlier states is computed anew when a step gains less than this share of what it
-/// predicted_decrease.
+/// promised.
 const TRUSTED_GAIN: f64 = 0.5;
 
 /// Not worth a step: less than this share of what a step must gain for others to follow.
@@ -51,109 +57,69 @@ pub(crate) struct Iterate {
     pub cost: f64,
 }
 
-/// Where the search ended.
+/// Where a fit ended.
 #[derive(Clone, Debug)]
 pub(crate) struct Fit {
     pub state: State,
     pub cost: f64,
-    pub trajectories: Trajectories,
-    /// At `state`, measured or carried there; `None` where no step was asked for.
-    pub tangents: Option<Tangents>,
-    /// Those of `motion` and `tangents`, where they were needed.
-    pub blocks: Option<Vec<ResidualBlock>>,
+    /// At `state`, measured or carried there.
+    pub linearisation: Linearisation,
 }
 
-impl Fit {
-    /// What a further search from here need not work out again; `None` where no step was asked for.
-    pub(crate) fn known(self) -> Option<Linearisation> {
-        let (trajectories, blocks) = (self.trajectories, self.blocks);
-        self.tangents.map(|tangents| Linearisation { trajectories, tangents, blocks })
-    }
-}
-
-/// Minimises from `start`, where much may be known already; fails only where the start itself cannot be simulated.
+/// Minimises from `start`, around which `known` is known already.
 ///
-/// A failed forward run is a rejected step: the damping grows until the step stays where the simulator works. `accepted` hears of every step and
-/// may end the search there.
+/// `accepted` hears of every step and may end the fit there.
+///
+/// # Errors
+/// Where the start itself or all of its neighbours cannot be simulated, and what `accepted` returns.
 pub(crate) fn minimise(
     problem: &Problem,
     start: State,
     known: Option<Linearisation>,
     limits: Limits,
-    accepted: &mut dyn FnMut(&Iterate) -> Result<ControlFlow<()>, String>,
-) -> Result<Fit, String> {
-    let (trajectories, tangents, mut blocks) = match known {
-        Some(Linearisation { trajectories, tangents, blocks }) => (trajectories, Some(tangents), blocks),
-        None if limits.iterations == 0 => (problem.forward.trajectories(&start, &problem.selection)?, None, None),
-        None => {
-            let (trajectories, tangents) = Tangents::measure_with_motion(problem, &start);
-            (trajectories?, Some(tangents?), None)
-        }
+    accepted: &mut dyn FnMut(&Iterate) -> Result<ControlFlow<()>, FitError>,
+) -> Result<Fit, FitError> {
+    let linearisation = match known {
+        Some(known) => known,
+        None => Linearisation::measure(problem, &start)?,
     };
-    let cost = problem.cost(&start, &trajectories);
-    let mut fit = Fit { cost, state: start, trajectories, tangents: None, blocks: None };
-    let mut tangents = match tangents {
-        Some(tangents) if limits.iterations > 0 => tangents,
-        tangents => return Ok(Fit { tangents, blocks, ..fit }),
-    };
-    let mut lambda = 1e-3;
-    let mut iteration = 0;
-    'steps: while iteration < limits.iterations {
-        let linearised = blocks.get_or_insert_with(|| tangents.blocks(problem, &fit.trajectories));
-        let normal = problem.normal(linearised, &fit.state);
-        let most = normal.largest_predicted_decrease();
-        if most < limits.least_gain.max(LEAST_PROMISE * limits.gain_tolerance * fit.cost) {
+    let cost = problem.cost(&start, &linearisation.trajectories);
+    let mut fit = Fit { state: start, cost, linearisation };
+    let (mut damping, mut steps) = (1e-3, 0);
+    while steps < limits.iterations {
+        let normal = problem.normal(fit.linearisation.blocks(problem), &fit.state);
+        let largest_decrease = normal.largest_predicted_decrease();
+        if largest_decrease < limits.least_gain.max(LEAST_PROMISE * limits.gain_tolerance * fit.cost) {
             break;
         }
-        let worth_measuring = most >= NOT_WORTH * limits.least_gain;
-        let step = loop {
-            // Two dampings at once: the second core would idle otherwise.
-            let trials: Vec<Option<Trial>> = [lambda, lambda * 30.0]
-                .into_par_iter()
-                .map(|damping| try_step(problem, &fit.state, &normal, damping))
-                .collect();
-            let best = trials.into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost));
-            match best {
-                Some(trial) if trial.cost < fit.cost => break Some(trial),
-                _ if !tangents.is_fresh() && !worth_measuring => break 'steps,
-                // The direction itself may be stale.
-                _ if !tangents.is_fresh() => break None,
-                _ => lambda *= 900.0,
+        let worth_measuring = largest_decrease >= NOT_WORTH * limits.least_gain;
+        let was_fresh = fit.linearisation.is_fresh();
+        let Some(trial) = find_decrease(problem, &fit, &normal, &mut damping) else {
+            if was_fresh || !worth_measuring {
+                break;
             }
-            if lambda >= 1e6 {
-                break 'steps;
-            }
-        };
-        let Some(Trial { state, cost, trajectories, damping, delta, predicted_decrease }) = step else {
-            (tangents, blocks) = (Tangents::measure(problem, &fit.state, &fit.trajectories)?, None);
+            // The direction itself may be stale.
+            fit.linearisation = fit.linearisation.measured_anew(problem, &fit.state)?;
             continue;
         };
-        (iteration, blocks) = (iteration + 1, None);
-        let gain = fit.cost - cost;
+        steps += 1;
+        let gain = fit.cost - trial.cost;
         let share = gain / fit.cost.max(f64::MIN_POSITIVE);
-        let size = problem
-            .unknowns
-            .iter()
-            .zip(&delta)
-            .map(|(u, d)| d.abs() / u.difference_step(problem.parameters))
-            .fold(0.0, f64::max);
-        lambda = if damping > lambda { damping } else { (lambda * 0.1).max(1e-6) };
-        let heard = accepted(&Iterate { steps: iteration, state: state.clone(), cost })?;
-        let trusted = tangents.is_fresh() || gain >= TRUSTED_GAIN * predicted_decrease;
-        if limits.secants {
-            tangents.carry(problem, &fit.trajectories, &trajectories, &delta);
-        }
-        (fit.state, fit.cost, fit.trajectories) = (state, cost, trajectories);
+        damping = if trial.damping > damping { trial.damping } else { (damping * 0.1).max(1e-6) };
+        let answer = accepted(&Iterate { steps, state: trial.state.clone(), cost: trial.cost })?;
+        let trusted = was_fresh || gain >= TRUSTED_GAIN * trial.predicted_decrease;
+        let step_size = trial.size(problem);
+        fit = trial.accept(problem, fit, limits.secants)?;
         // A small gain along a stale direction says little about what is left.
-        let arrived = share < limits.gain_tolerance || gain < limits.least_gain && (trusted || !worth_measuring);
-        if size < limits.step_tolerance || arrived || heard.is_break() {
+        let converged = share < limits.gain_tolerance || gain < limits.least_gain && (trusted || !worth_measuring);
+        if step_size < limits.step_tolerance || converged || answer.is_break() {
             break;
         }
-        if iteration < limits.iterations && !(limits.secants && trusted) {
-            tangents = Tangents::measure(problem, &fit.state, &fit.trajectories)?;
+        if limits.secants && !trusted && steps < limits.iterations {
+            fit.linearisation = fit.linearisation.measured_anew(problem, &fit.state)?;
         }
     }
-    Ok(Fit { tangents: Some(tangents), blocks, ..fit })
+    Ok(fit)
 }
 
 /// A damped step that could be simulated.
@@ -166,6 +132,47 @@ struct Trial {
     delta: Vec<f64>,
     /// How much cheaper the linear model said that it would be.
     predicted_decrease: f64,
+}
+
+impl Trial {
+    /// Largest move of any unknown, in steps of the finite differences.
+    fn size(&self, problem: &Problem) -> f64 {
+        (problem.unknowns.iter().zip(&self.delta))
+            .map(|(u, d)| d.abs() / u.difference_step(problem.parameters))
+            .fold(0.0, f64::max)
+    }
+
+    /// The fit at the trial, with the linearisation carried there from `fit` by a secant, or measured.
+    fn accept(self, problem: &Problem, fit: Fit, secants: bool) -> Result<Fit, FitError> {
+        let linearisation = if secants {
+            fit.linearisation.carried(problem, self.trajectories, &self.delta)
+        } else {
+            Linearisation::around(problem, &self.state, self.trajectories)?
+        };
+        Ok(Fit { state: self.state, cost: self.cost, linearisation })
+    }
+}
+
+/// A step that lowers the cost, from `damping` on upwards; `None` where none does, or where the tangents may be to blame.
+fn find_decrease(problem: &Problem, fit: &Fit, normal: &Normal, damping: &mut f64) -> Option<Trial> {
+    loop {
+        // Two dampings at once: the second core would idle otherwise.
+        let trials: Vec<Option<Trial>> = [*damping, *damping * 30.0]
+            .into_par_iter()
+            .map(|damping| try_step(problem, &fit.state, normal, damping))
+            .collect();
+        let best = trials.into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost));
+        if let Some(trial) = best.filter(|trial| trial.cost < fit.cost) {
+            return Some(trial);
+        }
+        if !fit.linearisation.is_fresh() {
+            return None;
+        }
+        *damping *= 900.0;
+        if *damping >= 1e6 {
+            return None;
+        }
+    }
 }
 
 fn try_step(problem: &Problem, state: &State, normal: &Normal, damping: f64) -> Option<Trial> {

@@ -2,57 +2,109 @@
 
 use rayon::prelude::*;
 
+use crate::FitError;
 use crate::forward::trajectories::Trajectories;
 use crate::solve::problem::Problem;
 use crate::solve::residual_block::ResidualBlock;
 use crate::unknowns::state::{State, Unknown};
 
-/// What is known at the start of a search, so that it need not be worked out again.
+/// The trajectories of a state and of its neighbours.
+#[derive(Clone, Debug)]
 pub(crate) struct Linearisation {
     pub trajectories: Trajectories,
-    pub tangents: Tangents,
-    /// Those of `motion` and `tangents`, where they were needed.
-    pub blocks: Option<Vec<ResidualBlock>>,
+    tangents: Tangents,
+    /// Those of trajectories and tangents, once they were needed.
+    blocks: Option<Vec<ResidualBlock>>,
 }
 
-/// How the motion changes with each unknown: one perturbed motion and its step per unknown.
+impl Linearisation {
+    /// One forward run more than there are unknowns, all side by side.
+    pub(crate) fn measure(problem: &Problem, state: &State) -> Result<Linearisation, FitError> {
+        let (trajectories, tangents) = Tangents::measure_with_trajectories(problem, state)?;
+        Ok(Linearisation { trajectories, tangents: tangents?, blocks: None })
+    }
+
+    /// One forward run per unknown from `state`, whose own `trajectories` are known.
+    pub(crate) fn around(
+        problem: &Problem,
+        state: &State,
+        trajectories: Trajectories,
+    ) -> Result<Linearisation, FitError> {
+        let tangents = Tangents::of_runs(Tangents::runs(problem, state)?, &trajectories);
+        Ok(Linearisation { trajectories, tangents, blocks: None })
+    }
+
+    /// The same with tangents measured at `state`, to which it belongs.
+    pub(crate) fn measured_anew(self, problem: &Problem, state: &State) -> Result<Linearisation, FitError> {
+        Linearisation::around(problem, state, self.trajectories)
+    }
+
+    /// Carried to the `new` trajectories, `delta` away.
+    pub(crate) fn carried(mut self, problem: &Problem, new: Trajectories, delta: &[f64]) -> Linearisation {
+        self.tangents.carry(problem, &self.trajectories, &new, delta);
+        Linearisation { trajectories: new, tangents: self.tangents, blocks: None }
+    }
+
+    /// Whether the tangents were measured where they are, rather than carried there.
+    pub(crate) fn is_fresh(&self) -> bool {
+        self.tangents.fresh
+    }
+
+    /// Residuals with their Jacobian, kept apart by where they come from. They depend on the problem's objective, but not on its weights.
+    pub(crate) fn blocks(&mut self, problem: &Problem) -> &[ResidualBlock] {
+        self.blocks.get_or_insert_with(|| self.tangents.blocks(problem, &self.trajectories))
+    }
+
+    /// The trajectories and their tangents.
+    pub(crate) fn into_parts(self) -> (Trajectories, Tangents) {
+        (self.trajectories, self.tangents)
+    }
+}
+
+/// How trajectories change with each unknown: perturbed ones and the step of the perturbation, shape [unknowns].
 #[derive(Clone, Debug)]
 pub(crate) struct Tangents {
-    pub perturbed: Vec<Trajectories>,
-    pub steps: Vec<f64>,
+    perturbed: Vec<Trajectories>,
+    steps: Vec<f64>,
     /// Whether they belong to the present state rather than being carried along.
     fresh: bool,
 }
 
 impl Tangents {
-    /// Residuals around `trajectories`, to which these belong, kept apart by where they come from.
+    /// The trajectories at `state` and their tangents.
+    ///
+    /// # Errors
+    /// Where the state itself cannot be simulated; the inner error is that of a neighbour.
+    pub(crate) fn measure_with_trajectories(
+        problem: &Problem,
+        state: &State,
+    ) -> Result<(Trajectories, Result<Tangents, FitError>), FitError> {
+        let (trajectories, runs) =
+            rayon::join(|| problem.forward.trajectories(state, &problem.selection), || Tangents::runs(problem, state));
+        let trajectories = trajectories?;
+        let tangents = runs.map(|runs| Tangents::of_runs(runs, &trajectories));
+        Ok((trajectories, tangents))
+    }
+
+    /// Adds a column for something that is not among the unknowns: `trajectories` a unit of it away.
+    pub(crate) fn push(&mut self, trajectories: Trajectories) {
+        self.perturbed.push(trajectories);
+        self.steps.push(1.0);
+    }
+
+    /// Number of columns.
+    pub(crate) fn count(&self) -> usize {
+        self.steps.len()
+    }
+
+    /// Residuals around `trajectories`, to which these belong, with their Jacobian.
     pub(crate) fn blocks(&self, problem: &Problem, trajectories: &Trajectories) -> Vec<ResidualBlock> {
         problem.objective.blocks(trajectories, &self.perturbed, &self.steps, &problem.selection)
     }
 
-    /// Whether they were measured where they are, rather than carried there.
-    pub(crate) fn is_fresh(&self) -> bool {
-        self.fresh
-    }
-
-    /// One forward run per unknown from `state`, whose own `motion` is known. A perturbation that fails is tried in the other direction.
-    pub(crate) fn measure(problem: &Problem, state: &State, trajectories: &Trajectories) -> Result<Tangents, String> {
-        Tangents::runs(problem, state).map(|runs| Tangents::of_runs(runs, trajectories))
-    }
-
-    /// The motion at `state` and its tangents: one forward run more than there are unknowns, all side by side.
-    pub(crate) fn measure_with_motion(
-        problem: &Problem,
-        state: &State,
-    ) -> (Result<Trajectories, String>, Result<Tangents, String>) {
-        let (trajectories, runs) =
-            rayon::join(|| problem.forward.trajectories(state, &problem.selection), || Tangents::runs(problem, state));
-        let tangents = trajectories.as_ref().map_err(Clone::clone).and_then(|m| Ok(Tangents::of_runs(runs?, m)));
-        (trajectories, tangents)
-    }
-
-    /// A perturbed motion and its step per unknown; no motion where only the drawing changes.
-    fn runs(problem: &Problem, state: &State) -> Result<Vec<(Option<Trajectories>, f64)>, String> {
+    /// Perturbed trajectories and their step for each unknown; none where only the drawing changes. A perturbation that fails is tried in the
+    /// other direction.
+    fn runs(problem: &Problem, state: &State) -> Result<Vec<(Option<Trajectories>, f64)>, FitError> {
         let run = |unknown: &Unknown| {
             let step = unknown.difference_step(problem.parameters);
             if *unknown == Unknown::Splat {
@@ -76,9 +128,11 @@ impl Tangents {
         Tangents { perturbed, steps, fresh: true }
     }
 
-    /// Carries the tangents from `old` to `new`, `delta` away, and corrects them by what the step showed (Broyden's rank-one
-    /// update, on the particles' positions): an iteration then costs one forward run instead of one per unknown.
-    pub(crate) fn carry(&mut self, problem: &Problem, old: &Trajectories, new: &Trajectories, delta: &[f64]) {
+    /// Carries the tangents from `old` to `new`, `delta` away, and corrects them by what the step showed.
+    ///
+    /// Broyden's rank-one update on the particles' positions x, with the move u in difference steps and the tangents `dx_k`:
+    /// `dx_k += u_k / |u|^2 (x_new - x_old - sum_j u_j dx_j)`. An iteration then costs one forward run instead of one per unknown.
+    fn carry(&mut self, problem: &Problem, old: &Trajectories, new: &Trajectories, delta: &[f64]) {
         // In units of the difference steps; the drawing's own unknown moves no particle.
         let moved: Vec<f64> = (problem.unknowns.iter().zip(delta).zip(&self.steps))
             .map(|((unknown, d), step)| if *unknown == Unknown::Splat { 0.0 } else { d / step })

@@ -1,6 +1,5 @@
 //! How far a hypothesis is from the video, and how a better one is found.
 
-pub(crate) mod adam;
 pub(crate) mod levenberg_marquardt;
 pub(crate) mod linearisation;
 pub(crate) mod loss;

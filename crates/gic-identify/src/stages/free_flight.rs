@@ -1,23 +1,23 @@
-//! Stage 1: initial velocity from the frames before contact. The contact frame is found, not given.
+//! Stage 1: motion before contact. The frame of contact is found, not given.
+//!
+//! The body moves rigidly: `x(t) = c + R(omega t) (x_0 - c) + v t + g t (t + dt) / 2`. Position, the Gaussians' size and v are fitted to one
+//! frame more at a time, until the body comes near an obstacle. omega is fitted, too, where it shows.
 
 use std::ops::ControlFlow;
 
 use glam::DVec3;
 
-use crate::Input;
 use crate::forward::flight::Flight;
-use crate::forward::shape::ShapeModes;
 use crate::forward::trajectories::FrameSelection;
-use crate::observe::video::ObservedVideo;
 use crate::solve::levenberg_marquardt::{Fit, Limits, minimise};
-use crate::solve::linearisation::Tangents;
 use crate::solve::normal_equations::Normal;
 use crate::solve::objective::Objective;
 use crate::solve::problem::Problem;
 use crate::solve::residual_block::ResidualBlock;
 use crate::unknowns::state::{State, Unknown};
+use crate::{FitError, Input};
 
-/// What stage 1 found.
+/// What free flight shows.
 #[derive(Clone, Debug)]
 pub(crate) struct FreeFlightFit {
     /// Velocity, angular velocity, offset and splat size; material untouched.
@@ -30,90 +30,111 @@ pub(crate) struct FreeFlightFit {
     pub unknowns: Vec<Unknown>,
 }
 
+/// What of the motion may be fitted.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Freedom {
+    /// The initial velocity; it is kept where it is known.
+    pub velocity: bool,
+    /// The angular velocity. It still has to show.
+    pub rotation: bool,
+}
+
 /// Splat size, position and velocity fitted to the frames before contact.
 ///
-/// `known` keeps the start's velocity.
-#[allow(clippy::too_many_arguments)]
-pub(crate) fn launch(
-    input: &Input,
-    video: &ObservedVideo,
-    shape: &ShapeModes,
+/// # Errors
+/// None of free flight; those of a fit.
+pub(crate) fn fit_free_flight(
+    flight: &Flight,
     objective: Objective,
     start: State,
-    allow_rotation: bool,
-    known: bool,
-) -> Result<FreeFlightFit, String> {
-    let flight = Flight { input, video, shape };
+    freedom: Freedom,
+) -> Result<FreeFlightFit, FitError> {
+    let stage = FlightStage { flight, objective };
     let mut state = start;
-    let run = |state: &mut State, unknowns: &[Unknown], end: usize, pooling: usize| -> Result<Fit, String> {
-        let selection = FrameSelection { first: 0, end, pooling };
-        let problem = problem(&flight, objective, unknowns, selection);
+    let mut unknowns: Vec<Unknown> = (0..3).map(Unknown::Offset).collect();
+    if !flight.video.frames[0].views.is_empty() {
+        unknowns.push(Unknown::Splat);
+        // The Gaussians' size that reproduces the first outline, before anything moves.
+        state = stage.fit(state, &unknowns, 1, 1)?.state;
+    }
+    let velocity: Vec<Unknown> = if freedom.velocity { (0..3).map(Unknown::Velocity).collect() } else { Vec::new() };
+    let (mut state, free) = stage.follow_until_contact(state, &velocity)?;
+    if free == 1 && freedom.velocity {
+        // Contact before the second frame: its velocity is a first guess that the joint stage corrects.
+        state = stage.fit(state, &velocity, 2, 1)?.state;
+    }
+    unknowns.extend(&velocity);
+    let mut fit = stage.fit(state, &unknowns, free.max(2), 1)?;
+    let mut blocks = stage.blocks(&mut fit, &unknowns, free.max(2));
+    if freedom.rotation && freedom.velocity && free >= 2 {
+        let mut with_rotation = unknowns.clone();
+        with_rotation.extend((0..3).map(Unknown::Angular));
+        let mut turning = stage.fit(fit.state.clone(), &with_rotation, free, 1)?;
+        let turning_blocks = stage.blocks(&mut turning, &with_rotation, free);
+        // Rotation counts as shown when it explains a tenth of the residual and stands above its own uncertainty.
+        let significance = rotation_significance(&turning_blocks, &turning.state, &with_rotation, objective);
+        if turning.cost < 0.9 * fit.cost && significance > 5.0 {
+            (fit, unknowns, blocks) = (turning, with_rotation, turning_blocks);
+        }
+    }
+    Ok(FreeFlightFit { state: fit.state, free, blocks, unknowns })
+}
+
+struct FlightStage<'a> {
+    flight: &'a Flight<'a>,
+    objective: Objective<'a>,
+}
+
+impl FlightStage<'_> {
+    fn problem(&self, unknowns: &[Unknown], end: usize, pooling: usize) -> Problem<'_> {
+        Problem {
+            forward: self.flight,
+            objective: self.objective,
+            unknowns: unknowns.to_vec(),
+            parameters: &[],
+            selection: FrameSelection { first: 0, end, pooling },
+            prior: None,
+        }
+    }
+
+    /// A fit to the first `end` observations.
+    fn fit(&self, start: State, unknowns: &[Unknown], end: usize, pooling: usize) -> Result<Fit, FitError> {
         let limits =
             Limits { iterations: 10, step_tolerance: 0.1, gain_tolerance: 1e-4, secants: false, ..Limits::ROUGH };
-        let fit = minimise(&problem, state.clone(), None, limits, &mut |_| Ok(ControlFlow::Continue(())))?;
-        *state = fit.state.clone();
-        Ok(fit)
-    };
-    let linearised = |fit: &Fit, unknowns: &[Unknown], end: usize| -> Result<Vec<ResidualBlock>, String> {
-        let problem = problem(&flight, objective, unknowns, FrameSelection { first: 0, end, pooling: 1 });
-        Ok(Tangents::measure(&problem, &fit.state, &fit.trajectories)?.blocks(&problem, &fit.trajectories))
-    };
-    let masks = video.frames[0].views.iter().len() > 0;
-    let mut all: Vec<Unknown> = (0..3).map(Unknown::Offset).collect();
-    if masks {
-        all.push(Unknown::Splat);
-        // The Gaussians' size that reproduces the first outline, before anything moves.
-        run(&mut state, &all, 1, 1)?;
+        let problem = self.problem(unknowns, end, pooling);
+        minimise(&problem, start, None, limits, &mut |_| Ok(ControlFlow::Continue(())))
     }
-    let speed: Vec<Unknown> = if known { Vec::new() } else { (0..3).map(Unknown::Velocity).collect() };
-    // One frame more at a time: each starts where the last ended, so that the outline never jumps by more than it overlaps.
-    let mut free = 1;
-    while free < video.frames.len() {
-        let mut candidate = state.clone();
-        if !known {
-            if free == 1 {
-                run(&mut candidate, &speed, free + 1, 8)?;
+
+    fn blocks(&self, fit: &mut Fit, unknowns: &[Unknown], end: usize) -> Vec<ResidualBlock> {
+        fit.linearisation.blocks(&self.problem(unknowns, end, 1)).to_vec()
+    }
+
+    /// The velocity from one frame more at a time, and how many frames are free of contact. Each fit starts where the last ended, so that the
+    /// outline never jumps by more than it overlaps.
+    fn follow_until_contact(&self, start: State, velocity: &[Unknown]) -> Result<(State, usize), FitError> {
+        let Flight { input, video, .. } = *self.flight;
+        let (mut state, mut free) = (start, 1);
+        while free < video.frames.len() {
+            let mut candidate = state.clone();
+            if !velocity.is_empty() {
+                if free == 1 {
+                    candidate = self.fit(candidate, velocity, free + 1, 8)?.state;
+                }
+                candidate = self.fit(candidate, velocity, free + 1, if free == 1 { 1 } else { 2 })?.state;
             }
-            run(&mut candidate, &speed, free + 1, if free == 1 { 1 } else { 2 })?;
+            let frame = video.frames[free].simulated_frame;
+            if clearance(input, &self.flight.positions(&candidate, frame), frame) < 1.5 * input.grid_spacing_m {
+                break;
+            }
+            state = candidate;
+            free += 1;
         }
-        let frame = video.frames[free].simulated_frame;
-        if clearance(input, &flight.positions(&candidate, frame), frame) < 1.5 * input.grid_spacing_m {
-            break;
-        }
-        state = candidate;
-        free += 1;
+        Ok((state, free))
     }
-    if free == 1 && !known {
-        // Contact before the second frame: its velocity is a first guess that the joint stage corrects.
-        run(&mut state, &speed, 2, 1)?;
-    }
-    all.extend(&speed);
-    let mut fit = run(&mut state, &all, free.max(2), 1)?;
-    let mut blocks = linearised(&fit, &all, free.max(2))?;
-    if allow_rotation && !known && free >= 2 {
-        let mut with_spin = all.clone();
-        with_spin.extend((0..3).map(Unknown::Angular));
-        let turning = run(&mut state.clone(), &with_spin, free, 1)?;
-        // Rotation counts as shown when it explains a tenth of the residual and stands above its own uncertainty.
-        let spinning = linearised(&turning, &with_spin, free)?;
-        if turning.cost < 0.9 * fit.cost && spin_significance(&spinning, &turning, &with_spin, objective) > 5.0 {
-            (fit, all, blocks) = (turning, with_spin, spinning);
-        }
-    }
-    Ok(FreeFlightFit { state: fit.state, free, blocks, unknowns: all })
 }
 
-fn problem<'a>(
-    flight: &'a Flight,
-    objective: Objective<'a>,
-    unknowns: &[Unknown],
-    selection: FrameSelection,
-) -> Problem<'a> {
-    Problem { forward: flight, objective, unknowns: unknowns.to_vec(), parameters: &[], selection, prior: None }
-}
-
-/// Size of the angular velocity in standard errors (blocks as independent).
-fn spin_significance(blocks: &[ResidualBlock], fit: &Fit, unknowns: &[Unknown], objective: Objective) -> f64 {
+/// Largest component of the angular velocity in standard errors (blocks as independent).
+fn rotation_significance(blocks: &[ResidualBlock], state: &State, unknowns: &[Unknown], objective: Objective) -> f64 {
     let normal = Normal::sum(blocks, objective.weights, unknowns.len());
     let Some(inverse) = normal.hessian.try_inverse() else { return 0.0 };
     let mut middle = nalgebra::DMatrix::zeros(unknowns.len(), unknowns.len());
@@ -126,7 +147,7 @@ fn spin_significance(blocks: &[ResidualBlock], fit: &Fit, unknowns: &[Unknown], 
         .iter()
         .enumerate()
         .filter(|(_, u)| matches!(u, Unknown::Angular(_)))
-        .map(|(i, u)| fit.state.get(*u).abs() / covariance[(i, i)].sqrt().max(f64::MIN_POSITIVE))
+        .map(|(i, u)| state.get(*u).abs() / covariance[(i, i)].sqrt().max(f64::MIN_POSITIVE))
         .fold(0.0, f64::max)
 }
 

@@ -1,16 +1,21 @@
-//! The material stage: the valleys of the starts, walked to their ends, and those next door.
+//! Stage 3: the material, with the motion of free flight.
+//!
+//! The cost has several local minima. A few steps from each start tell which are worth the rest; those that cost little more than the best
+//! are fitted on. Then each parameter of the best fit is doubled and halved, the others following the quadratic model, and the fit starts
+//! again where that costs less than the model predicts. Of minima that cost about the same, sharper masks decide.
 
-use crate::IdentifyError;
 use crate::forward::simulation::Simulation;
 use crate::result::Stage;
+use crate::session::Session;
 use crate::settings::Optimizer;
-use crate::solve::adam::adam;
 use crate::solve::levenberg_marquardt::{Fit, Iterate, Limits};
 use crate::solve::normal_equations::Normal;
 use crate::solve::problem::Problem;
-use crate::stages::free_flight::FreeFlightFit;
-use crate::stages::{BLUR, Identification};
+use crate::stages::adam::adam;
+use crate::stages::candidates::{cheapest, costs, same_minimum};
+use crate::stages::identification::{BLUR, Identification};
 use crate::unknowns::state::{State, Unknown};
+use crate::{FitError, IdentifyError};
 
 /// Steps from each start, from the best of them, and with sharper masks.
 const SHORT_FIT: usize = 5;
@@ -42,145 +47,162 @@ const MOST_RESTARTS: usize = 3;
 /// Pooling of the last steps of the material stage.
 const SHARP: usize = 2;
 
-impl Identification<'_> {
-    /// Material from the best starts, with the velocity of stage 1.
-    pub(crate) fn fit_material(&self, flight_fit: &FreeFlightFit, starts: Vec<State>) -> Result<State, IdentifyError> {
-        let failed = self.failure(starts.len());
-        if self.settings.optimizer == Optimizer::Adam {
-            let iterations = self.settings.adam_iterations;
-            let start = starts.into_iter().next().ok_or(IdentifyError::Interrupted)?;
-            return adam(self, flight_fit.free, start, iterations).map_err(failed);
-        }
-        let simulation = self.simulation(flight_fit.free);
-        let fit_until = |start: State, pooling: usize, iterations: usize, is_idle: &dyn Fn(&Iterate) -> bool| {
-            let (unknowns, selection) = (self.free_materials(), self.touched_frames(flight_fit, pooling));
-            let limits = Limits { iterations, ..Limits::ROUGH };
-            let is_idle = |step: &Iterate| step.steps >= STEPS_BEFORE_GIVING_UP && is_idle(step);
-            let objective = self.base_objective();
-            self.minimise(Stage::Material, &simulation, objective, unknowns, selection, start, limits, &is_idle)
-        };
-        let fit = |start: State, pooling: usize, iterations: usize| fit_until(start, pooling, iterations, &|_| false);
-        // Some steps from each start tell which valley is worth the rest; those that have arrived stop earlier.
-        let done = self.checkpoint.borrow().fits.len();
-        let mut reason = String::new();
+/// Material from the best starts, with the velocity of stage 1. It goes into the checkpoint.
+///
+/// # Errors
+/// Where no start can be simulated, and interruption.
+pub(crate) fn fit_material(
+    identification: &Identification,
+    session: &mut Session,
+    starts: Vec<State>,
+) -> Result<State, IdentifyError> {
+    let count = starts.len();
+    let stage = MaterialStage { identification, simulation: &identification.simulation() };
+    let fitted = match identification.settings.optimizer {
+        Optimizer::Adam => adam(identification, session, starts),
+        Optimizer::LevenbergMarquardt => stage.fit(session, starts),
+    };
+    let state = fitted.map_err(|error| error.of_stage(count))?;
+    let reached = session.reach(Some(Stage::Material), |checkpoint| checkpoint.material = Some(state.clone()));
+    reached.map_err(|error| error.of_stage(count))?;
+    Ok(state)
+}
+
+struct MaterialStage<'a> {
+    identification: &'a Identification<'a>,
+    simulation: &'a Simulation<'a>,
+}
+
+impl MaterialStage<'_> {
+    fn fit(&self, session: &mut Session, starts: Vec<State>) -> Result<State, FitError> {
+        self.short_fits(session, starts)?;
+        let fits = session.checkpoint().fits.clone();
+        let minima = self.local_minima(session, fits.into_iter().flatten().collect())?;
+        let minima = self.neighbouring_minima(session, minima)?;
+        self.best_when_sharp(session, minima)
+    }
+
+    /// Some steps from each start. What they found goes into the checkpoint.
+    fn short_fits(&self, session: &mut Session, starts: Vec<State>) -> Result<(), FitError> {
+        let done = session.checkpoint().fits.len();
+        let mut failure = FitError::NoIteration;
         for start in starts.into_iter().skip(done) {
-            let best = self.checkpoint.borrow().fits.iter().flatten().map(|fit| fit.0).fold(f64::INFINITY, f64::min);
-            let found = fit_until(start, BLUR, SHORT_FIT, &|step| step.cost > GIVE_UP_COST_RATIO * best);
-            let found = found.map(|fit| (fit.cost, fit.state)).map_err(|e| reason = e).ok();
-            if self.stopped.get() {
-                return Err(IdentifyError::Interrupted);
-            }
-            self.reach(None, |checkpoint| checkpoint.fits.push(found))?;
-        }
-        let fits = self.checkpoint.borrow().fits.clone();
-        // Valleys that are about as deep so far are walked to their ends, and those next door to the deepest.
-        let mut ends: Vec<Fit> = Vec::new();
-        for state in self.contenders(fits.into_iter().flatten().collect(), CONTINUE_COST_RATIO) {
-            // What comes down into a valley that was walked already would end where that walk did.
-            let is_known = |step: &Iterate| {
-                ends.iter().any(|end| end.cost <= step.cost && self.same_minimum(&end.state, &step.state))
+            let fits = session.checkpoint().fits.iter().flatten();
+            let best = fits.map(|fit| fit.0).fold(f64::INFINITY, f64::min);
+            let is_hopeless = |step: &Iterate| step.cost > GIVE_UP_COST_RATIO * best;
+            let found = match self.fit_until(session, start, (BLUR, SHORT_FIT), &is_hopeless) {
+                Ok(fit) => Some((fit.cost, fit.state)),
+                Err(FitError::Interrupted) => return Err(FitError::Interrupted),
+                Err(reason) => {
+                    failure = reason;
+                    None
+                }
             };
-            match fit_until(state, BLUR, LONG_FIT, &is_known) {
-                Ok(found) => ends.push(found),
-                Err(e) => reason = e,
-            }
-            if self.stopped.get() {
-                return Err(IdentifyError::Interrupted);
+            session.reach(None, |checkpoint| checkpoint.fits.push(found))?;
+        }
+        if session.checkpoint().fits.iter().all(Option::is_none) { Err(failure) } else { Ok(()) }
+    }
+
+    /// The ends of the fits that are about as good so far.
+    fn local_minima(&self, session: &mut Session, fits: Vec<(f64, State)>) -> Result<Vec<Fit>, FitError> {
+        let mut minima: Vec<Fit> = Vec::new();
+        let mut failure = FitError::NoIteration;
+        let parameters = self.identification.parameters();
+        for state in cheapest(parameters, fits, CONTINUE_COST_RATIO) {
+            // What comes down into a minimum that is known would end there.
+            let is_known = |step: &Iterate| {
+                let same = |end: &Fit| end.cost <= step.cost && same_minimum(parameters, &end.state, &step.state);
+                minima.iter().any(same)
+            };
+            match self.fit_until(session, state, (BLUR, LONG_FIT), &is_known) {
+                Ok(found) => minima.push(found),
+                Err(FitError::Interrupted) => return Err(FitError::Interrupted),
+                Err(reason) => failure = reason,
             }
         }
-        let (mut walks, mut distances) = (0, RESTART_DISTANCES.iter());
-        while let Some(distance) = distances.next().filter(|_| walks < MOST_RESTARTS) {
-            ends.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-            let Some(best) = ends.first() else { return Err(failed(reason)) };
-            let beyond = self.beyond(&simulation, flight_fit, best, *distance)?;
-            let Some(Ok(found)) = beyond.map(|state| fit(state, BLUR, LONG_FIT)) else { continue };
-            walks += 1;
-            // Back in the valley that was left, or in a shallower one, there is nothing new next door, but there may be nearer by.
-            if found.cost < best.cost && !self.same_minimum(&found.state, &best.state) {
+        if minima.is_empty() { Err(failure) } else { Ok(minima) }
+    }
+
+    /// `minima` and those that fits from neighbours of the best find: at the long distance, and at the short one where that leads nowhere.
+    fn neighbouring_minima(&self, session: &mut Session, mut minima: Vec<Fit>) -> Result<Vec<Fit>, FitError> {
+        let parameters = self.identification.parameters();
+        let (mut restarts, mut distances) = (0, RESTART_DISTANCES.iter());
+        while let Some(distance) = distances.next().filter(|_| restarts < MOST_RESTARTS) {
+            minima.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+            let Some(start) = self.neighbouring_start(session, &mut minima[0], *distance)? else { continue };
+            let found = match self.fit_until(session, start, (BLUR, LONG_FIT), &|_| false) {
+                Ok(found) => found,
+                Err(FitError::Interrupted) => return Err(FitError::Interrupted),
+                Err(_) => continue,
+            };
+            restarts += 1;
+            // Back in the minimum that was left, or in a worse one, there is nothing new around, but there may be nearer by.
+            if found.cost < minima[0].cost && !same_minimum(parameters, &found.state, &minima[0].state) {
                 distances = RESTART_DISTANCES.iter();
             }
-            ends.push(found);
+            minima.push(found);
         }
-        ends.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        if self.stopped.get() {
-            return Err(IdentifyError::Interrupted);
-        }
-        // Which of several that are as deep as each other is right shows in sharper masks.
-        let mut finalists =
-            self.contenders(ends.into_iter().map(|end| (end.cost, end.state)).collect(), SHARPEN_COST_RATIO);
-        if !self.settings.target.masks() {
+        minima.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        Ok(minima)
+    }
+
+    /// Which of several minima that cost about the same is right shows in sharper masks.
+    fn best_when_sharp(&self, session: &mut Session, minima: Vec<Fit>) -> Result<State, FitError> {
+        let ends = minima.into_iter().map(|end| (end.cost, end.state)).collect();
+        let mut finalists = cheapest(self.identification.parameters(), ends, SHARPEN_COST_RATIO);
+        if !self.identification.settings.target.masks() {
             return Ok(finalists.swap_remove(0));
         }
-        let sharp: Vec<Fit> = finalists
-            .into_iter()
-            .map(|state| fit(state, SHARP, SHARP_FIT))
-            .collect::<Result<_, _>>()
-            .map_err(&failed)?;
+        let mut sharp: Vec<Fit> = Vec::new();
+        for state in finalists {
+            sharp.push(self.fit_until(session, state, (SHARP, SHARP_FIT), &|_| false)?);
+        }
         let best = sharp.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
-        best.map(|fit| fit.state).ok_or_else(|| failed(reason))
+        best.map(|fit| fit.state).ok_or(FitError::NoIteration)
     }
 
-    /// Distinct states that cost at most `factor` times as much as the cheapest of `fits`, cheapest first.
-    fn contenders(&self, mut fits: Vec<(f64, State)>, factor: f64) -> Vec<State> {
-        fits.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let most = factor * fits.first().map_or(0.0, |(cost, _)| *cost);
-        self.distinct(fits.into_iter().filter(|(cost, _)| *cost <= most).map(|(_, state)| state))
-    }
-
-    /// The first of `states` in each valley, in their order.
-    pub(crate) fn distinct(&self, states: impl Iterator<Item = State>) -> Vec<State> {
-        states.fold(Vec::new(), |mut distinct, state| {
-            if !distinct.iter().any(|other| self.same_minimum(other, &state)) {
-                distinct.push(state);
-            }
-            distinct
-        })
-    }
-
-    /// Whether two states differ little in what tells valleys apart: not in what has one start only.
-    fn same_minimum(&self, a: &State, b: &State) -> bool {
-        let pairs = a.material.iter().zip(&b.material);
-        self.parameters().iter().zip(pairs).filter(|(p, _)| p.grid > 1).all(|(_, (a, b))| (a - b).abs() < 0.2)
-    }
-
-    /// Where a deeper valley next to that of `fit` may begin: each parameter of which there are several starts is moved by `distance` both
-    /// ways, the others to where they suit it best, and of those that cost little more than `fit` the one counts that undercuts the
-    /// valley's curvature most. Along a valley's floor nothing undercuts it.
-    fn beyond(
+    fn fit_until(
         &self,
-        simulation: &Simulation,
-        flight_fit: &FreeFlightFit,
-        fit: &Fit,
+        session: &mut Session,
+        start: State,
+        (pooling, iterations): (usize, usize),
+        is_enough: &dyn Fn(&Iterate) -> bool,
+    ) -> Result<Fit, FitError> {
+        let problem = self.identification.material_problem(self.simulation, pooling);
+        let limits = Limits { iterations, ..Limits::ROUGH };
+        let is_enough = |step: &Iterate| step.steps >= STEPS_BEFORE_GIVING_UP && is_enough(step);
+        session.minimise(Stage::Material, &problem, (start, None), limits, &is_enough)
+    }
+
+    /// Where a better minimum next to that of `fit` may begin: each parameter of which there are several starts is moved by `distance` both
+    /// ways, the others to where they suit it best. Of those that cost little more than `fit` the one counts that costs least in comparison
+    /// with what the quadratic model predicts. Along a flat direction of the same minimum none costs less than that.
+    fn neighbouring_start(
+        &self,
+        session: &mut Session,
+        fit: &mut Fit,
         distance: f64,
-    ) -> Result<Option<State>, IdentifyError> {
-        let Some(tangents) = &fit.tangents else { return Ok(None) };
-        let problem = Problem {
-            forward: simulation,
-            objective: self.base_objective(),
-            unknowns: self.free_materials(),
-            parameters: self.parameters(),
-            selection: self.touched_frames(flight_fit, BLUR),
-            prior: None,
-        };
-        let normal = problem.normal(&tangents.blocks(&problem, &fit.trajectories), &fit.state);
+    ) -> Result<Option<State>, FitError> {
+        let problem = self.identification.material_problem(self.simulation, BLUR);
+        let normal = problem.normal(fit.linearisation.blocks(&problem), &fit.state);
         let (predicted, states): (Vec<f64>, Vec<State>) = (0..problem.unknowns.len())
-            .filter(|k| self.is_varied(&problem.unknowns[*k]))
+            .filter(|k| self.identification.is_varied(&problem.unknowns[*k]))
             .flat_map(|k| [(k, distance), (k, -distance)])
-            .filter_map(|(k, distance)| probe(&problem, &normal, fit, (k, distance)))
+            .filter_map(|moved| neighbour(&problem, &normal, fit, moved))
             .unzip();
-        let costs = self.costs(simulation, problem.objective, &states, &problem.selection)?;
-        let undercut = |((cost, predicted), state): ((Result<f64, String>, f64), State)| {
+        let costs = costs(session, (self.simulation, problem.objective), &states, &problem.selection)?;
+        let gain = |((cost, predicted), state): ((Result<f64, FitError>, f64), State)| {
             let most = (predicted - LEAST_RESTART_GAIN * fit.cost).min(CONTINUE_COST_RATIO * fit.cost);
             let cost = cost.ok().filter(|cost| *cost < most)?;
             Some((predicted - cost, state))
         };
-        let probes = costs.into_iter().zip(predicted).zip(states).filter_map(undercut);
-        Ok(probes.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, state)| state))
+        let gains = costs.into_iter().zip(predicted).zip(states).filter_map(gain);
+        Ok(gains.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, state)| state))
     }
 }
 
-/// The state with the `k`-th unknown moved by `distance`, and what the quadratic model foretells that it costs.
-fn probe(problem: &Problem, normal: &Normal, fit: &Fit, (k, distance): (usize, f64)) -> Option<(f64, State)> {
+/// The state with the `k`-th unknown moved by `distance`, and what the quadratic model predicts that it costs.
+fn neighbour(problem: &Problem, normal: &Normal, fit: &Fit, (k, distance): (usize, f64)) -> Option<(f64, State)> {
     let step = normal.step_along(k, distance)?;
     let short = |(i, unknown): (usize, &Unknown)| {
         let most = unknown.largest_step(problem.parameters);

@@ -1,20 +1,22 @@
-//! The search: a grid of starts on a coarse simulation grid, judged again on the full one.
+//! Stage 2: starting points of the material.
+//!
+//! All points of a grid over the parameters' ranges are simulated on a coarse grid with fewer particles; the cheapest are improved there. The
+//! coarse grid is biased, so that the improved ones and the cheapest as they are compete again on the full grid.
 
 use glam::DVec3;
-use rayon::prelude::*;
 
-use crate::IdentifyError;
-use crate::checkpoint::Event;
 use crate::forward::simulation::{Resolution, Simulation};
 use crate::forward::splat_widths::SplatWidths;
 use crate::forward::thinned::ThinnedContinuum;
-use crate::forward::trajectories::{ForwardModel, FrameSelection};
 use crate::result::Stage;
+use crate::session::Session;
 use crate::solve::levenberg_marquardt::Limits;
 use crate::solve::objective::Objective;
-use crate::stages::free_flight::FreeFlightFit;
-use crate::stages::{BLUR, Identification};
+use crate::solve::problem::Problem;
+use crate::stages::candidates::{costs, distinct, ranked};
+use crate::stages::identification::{BLUR, Identification};
 use crate::unknowns::state::{State, Unknown};
+use crate::{FitError, IdentifyError};
 
 /// Factor between the grid of the search and that of the estimate.
 const COARSE: f64 = 2.0;
@@ -34,137 +36,126 @@ const FULL_GRID_POINTS: (usize, usize) = (4, 16);
 /// valleys.
 const FULL_GRID_FITS: usize = 2;
 
-/// Rollouts between two looks at whether to stop.
-const BATCH: usize = 8;
+/// Starting points for the full grid, best first. They go into the checkpoint.
+///
+/// # Errors
+/// Where none can be simulated, and interruption.
+pub(crate) fn find_starts(identification: &Identification, session: &mut Session) -> Result<Vec<State>, IdentifyError> {
+    let candidates = grid_of_starts(identification);
+    let found =
+        coarse_starts(identification, session, &candidates).map_err(|error| error.of_stage(candidates.len()))?;
+    let starts = rank_on_full_grid(identification, session, found).map_err(|error| error.of_stage(1))?;
+    let reached = session.reach(Some(Stage::Search), |checkpoint| checkpoint.starts = Some(starts.clone()));
+    reached.map_err(|error| error.of_stage(1))?;
+    Ok(starts)
+}
 
-impl Identification<'_> {
-    /// Starting points for the full grid, best first: the cheapest points of a grid of starts, improved on the coarse grid.
-    pub(crate) fn search(&self, flight_fit: &FreeFlightFit) -> Result<Vec<State>, IdentifyError> {
-        let coarse = ThinnedContinuum::new(self.input, COARSE);
-        let mut simulation = self.simulation(flight_fit.free);
-        simulation.resolution = Resolution {
-            thinning: Some(coarse.ids.clone()),
+/// The cheapest of `candidates` with their costs, improved on the coarse grid and as they are.
+fn coarse_starts(
+    identification: &Identification,
+    session: &mut Session,
+    candidates: &[State],
+) -> Result<Vec<(f64, State)>, FitError> {
+    let input = identification.input;
+    let thinned = ThinnedContinuum::new(input, COARSE);
+    let positions: Vec<DVec3> = thinned.ids.iter().map(|i| input.positions[*i]).collect();
+    let splat_widths = SplatWidths::new(&positions, &thinned.scales, COARSE * input.particle_volume_m3.cbrt());
+    let simulation = Simulation {
+        resolution: Resolution {
+            thinning: Some(thinned.ids.clone()),
             spacing_factor: COARSE,
-            substeps_per_frame: (self.input.substeps_per_frame as f64 / COARSE).ceil() as usize,
-        };
-        simulation.rollouts = &self.coarse;
-        let thinned: Vec<DVec3> = coarse.ids.iter().map(|i| self.input.positions[*i]).collect();
-        let spacing = COARSE * self.input.particle_volume_m3.cbrt();
-        let splat_widths = SplatWidths::new(&thinned, &coarse.scales, spacing);
-        simulation.splat_widths = &splat_widths;
-        let context = self.context.thinned(&coarse.ids, COARSE);
-        let objective = Objective { surface_comparison: &context, ..self.objective(&coarse.opacities) };
-        let candidates = self.candidates(&flight_fit.state);
-        let selection = self.touched_frames(flight_fit, BLUR);
-        let costs = self.costs(&simulation, objective, &candidates, &selection)?;
-        let mut ranked: Vec<(f64, &State)> =
-            costs.iter().zip(&candidates).filter_map(|(cost, state)| Some((*cost.as_ref().ok()?, state))).collect();
-        ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let mut found: Vec<(f64, State)> = Vec::new();
-        // The coarse grid would only distort what the grid of starts does not vary.
-        let unknowns: Vec<Unknown> = self.free_materials().into_iter().filter(|u| self.is_varied(u)).collect();
-        let coarse_fits = if unknowns.is_empty() { 0 } else { COARSE_FITS };
-        let limits = Limits { iterations: COARSE_STEPS, gain_tolerance: 0.02, ..Limits::ROUGH };
-        for (_, start) in ranked.iter().take(coarse_fits) {
-            let (start, selection, unknowns) = ((*start).clone(), selection.clone(), unknowns.clone());
-            if let Ok(fit) =
-                self.minimise(Stage::Search, &simulation, objective, unknowns, selection, start, limits, &|_| false)
-            {
-                found.push((fit.cost, fit.state));
-            }
-            if self.stopped.get() {
-                return Err(IdentifyError::Interrupted);
-            }
-        }
-        // The coarse grid may lead astray: its best points go to the full grid as they are, too.
-        let points = (FULL_GRID_PARTICLES / self.input.positions.len()).clamp(FULL_GRID_POINTS.0, FULL_GRID_POINTS.1);
-        found.extend(ranked.iter().take(points).map(|(cost, state)| (*cost, (*state).clone())));
-        if found.is_empty() {
-            let reason = costs.into_iter().find_map(Result::err).unwrap_or_default();
-            return Err(IdentifyError::NoStart { starts: candidates.len(), reason });
-        }
-        self.rank_on_full_grid(flight_fit, found)
+            substeps_per_frame: (input.substeps_per_frame as f64 / COARSE).ceil() as usize,
+        },
+        rollouts: &identification.rollouts.coarse,
+        splat_widths: &splat_widths,
+        ..identification.simulation()
+    };
+    let comparison = identification.comparison.thinned(&thinned.ids, COARSE);
+    let objective =
+        Objective { surface_comparison: &comparison, opacities: &thinned.opacities, ..identification.objective() };
+    // The coarse grid would only distort what the grid of starts does not vary.
+    let is_varied = |unknown: &Unknown| identification.is_varied(unknown);
+    let problem = identification.material_problem(&simulation, BLUR);
+    let unknowns = problem.unknowns.iter().copied().filter(is_varied).collect();
+    let problem = Problem { objective, unknowns, ..problem };
+    let costs = costs(session, (&simulation, objective), candidates, &problem.selection)?;
+    let ranked = ranked(costs.iter().cloned(), candidates);
+    let mut found = improved(session, &problem, &ranked)?;
+    let points = (FULL_GRID_PARTICLES / input.positions.len()).clamp(FULL_GRID_POINTS.0, FULL_GRID_POINTS.1);
+    found.extend(ranked.iter().take(points).map(|(cost, state)| (*cost, (*state).clone())));
+    if found.is_empty() {
+        return Err(costs.into_iter().find_map(Result::err).unwrap_or(FitError::NoIteration));
     }
+    Ok(found)
+}
 
-    /// What each of `states` costs, or why it cannot be simulated.
-    pub(crate) fn costs(
-        &self,
-        simulation: &Simulation,
-        objective: Objective,
-        states: &[State],
-        selection: &FrameSelection,
-    ) -> Result<Vec<Result<f64, String>>, IdentifyError> {
-        let mut costs = Vec::new();
-        for batch in states.chunks(BATCH) {
-            let run = |state| {
-                simulation.trajectories(state, selection).map(|trajectories| objective.cost(&trajectories, selection))
-            };
-            costs.extend(batch.par_iter().with_max_len(1).map(run).collect::<Vec<_>>());
-            self.tell(Event::Working).map_err(|_| IdentifyError::Interrupted)?;
+/// The cheapest of `ranked` after a few steps on the coarse grid; those that fail are left out.
+fn improved(session: &mut Session, problem: &Problem, ranked: &[(f64, &State)]) -> Result<Vec<(f64, State)>, FitError> {
+    let fits = if problem.unknowns.is_empty() { 0 } else { COARSE_FITS };
+    let limits = Limits { iterations: COARSE_STEPS, gain_tolerance: 0.02, ..Limits::ROUGH };
+    let mut found = Vec::new();
+    for (_, start) in ranked.iter().take(fits) {
+        match session.minimise(Stage::Search, problem, ((*start).clone(), None), limits, &|_| false) {
+            Ok(fit) => found.push((fit.cost, fit.state)),
+            Err(FitError::Interrupted) => return Err(FitError::Interrupted),
+            Err(_) => (),
         }
-        Ok(costs)
     }
+    Ok(found)
+}
 
-    /// The coarse grid is biased: the last word between basins belongs to the full one.
-    fn rank_on_full_grid(
-        &self,
-        flight_fit: &FreeFlightFit,
-        mut found: Vec<(f64, State)>,
-    ) -> Result<Vec<State>, IdentifyError> {
-        found.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let distinct = self.distinct(found.into_iter().map(|(_, state)| state));
-        if distinct.len() == 1 {
-            return Ok(distinct);
-        }
-        let selection = self.touched_frames(flight_fit, BLUR);
-        let simulation = self.simulation(flight_fit.free);
-        let costs = self.costs(&simulation, self.base_objective(), &distinct, &selection)?;
-        let mut ranked: Vec<(f64, State)> =
-            costs.into_iter().zip(distinct).filter_map(|(cost, state)| Some((cost.ok()?, state))).collect();
-        ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let Some(best) = ranked.first().map(|r| r.0) else {
-            return Err(IdentifyError::NoStart { starts: 1, reason: "no start runs on the full grid".to_owned() });
-        };
-        Ok(ranked
-            .into_iter()
-            .filter(|(cost, _)| *cost < 3.0 * best)
-            .take(self.free_materials().len().max(FULL_GRID_FITS))
-            .map(|(_, state)| state)
-            .collect())
+/// The coarse grid is biased: the last word between minima belongs to the full one.
+fn rank_on_full_grid(
+    identification: &Identification,
+    session: &mut Session,
+    mut found: Vec<(f64, State)>,
+) -> Result<Vec<State>, FitError> {
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let distinct = distinct(identification.parameters(), found.into_iter().map(|(_, state)| state));
+    if distinct.len() == 1 {
+        return Ok(distinct);
     }
+    let (simulation, selection) = (identification.simulation(), identification.touched_frames(BLUR));
+    let costs = costs(session, (&simulation, identification.objective()), &distinct, &selection)?;
+    let ranked = ranked(costs.iter().cloned(), distinct);
+    let Some(best) = ranked.first().map(|r| r.0) else {
+        return Err(costs.into_iter().find_map(Result::err).unwrap_or(FitError::NoIteration));
+    };
+    Ok(ranked
+        .into_iter()
+        .filter(|(cost, _)| *cost < 3.0 * best)
+        .take(identification.free_materials().len().max(FULL_GRID_FITS))
+        .map(|(_, state)| state)
+        .collect())
+}
 
-    /// Points of the grid of starts: over the whole range of each parameter, plus the start that was given.
-    fn candidates(&self, from: &State) -> Vec<State> {
-        let mut list = vec![from.clone()];
-        for (i, p) in self.parameters().iter().enumerate() {
-            let fixed = self.settings.fixed.iter().find(|(name, _)| name == p.name);
-            let values: Vec<f64> = if let Some((_, value)) = fixed {
-                vec![p.coordinate(*value)]
-            } else {
+/// Points of the grid of starts: over the whole range of each parameter, plus the start that was given.
+fn grid_of_starts(identification: &Identification) -> Vec<State> {
+    let (settings, from) = (identification.settings, &identification.flight.state);
+    let mut list = vec![from.clone()];
+    for (i, p) in identification.parameters().iter().enumerate() {
+        let values: Vec<f64> = match settings.fixed_value(p) {
+            Some(value) => vec![p.coordinate(value)],
+            None => {
                 let (low, high) = (p.coordinate(p.starts.0), p.coordinate(p.starts.1));
-                let count = p.grid;
-                (0..count).map(|k| low + (k as f64 + 0.5) / count as f64 * (high - low)).collect()
-            };
-            list = list
-                .into_iter()
-                .flat_map(|state| {
-                    values.iter().map(move |value| {
-                        let mut next = state.clone();
-                        next.material[i] = *value;
-                        next
-                    })
-                })
-                .collect();
-        }
-        if let Some(start) = &self.settings.start {
-            let mut given = from.clone();
-            for (i, p) in self.parameters().iter().enumerate() {
-                if !self.settings.fixed.iter().any(|(name, _)| name == p.name) {
-                    given.material[i] = p.coordinate(start[i]);
-                }
+                (0..p.grid).map(|k| low + (k as f64 + 0.5) / p.grid as f64 * (high - low)).collect()
             }
-            list.push(given);
-        }
-        list
+        };
+        let with = |state: &State, value: f64| {
+            let mut next = state.clone();
+            next.material[i] = value;
+            next
+        };
+        list = list.iter().flat_map(|state| values.iter().map(|value| with(state, *value))).collect();
     }
+    if let Some(start) = &settings.start {
+        let mut given = from.clone();
+        for (i, p) in identification.parameters().iter().enumerate() {
+            if settings.fixed_value(p).is_none() {
+                given.material[i] = p.coordinate(start[i]);
+            }
+        }
+        list.push(given);
+    }
+    list
 }

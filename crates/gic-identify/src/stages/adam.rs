@@ -1,29 +1,40 @@
-//! The paper's optimiser, for comparison: Adam with its learning rates, on the simulator's adjoint.
+//! The paper's optimiser, for comparison: Adam (Kingma and Ba 2015) with the paper's learning rates, on the simulator's
+//! adjoint.
 
 use gic_mpm::gradient;
 use gic_optimize::Adam;
 use glam::DVec3;
 
+use crate::FitError;
 use crate::forward::footprint::IsotropicGaussians;
 use crate::result::Stage;
+use crate::session::Session;
 use crate::solve::levenberg_marquardt::Iterate;
 use crate::solve::loss::frame_loss;
-use crate::stages::Identification;
+use crate::stages::identification::Identification;
 use crate::unknowns::state::{State, Unknown};
 
 /// Consecutive failed rollouts after which the search ends with its best iterate.
 const MOST_FAILURES: usize = 10;
 
-/// Fits the material with the initial velocity fixed; the best iterate is returned, not the last (as the release does).
-pub(crate) fn adam(job: &Identification, free: usize, start: State, iterations: usize) -> Result<State, String> {
-    let unknowns = job.free_materials();
-    let mut state = start;
+/// Fits the material from the first of `starts` with the initial velocity fixed; the best iterate is returned, not the
+/// last.
+///
+/// # Errors
+/// Where the start cannot be simulated or too many iterates fail, and interruption.
+pub(crate) fn adam(
+    identification: &Identification,
+    session: &mut Session,
+    starts: Vec<State>,
+) -> Result<State, FitError> {
+    let (unknowns, parameters) = (identification.free_materials(), identification.parameters());
+    let mut state = starts.into_iter().next().ok_or(FitError::NoIteration)?;
     let mut best: Option<(f64, State)> = None;
     let mut optimiser = Adam::new(unknowns.len());
     let (mut failures, mut rate) = (0, 1.0);
     let mut count = 0;
-    for _ in 0..iterations {
-        let (loss, slope) = match loss_and_gradient(job, free, &state, &unknowns) {
+    for _ in 0..identification.settings.adam_iterations {
+        let (loss, slope) = match loss_and_gradient(identification, &state, &unknowns) {
             Ok(found) => found,
             Err(reason) => {
                 // Back to where the simulator worked, with smaller steps.
@@ -37,13 +48,14 @@ pub(crate) fn adam(job: &Identification, free: usize, start: State, iterations: 
         if best.as_ref().is_none_or(|(least, _)| loss < *least) {
             best = Some((loss, state.clone()));
         }
-        job.report(Stage::Material, &Iterate { steps: count as usize, state: state.clone(), cost: loss })?;
+        let iterate = Iterate { steps: count, state: state.clone(), cost: loss };
+        session.record(Stage::Material, parameters, &iterate)?;
         count += 1;
-        let rates: Vec<f64> = materials(&unknowns).map(|i| rate * job.parameters()[i].adam_rate()).collect();
+        let rates: Vec<f64> = materials(&unknowns).map(|i| rate * parameters[i].adam_rate()).collect();
         let delta = optimiser.step(&slope, &rates);
-        state = state.moved(&unknowns, &delta, job.parameters());
+        state = state.moved(&unknowns, &delta, parameters);
     }
-    best.map(|(_, state)| state).ok_or_else(|| "no iteration was asked for".to_owned())
+    best.map(|(_, state)| state).ok_or(FitError::NoIteration)
 }
 
 /// Numbers of the law's parameters among unknowns.
@@ -56,32 +68,31 @@ fn materials(unknowns: &[Unknown]) -> impl Iterator<Item = usize> {
 
 /// Loss of eq. 8, mean over frames, and its derivative by the search coordinates of `unknowns`.
 fn loss_and_gradient(
-    job: &Identification,
-    free: usize,
+    identification: &Identification,
     state: &State,
     unknowns: &[Unknown],
-) -> Result<(f64, Vec<f64>), String> {
-    let simulation = job.simulation(free);
+) -> Result<(f64, Vec<f64>), FitError> {
+    let Identification { input, video, .. } = identification;
+    let simulation = identification.simulation();
     let (world, from) = simulation.world_and_start(state);
-    let last = job.video.frames.last().map_or(0, |frame| frame.simulated_frame);
-    let share = 1.0 / job.video.frames.len() as f64;
+    let last = video.frames.last().map_or(0, |observed| observed.simulated_frame);
+    let share = 1.0 / video.frames.len() as f64;
     let mut total = 0.0;
     simulation.count();
     let gradient = gradient(&world, &simulation.options, last + 1 - from, |frame| {
-        let observed = job.video.frames.iter().find(|observed| observed.simulated_frame == frame.index + from)?;
+        let observed = video.frames.iter().find(|observed| observed.simulated_frame == frame.index + from)?;
         let positions: Vec<[f32; 3]> = frame.positions.iter().map(|p| p.as_vec3().to_array()).collect();
         // The widths' own change with the positions is left out of the gradient.
-        let scales = job.splat_widths.scales(&frame.positions);
-        let (opacities, factor) = (&job.input.opacities, state.splat.exp() as f32);
+        let scales = identification.splat_widths.scales(&frame.positions);
+        let (opacities, factor) = (&input.opacities, state.splat.exp() as f32);
         let gaussians = IsotropicGaussians { positions: &positions, opacities, scales: &scales, factor };
-        let loss = frame_loss(observed, &job.context, gaussians, true);
+        let loss = frame_loss(observed, &identification.comparison, gaussians, true);
         total += share * (loss.chamfer_m + loss.mask_l1);
         Some(loss.gradient.iter().map(|g: &DVec3| *g * share).collect())
-    })
-    .map_err(|error| error.to_string())?;
+    })?;
     let slope = materials(unknowns)
         .map(|i| {
-            let (p, at) = (job.parameters()[i], state.material[i]);
+            let (p, at) = (identification.parameters()[i], state.material[i]);
             let chain = (p.value(at + 1e-6) - p.value(at - 1e-6)) / 2e-6;
             gradient.bodies[0].material[i] * chain
         })

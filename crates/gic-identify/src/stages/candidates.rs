@@ -1,0 +1,70 @@
+//! Many states compared: what each costs, and which of them lie in the same local minimum.
+
+use rayon::prelude::*;
+
+use crate::FitError;
+use crate::forward::simulation::Simulation;
+use crate::forward::trajectories::ForwardModel;
+use crate::forward::trajectories::FrameSelection;
+use crate::session::Session;
+use crate::solve::objective::Objective;
+use crate::unknowns::parameter::Parameter;
+use crate::unknowns::state::State;
+
+/// Rollouts between two moments at which the work may be stopped.
+const BATCH: usize = 8;
+
+/// What each of `states` costs, or why it cannot be simulated.
+///
+/// # Errors
+/// Interruption.
+pub(crate) fn costs(
+    session: &mut Session,
+    (simulation, objective): (&Simulation, Objective),
+    states: &[State],
+    selection: &FrameSelection,
+) -> Result<Vec<Result<f64, FitError>>, FitError> {
+    let mut costs = Vec::new();
+    for batch in states.chunks(BATCH) {
+        let cost = |state| {
+            simulation.trajectories(state, selection).map(|trajectories| objective.cost(&trajectories, selection))
+        };
+        costs.extend(batch.par_iter().with_max_len(1).map(cost).collect::<Vec<_>>());
+        session.pause()?;
+    }
+    Ok(costs)
+}
+
+/// Those that could be simulated, cheapest first.
+pub(crate) fn ranked<T>(
+    costs: impl IntoIterator<Item = Result<f64, FitError>>,
+    states: impl IntoIterator<Item = T>,
+) -> Vec<(f64, T)> {
+    let mut ranked: Vec<(f64, T)> =
+        costs.into_iter().zip(states).filter_map(|(cost, state)| Some((cost.ok()?, state))).collect();
+    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+    ranked
+}
+
+/// Whether two states differ little in what tells local minima apart: not in what has one start only.
+pub(crate) fn same_minimum(parameters: &[Parameter], a: &State, b: &State) -> bool {
+    let pairs = a.material.iter().zip(&b.material);
+    parameters.iter().zip(pairs).filter(|(p, _)| p.grid > 1).all(|(_, (a, b))| (a - b).abs() < 0.2)
+}
+
+/// The first of `states` in each local minimum, in their order.
+pub(crate) fn distinct(parameters: &[Parameter], states: impl IntoIterator<Item = State>) -> Vec<State> {
+    states.into_iter().fold(Vec::new(), |mut distinct, state| {
+        if !distinct.iter().any(|other| same_minimum(parameters, other, &state)) {
+            distinct.push(state);
+        }
+        distinct
+    })
+}
+
+/// Distinct states that cost at most `ratio` times as much as the cheapest of `fits`, cheapest first.
+pub(crate) fn cheapest(parameters: &[Parameter], mut fits: Vec<(f64, State)>, ratio: f64) -> Vec<State> {
+    fits.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let most = ratio * fits.first().map_or(0.0, |(cost, _)| *cost);
+    distinct(parameters, fits.into_iter().filter(|(cost, _)| *cost <= most).map(|(_, state)| state))
+}

@@ -1,0 +1,158 @@
+//! Everything that was found as one result.
+
+use gic_mpm::MaterialKind;
+use glam::DVec3;
+
+use crate::forward::flight::{placed, volume_factors};
+use crate::forward::trajectories::{ForwardModel, Trajectories};
+use crate::result::{Estimate, Estimates, Loss, Stage};
+use crate::session::Session;
+use crate::solve::linearisation::Linearisation;
+use crate::solve::loss::mean_loss;
+use crate::stages::identification::Identification;
+use crate::stages::intervals::{Uncertainty, flight_half_width, uncertainty};
+use crate::uncertainty::verdicts;
+use crate::unknowns::state::{State, Unknown};
+use crate::{IdentifyError, Parameter};
+
+/// The result where nothing is touched.
+pub(crate) fn of_free_flight(identification: &Identification, session: &mut Session) -> Estimates {
+    let state = &identification.flight.state;
+    let trajectories = identification.free_flight().trajectories(state, &identification.all_frames()).ok();
+    unbounded(identification, session, state, trajectories.as_ref())
+}
+
+/// The end of the material stage as the result.
+///
+/// # Errors
+/// Where it cannot be simulated.
+pub(crate) fn without_intervals(
+    identification: &Identification,
+    session: &mut Session,
+    state: &State,
+) -> Result<Estimates, IdentifyError> {
+    let trajectories = identification.simulation().trajectories(state, &identification.all_frames());
+    let trajectories = trajectories.map_err(|error| error.of_stage(1))?;
+    Ok(unbounded(identification, session, state, Some(&trajectories)))
+}
+
+/// The end of the joint stage as the result, with intervals and verdicts; `known` was measured at `state` before.
+///
+/// # Errors
+/// Where it cannot be simulated, and interruption.
+pub(crate) fn with_intervals(
+    identification: &Identification,
+    session: &mut Session,
+    state: &State,
+    known: Option<Linearisation>,
+) -> Result<Estimates, IdentifyError> {
+    let (trajectories, uncertainty) =
+        uncertainty(identification, session, state, known).map_err(|error| error.of_stage(1))?;
+    let is_explained = is_explained(identification, session, state, &trajectories);
+    let parameters = identification.parameters().iter().zip(&state.material).enumerate();
+    let estimates = parameters
+        .map(|(i, (p, coordinate))| {
+            let estimate = estimate(identification, p, *coordinate, Some((&uncertainty, Unknown::Material(i))));
+            Estimate { identifiable: estimate.identifiable && is_explained, ..estimate }
+        })
+        .collect();
+    let velocity = [0, 1, 2].map(|axis| {
+        let unknown = Unknown::Velocity(axis);
+        uncertainty.half_width(unknown).unwrap_or(0.0).hypot(flight_half_width(identification, unknown))
+    });
+    let velocity = DVec3::from_array(velocity);
+    Ok(result(identification, session, (state, Some(&trajectories)), estimates, velocity))
+}
+
+/// Whether the model explains the frames after contact. Warns where it does not, and of parameters at their limits.
+fn is_explained(
+    identification: &Identification,
+    session: &mut Session,
+    state: &State,
+    trajectories: &Trajectories,
+) -> bool {
+    let compared = (&identification.video, &identification.comparison);
+    let drawn = (trajectories, identification.input.opacities.as_slice());
+    let (free, grid_spacing_m) = (identification.flight.free, identification.input.grid_spacing_m);
+    let unexplained = verdicts::unexplained(compared, drawn, free, grid_spacing_m);
+    let is_explained = unexplained.is_empty();
+    session.warn(unexplained);
+    session.warn(verdicts::at_limits(identification.parameters(), &identification.free_materials(), state));
+    is_explained
+}
+
+/// A result without intervals.
+fn unbounded(
+    identification: &Identification,
+    session: &mut Session,
+    state: &State,
+    trajectories: Option<&Trajectories>,
+) -> Estimates {
+    let parameters = identification.parameters().iter().zip(&state.material);
+    let estimates = parameters.map(|(p, c)| estimate(identification, p, *c, None)).collect();
+    result(identification, session, (state, trajectories), estimates, DVec3::NAN)
+}
+
+fn estimate(
+    identification: &Identification,
+    p: &Parameter,
+    coordinate: f64,
+    uncertainty: Option<(&Uncertainty, Unknown)>,
+) -> Estimate {
+    let value = p.value(coordinate);
+    let fixed = identification.settings.fixed_value(p).is_some();
+    let (low, high) = p.limits();
+    let half_width = uncertainty.and_then(|(all, unknown)| all.half_width(unknown));
+    let shift = uncertainty.and_then(|(all, unknown)| all.refinement_shift(unknown));
+    let interval = match half_width {
+        _ if fixed => (value, value),
+        Some(half) => (p.value((coordinate - half).max(low)), p.value((coordinate + half).min(high))),
+        None => p.bounds,
+    };
+    let at_bound = !fixed && ((coordinate - low).abs() < 1e-3 || (coordinate - high).abs() < 1e-3);
+    let width = 0.5 * p.error(interval.1, interval.0).abs();
+    Estimate {
+        parameter: *p,
+        value,
+        interval_95: interval,
+        identifiable: !at_bound && width < p.widest,
+        fixed,
+        resolution_shift: shift.map(|s| p.value((coordinate + s).clamp(low, high)) - value),
+    }
+}
+
+fn result(
+    identification: &Identification,
+    session: &mut Session,
+    (state, trajectories): (&State, Option<&Trajectories>),
+    estimates: Vec<Estimate>,
+    velocity_interval_95: DVec3,
+) -> Estimates {
+    let Identification { input, shape, video, comparison, .. } = identification;
+    if identification.kind != MaterialKind::Sand {
+        session.warn([format!(
+            "density is taken as {} kg/m^3: the video determines only the ratios of the moduli, stresses and viscosities to it",
+            input.density_kg_m3
+        )]);
+    }
+    let mut seconds = session.checkpoint().seconds.clone();
+    seconds.push((Stage::Intervals, session.unbooked_seconds()));
+    Estimates {
+        material: identification.simulation().material(state),
+        estimates,
+        velocity_m_s: state.velocity,
+        velocity_interval_95,
+        angular_velocity_rad_s: state.angular,
+        free_frames: identification.flight.free,
+        loss: trajectories.map_or_else(Loss::default, |t| mean_loss(video, comparison, &input.opacities, t)),
+        trace: session.checkpoint().trace.clone(),
+        rollouts: identification.rollouts.full(),
+        coarse_rollouts: identification.rollouts.coarse(),
+        seconds,
+        warnings: session.warnings().to_vec(),
+        splat_factor: state.splat.exp(),
+        positions: placed(input, shape, state).0,
+        particle_volume_m3: input.particle_volume_m3,
+        volume_factors: volume_factors(input, shape, state),
+    }
+}

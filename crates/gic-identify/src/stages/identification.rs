@@ -1,0 +1,194 @@
+//! What the stages after free flight are given, and what they are made of. Nothing here changes while they run.
+
+use gic_mpm::{MaterialKind, Options};
+use glam::DVec3;
+
+use crate::forward::flight::Flight;
+use crate::forward::shape::ShapeModes;
+use crate::forward::simulation::{Resolution, RolloutCounts, Simulation};
+use crate::forward::splat_widths::SplatWidths;
+use crate::forward::trajectories::{ForwardModel, FrameSelection};
+use crate::observe::video::ObservedVideo;
+use crate::session::Session;
+use crate::solve::objective::Objective;
+use crate::solve::problem::Problem;
+use crate::solve::residual_block::{ResidualBlock, Weights};
+use crate::solve::surface_residuals::SurfaceComparison;
+use crate::stages::free_flight::{FreeFlightFit, Freedom, clearance, fit_free_flight};
+use crate::uncertainty::input_checks;
+use crate::uncertainty::noise::effective_weights;
+use crate::unknowns::parameter::sought;
+use crate::unknowns::state::{State, Unknown};
+use crate::{IdentifyError, Input, Parameter, Settings};
+
+/// Extra pooling of the masks while the outlines may still be far apart: Gauss-Newton steps reach about as far as the pictures are
+/// blurred, and a sharp outline would let it creep.
+pub(crate) const BLUR: usize = 8;
+
+/// The observations, the body, the fit of free flight and the weights that it gives.
+pub(crate) struct Identification<'a> {
+    pub input: &'a Input,
+    pub kind: MaterialKind,
+    pub settings: &'a Settings,
+    pub rollouts: &'a RolloutCounts,
+    pub video: ObservedVideo,
+    pub comparison: SurfaceComparison,
+    pub shape: ShapeModes,
+    pub splat_widths: SplatWidths,
+    pub flight: FreeFlightFit,
+    /// Of free flight's noise, for all frames.
+    pub weights: Weights,
+}
+
+impl<'a> Identification<'a> {
+    /// Prepares the observations and fits free flight. `input` is valid.
+    pub(crate) fn new(
+        input: &'a Input,
+        kind: MaterialKind,
+        settings: &'a Settings,
+        rollouts: &'a RolloutCounts,
+        session: &mut Session,
+    ) -> Result<Identification<'a>, IdentifyError> {
+        let mut warnings = Vec::new();
+        if input.observations.len() < 3 {
+            warnings.push("two frames only: the material can hardly show; expect wide intervals".to_owned());
+        }
+        let excluded = input_checks::wrong_cameras(input, settings.target, &mut warnings);
+        input_checks::cut_views(input, settings.target, &mut warnings);
+        session.warn(warnings);
+        let mut video = ObservedVideo::new(input, settings.target, &excluded);
+        let comparison = SurfaceComparison::new(input, video.frames[0].surface.as_ref());
+        let splat_widths = SplatWidths::new(&input.positions, &input.scales, input.particle_volume_m3.cbrt());
+        let shape = ShapeModes::new(input);
+        // A tenth of a pixel's alpha and a tenth of a cell, until the data's own noise is known.
+        let weights = Weights::uniform(100.0, (0.1 * input.grid_spacing_m).powi(-2), video.frames.len());
+        let objective = Objective {
+            video: &video,
+            opacities: &input.opacities,
+            surface_comparison: &comparison,
+            weights: &weights,
+        };
+        let freedom = Freedom { velocity: settings.velocity_m_s.is_none(), rotation: settings.rotation };
+        let flight = Flight { input, video: &video, shape: &shape };
+        let flight = fit_free_flight(&flight, objective, start_of_flight(kind, settings), freedom)
+            .map_err(|error| error.of_stage(1))?;
+        let weights = flight_weights(&flight, &weight_ceilings(input, video.frames.len()));
+        video.discount_unseen(input, flight.free);
+        Ok(Identification { input, kind, settings, rollouts, video, comparison, shape, splat_widths, flight, weights })
+    }
+
+    pub(crate) fn parameters(&self) -> &'static [Parameter] {
+        sought(self.kind)
+    }
+
+    /// The material parameters that are sought.
+    pub(crate) fn free_materials(&self) -> Vec<Unknown> {
+        (0..self.parameters().len())
+            .filter(|i| self.settings.fixed_value(&self.parameters()[*i]).is_none())
+            .map(Unknown::Material)
+            .collect()
+    }
+
+    /// Whether it is a parameter of which the grid of starts has several values.
+    pub(crate) fn is_varied(&self, unknown: &Unknown) -> bool {
+        matches!(unknown, Unknown::Material(i) if self.parameters()[*i].grid > 1)
+    }
+
+    /// All observations, compared as sharply as they are.
+    pub(crate) fn all_frames(&self) -> FrameSelection {
+        FrameSelection { first: 0, end: self.video.frames.len(), pooling: 1 }
+    }
+
+    /// The observations that tell about the material: those after the last of free flight.
+    pub(crate) fn touched_frames(&self, pooling: usize) -> FrameSelection {
+        let last = self.video.frames.len() - 1;
+        FrameSelection { first: self.flight.free.min(last), pooling, ..self.all_frames() }
+    }
+
+    /// The comparison of all particles.
+    pub(crate) fn objective(&self) -> Objective<'_> {
+        Objective {
+            video: &self.video,
+            opacities: &self.input.opacities,
+            surface_comparison: &self.comparison,
+            weights: &self.weights,
+        }
+    }
+
+    /// The search for material parameters with the motion of free flight.
+    pub(crate) fn material_problem<'b>(&'b self, forward: &'b dyn ForwardModel, pooling: usize) -> Problem<'b> {
+        Problem {
+            forward,
+            objective: self.objective(),
+            unknowns: self.free_materials(),
+            parameters: self.parameters(),
+            selection: self.touched_frames(pooling),
+            prior: None,
+        }
+    }
+
+    /// Free flight as a forward model.
+    pub(crate) fn free_flight(&self) -> Flight<'_> {
+        Flight { input: self.input, video: &self.video, shape: &self.shape }
+    }
+
+    /// Rollouts of all particles on the full grid.
+    pub(crate) fn simulation(&self) -> Simulation<'_> {
+        Simulation {
+            input: self.input,
+            video: &self.video,
+            shape: &self.shape,
+            kind: self.kind,
+            options: Options { parallel: false, ..Options::default() },
+            resolution: Resolution {
+                thinning: None,
+                spacing_factor: 1.0,
+                substeps_per_frame: self.input.substeps_per_frame,
+            },
+            free: self.flight.free,
+            rollouts: &self.rollouts.full,
+            splat_widths: &self.splat_widths,
+        }
+    }
+
+    /// The weights that the data's own noise gives at a fit.
+    pub(crate) fn weights_at(&self, blocks: &[ResidualBlock], unknowns: usize) -> Weights {
+        let ceilings = weight_ceilings(self.input, self.video.frames.len());
+        effective_weights(blocks, unknowns, self.flight.free, &ceilings)
+    }
+
+    /// Whether anything is touched in the observed frames, between them or shortly after.
+    pub(crate) fn has_contact(&self) -> bool {
+        let last = self.video.frames.last().map_or(0, |observed| observed.simulated_frame);
+        let at_the_end = || self.free_flight().positions(&self.flight.state, last);
+        self.flight.free < self.video.frames.len()
+            || clearance(self.input, &at_the_end(), last) < 1.5 * self.input.grid_spacing_m
+    }
+}
+
+/// Material parameters as given or in the middle of their starts, at the given velocity or at rest.
+fn start_of_flight(kind: MaterialKind, settings: &Settings) -> State {
+    let middle =
+        |p: &Parameter| p.coordinate(settings.fixed_value(p).unwrap_or_else(|| f64::midpoint(p.starts.0, p.starts.1)));
+    let mut start = State::new(sought(kind).iter().map(middle).collect());
+    start.velocity = settings.velocity_m_s.map(DVec3::from_array).unwrap_or_default();
+    start
+}
+
+/// Weights never exceed those of a thousandth of a pixel's alpha and of a cell.
+fn weight_ceilings(input: &Input, frames: usize) -> Weights {
+    Weights::uniform(1e6, (1e-3 * input.grid_spacing_m).powi(-2), frames)
+}
+
+/// The noise of free flight as that of all frames.
+fn flight_weights(flight: &FreeFlightFit, ceilings: &Weights) -> Weights {
+    let count = ceilings.mask.len();
+    let own = effective_weights(&flight.blocks, flight.unknowns.len(), flight.free, ceilings);
+    let mean = |values: &[f64]| {
+        let used = &values[..flight.free.clamp(1, count)];
+        used.iter().sum::<f64>() / used.len() as f64
+    };
+    let mut weights = Weights::uniform(mean(&own.mask), mean(&own.surface), count);
+    weights.inflate_surface_errors(flight.free);
+    weights
+}

@@ -1,0 +1,120 @@
+//! Stage 5: how sure the estimates are.
+//!
+//! The covariance of the joint fit, with a rollout on a refined grid as one more direction in which the residuals may be wrong.
+
+use nalgebra::DMatrix;
+
+use crate::FitError;
+use crate::forward::simulation::Simulation;
+use crate::forward::trajectories::{ForwardModel, FrameSelection, Trajectories};
+use crate::session::Session;
+use crate::solve::linearisation::{Linearisation, Tangents};
+use crate::solve::prior::Prior;
+use crate::solve::problem::Problem;
+use crate::stages::identification::Identification;
+use crate::stages::joint;
+use crate::uncertainty::interval::{covariance, half_width, response, shape_prior_covariance};
+use crate::unknowns::state::{State, Unknown};
+
+/// Covariance of the joint stage's unknowns.
+pub(crate) struct Uncertainty {
+    unknowns: Vec<Unknown>,
+    /// `None` where it could not be measured.
+    covariance: Option<DMatrix<f64>>,
+    /// How far each unknown moves when the simulation grid is refined; `None` where that was not tried.
+    refinement_shifts: Option<Vec<f64>>,
+}
+
+impl Uncertainty {
+    /// Half-width of the 95 % interval, in the unknown's coordinate.
+    pub(crate) fn half_width(&self, unknown: Unknown) -> Option<f64> {
+        let k = self.place(unknown)?;
+        self.covariance.as_ref().map(|c| half_width(c[(k, k)]))
+    }
+
+    /// How far an unknown moves when the simulation grid is refined.
+    pub(crate) fn refinement_shift(&self, unknown: Unknown) -> Option<f64> {
+        let k = self.place(unknown)?;
+        self.refinement_shifts.as_ref().map(|shifts| shifts[k])
+    }
+
+    fn place(&self, unknown: Unknown) -> Option<usize> {
+        self.unknowns.iter().position(|u| *u == unknown)
+    }
+}
+
+/// The trajectories at `state` and how sure it is; `known` was measured there before.
+///
+/// # Errors
+/// Where the state cannot be simulated, and interruption.
+pub(crate) fn uncertainty(
+    identification: &Identification,
+    session: &mut Session,
+    state: &State,
+    known: Option<Linearisation>,
+) -> Result<(Trajectories, Uncertainty), FitError> {
+    let (simulation, prior) = (identification.simulation(), joint::prior(identification));
+    let problem = joint::problem(identification, &simulation, &prior);
+    let factor = identification.settings.resolution_check;
+    let factor = (factor > 0.0).then_some(factor);
+    let (measured, refined) = rayon::join(
+        || match known.map(Linearisation::into_parts) {
+            Some((trajectories, tangents)) => Ok((trajectories, Ok(tangents))),
+            None => Tangents::measure_with_trajectories(&problem, state),
+        },
+        || factor.and_then(|factor| refined(identification.simulation(), factor, state)),
+    );
+    let (trajectories, tangents) = measured?;
+    session.pause()?;
+    let uncertainty = match tangents {
+        Ok(tangents) => of_tangents(identification, (&problem, &prior), &trajectories, tangents, refined),
+        Err(reason) => {
+            session.warn([format!("no intervals: {reason}")]);
+            Uncertainty { unknowns: problem.unknowns, covariance: None, refinement_shifts: None }
+        }
+    };
+    Ok((trajectories, uncertainty))
+}
+
+/// A `refined` grid is one more direction in which the residuals move: a nuisance, with the whole of its shift.
+fn of_tangents(
+    identification: &Identification,
+    (problem, prior): (&Problem, &Prior),
+    trajectories: &Trajectories,
+    mut tangents: Tangents,
+    refined: Option<Trajectories>,
+) -> Uncertainty {
+    let count = problem.unknowns.len();
+    if let Some(refined) = refined {
+        tangents.push(refined);
+    }
+    let (blocks, nuisances) = (tangents.blocks(problem, trajectories), tangents.count() - count);
+    let weights = identification.weights_at(&blocks, count);
+    let known = prior.information_of(&problem.unknowns);
+    let refinement_shifts = if nuisances > 0 { response(&blocks, &weights, count, &known, count) } else { None };
+    let places =
+        |of: &dyn Fn(&Unknown) -> bool| -> Vec<usize> { (0..count).filter(|k| of(&problem.unknowns[*k])).collect() };
+    let materials = places(&|u| matches!(u, Unknown::Material(_)));
+    let shapes = places(&|u| matches!(u, Unknown::Shape(_)));
+    let nuisances = DMatrix::identity(nuisances, nuisances);
+    let covariance = covariance(&blocks, &weights, count, &known, &nuisances)
+        .map(|c| c + shape_prior_covariance(&blocks, &weights, count, &known, &materials, &shapes));
+    Uncertainty { unknowns: problem.unknowns.clone(), covariance, refinement_shifts }
+}
+
+/// The trajectories at `state` on a grid refined by `factor`; `None` where it cannot be simulated there.
+fn refined(mut simulation: Simulation, factor: f64, state: &State) -> Option<Trajectories> {
+    let resolution = &mut simulation.resolution;
+    resolution.spacing_factor = 1.0 / factor;
+    resolution.substeps_per_frame = (resolution.substeps_per_frame as f64 * factor).ceil() as usize;
+    let selection = FrameSelection { first: 0, end: simulation.video.frames.len(), pooling: 1 };
+    simulation.trajectories(state, &selection).ok()
+}
+
+/// Half-width of an unknown's interval from free flight alone, where the position is uncertain, too; 0 where it was not fitted.
+pub(crate) fn flight_half_width(identification: &Identification, unknown: Unknown) -> f64 {
+    let (flight, none) = (&identification.flight, DMatrix::zeros(0, 0));
+    let place = flight.unknowns.iter().position(|u| *u == unknown);
+    let covariance = covariance(&flight.blocks, &identification.weights, flight.unknowns.len(), &none, &none);
+    place.zip(covariance).map_or(0.0, |(k, c)| half_width(c[(k, k)]))
+}

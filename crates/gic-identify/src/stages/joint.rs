@@ -1,0 +1,116 @@
+//! Stage 4: material, velocity, rotation where there is one, the Gaussians' size and the body's shape together.
+//!
+//! Errors of free flight and of the shape then do not bias the material, and the intervals know of them. The noise of the frames after contact
+//! is known only once they are explained, so a short fit precedes the weights of the long one.
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::FitError;
+use crate::IdentifyError;
+use crate::forward::simulation::Simulation;
+use crate::result::Stage;
+use crate::session::Session;
+use crate::settings::Optimizer;
+use crate::solve::levenberg_marquardt::Limits;
+use crate::solve::linearisation::Linearisation;
+use crate::solve::objective::Objective;
+use crate::solve::prior::Prior;
+use crate::solve::problem::Problem;
+use crate::stages::identification::Identification;
+use crate::unknowns::state::{State, Unknown};
+
+/// Most steps of the joint stage under its first weights, and the share of the cost that a step must gain there: this fit only has to be
+/// good enough to weigh the frames anew.
+const FIRST_FIT: usize = 5;
+const ROUGHLY: f64 = 0.02;
+
+/// The joint stage ends where a step gains less than this of the cost, which is half of chi-squared.
+const LEAST_GAIN: f64 = 0.1;
+
+/// Standard deviation of the logarithm of the Gaussians' size about the one that fits free flight with the shape as reconstructed.
+const SPLAT_SIGMA: f64 = 0.05;
+
+/// The end of the joint stage, and the linearisation there where it was measured rather than carried there. The state goes into the checkpoint.
+///
+/// # Errors
+/// Where the start cannot be simulated, and interruption.
+pub(crate) fn fit_jointly(
+    identification: &Identification,
+    session: &mut Session,
+    start: State,
+) -> Result<(State, Option<Linearisation>), IdentifyError> {
+    // The paper stops after its material stage.
+    let (state, linearisation) = match identification.settings.optimizer {
+        Optimizer::LevenbergMarquardt => fit(identification, session, start).map_err(|error| error.of_stage(1))?,
+        Optimizer::Adam => (start, None),
+    };
+    let reached = session.reach(Some(Stage::Joint), |checkpoint| checkpoint.joint = Some(state.clone()));
+    reached.map_err(|error| error.of_stage(1))?;
+    Ok((state, linearisation))
+}
+
+fn fit(
+    identification: &Identification,
+    session: &mut Session,
+    start: State,
+) -> Result<(State, Option<Linearisation>), FitError> {
+    let (simulation, prior) = (identification.simulation(), prior(identification));
+    let most = identification.settings.iterations;
+    let (mut state, mut known) = (start, None);
+    for (iterations, gain_tolerance) in [(FIRST_FIT.min(most), ROUGHLY), (most, 0.0)] {
+        let problem = problem(identification, &simulation, &prior);
+        // Where the first fit ended, its tangents are good enough for weights, and for a first step.
+        let mut here = match known {
+            Some(known) => known,
+            None => Linearisation::measure(&problem, &state)?,
+        };
+        session.pause()?;
+        let weights = identification.weights_at(here.blocks(&problem), problem.unknowns.len());
+        let problem = Problem { objective: Objective { weights: &weights, ..problem.objective }, ..problem };
+        // The cost is in units of chi-squared: what matters is the absolute gain.
+        let limits = Limits { iterations, gain_tolerance, least_gain: LEAST_GAIN, ..Limits::ROUGH };
+        let fit = session.minimise(Stage::Joint, &problem, (state, Some(here)), limits, &|_| false)?;
+        (state, known) = (fit.state, Some(fit.linearisation));
+    }
+    Ok((state, known.filter(Linearisation::is_fresh)))
+}
+
+/// The joint stage's search, weighted by the noise of free flight.
+pub(crate) fn problem<'a>(
+    identification: &'a Identification,
+    simulation: &'a Simulation,
+    prior: &'a Prior,
+) -> Problem<'a> {
+    Problem {
+        forward: simulation,
+        objective: identification.objective(),
+        unknowns: unknowns(identification),
+        parameters: identification.parameters(),
+        selection: identification.all_frames(),
+        prior: Some(prior),
+    }
+}
+
+/// The position stays that of free flight: free, it is traded for the velocity.
+fn unknowns(identification: &Identification) -> Vec<Unknown> {
+    let mut unknowns = identification.free_materials();
+    unknowns.extend(identification.flight.unknowns.iter().filter(|u| !matches!(u, Unknown::Offset(_))));
+    if !identification.video.frames[0].views.is_empty() {
+        unknowns.extend((0..identification.shape.count()).map(Unknown::Shape));
+    }
+    unknowns
+}
+
+/// What is known of the joint stage's unknowns besides the pictures: of the Gaussians' size and of the shape.
+pub(crate) fn prior(identification: &Identification) -> Prior {
+    let is_nuisance = |u: &Unknown| matches!(u, Unknown::Splat | Unknown::Shape(_));
+    let unknowns: Vec<Unknown> = unknowns(identification).into_iter().filter(is_nuisance).collect();
+    let deviation = |u: &Unknown| if *u == Unknown::Splat { SPLAT_SIGMA } else { 1.0 };
+    let information = DVector::from_iterator(unknowns.len(), unknowns.iter().map(|u| deviation(u).powi(-2)));
+    let means = unknowns.iter().map(|u| identification.flight.state.get(*u));
+    Prior {
+        information: DMatrix::from_diagonal(&information),
+        mean: DVector::from_iterator(unknowns.len(), means),
+        unknowns,
+    }
+}
