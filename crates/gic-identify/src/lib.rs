@@ -10,6 +10,7 @@ mod session;
 mod settings;
 mod solve;
 mod stages;
+mod tuning;
 mod uncertainty;
 mod unknowns;
 mod vector;
@@ -20,4 +21,9 @@ pub use input::{Input, Observation, View};
 pub use result::{Estimate, Estimates, Loss, Stage, Step};
 pub use settings::{MaterialChoice, Optimizer, Settings, Target};
 pub use stages::identify;
+pub use tuning::{
+    AdamTuning, CoordinateTuning, DescentTuning, FreeFlightTuning, JointTuning, MaskTuning, MaterialTuning,
+    MembershipTuning, NoiseTuning, ResolutionTuning, SearchTuning, ShapeTuning, SplatTuning, Steps, SurfaceTuning,
+    Tuning, VerdictTuning,
+};
 pub use unknowns::parameter::{Parameter, material_of, sought, sought_values};

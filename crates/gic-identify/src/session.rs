@@ -16,7 +16,7 @@ use crate::unknowns::state::State;
 /// Who hears of events and may say stop.
 pub(crate) type Listener<'a> = dyn FnMut(Event) -> ControlFlow<()> + 'a;
 
-/// One call of [`crate::identify`].
+/// One call of `identify`.
 pub(crate) struct Session<'a> {
     checkpoint: Checkpoint,
     listener: &'a mut Listener<'a>,
@@ -113,7 +113,7 @@ impl<'a> Session<'a> {
         is_enough: &dyn Fn(&Iterate) -> bool,
     ) -> Result<Fit, FitError> {
         minimise(problem, start, known, limits, &mut |iterate| {
-            self.record(stage, problem.parameters, iterate)?;
+            self.record(stage, problem.coordinates.parameters, iterate)?;
             Ok(if is_enough(iterate) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
         })
     }

@@ -6,14 +6,8 @@ use std::path::PathBuf;
 use gic_mpm::MaterialKind;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use crate::IdentifyError;
 use crate::unknowns::parameter::{Parameter, sought, sought_by_name};
-
-/// Substeps of a frame on a grid of [`REFERENCE_GRID_M`], whatever the frame rate, as in the published simulations.
-/// Every substep's transfers damp the motion a little, so other numbers of them find other parameters: 144 instead of 200
-/// cost 5 % of a bouncing solid's stiffness.
-const REFERENCE_SUBSTEPS: f64 = 200.0;
-const REFERENCE_GRID_M: f64 = 0.02;
+use crate::{IdentifyError, Tuning};
 
 /// The law that is assumed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -161,6 +155,10 @@ pub struct Settings {
     #[cfg_attr(feature = "cli", arg(skip))]
     #[serde(skip)]
     pub joint: bool,
+    /// Every tuned number; a file says only what differs from the default.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    #[serde(skip_serializing_if = "Tuning::is_default")]
+    pub tuning: Tuning,
 }
 
 impl Default for Settings {
@@ -183,6 +181,7 @@ impl Default for Settings {
             frames: None,
             resolution_check: 1.25,
             joint: true,
+            tuning: Tuning::default(),
         }
     }
 }
@@ -218,7 +217,8 @@ impl Settings {
     /// Side of a cell of the simulation grid [m] and substeps per frame, for particles `particle_spacing_m` apart [m].
     pub fn resolution(&self, particle_spacing_m: f64) -> (f64, usize) {
         let grid_spacing_m = self.grid_spacing_m.unwrap_or(2.0 * particle_spacing_m);
-        let wanted = REFERENCE_SUBSTEPS * REFERENCE_GRID_M / grid_spacing_m;
+        let reference = &self.tuning.resolution;
+        let wanted = reference.substeps_per_frame * reference.grid_spacing_m / grid_spacing_m;
         (grid_spacing_m, self.substeps_per_frame.unwrap_or((wanted * (1.0 - 1e-9)).ceil() as usize))
     }
 }

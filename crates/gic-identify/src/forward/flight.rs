@@ -38,6 +38,7 @@ pub(crate) fn substep(input: &Input) -> f64 {
 }
 
 /// Free flight of a rigid body.
+#[derive(Clone, Copy)]
 pub(crate) struct Flight<'a> {
     pub input: &'a Input,
     pub video: &'a ObservedVideo,

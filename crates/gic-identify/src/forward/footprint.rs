@@ -3,11 +3,7 @@
 use gic_scene::Camera;
 use gic_simd::{Lanes, MAX_LANES};
 
-/// Gaussians end where they fall below exp(-8), at four standard deviations: an earlier end is a step that finite differences see.
-const CUTOFF_SIGMAS: f32 = 4.0;
-
-/// Blur of the pixel itself, in pixels^2, added to the projected variance (a box of one pixel has variance 1/12).
-pub(crate) const PIXEL_VARIANCE: f32 = 1.0 / 12.0;
+use crate::tuning::{CUTOFF_SIGMAS, PIXEL_VARIANCE};
 
 /// Particles as they are drawn.
 #[derive(Clone, Copy, Debug)]

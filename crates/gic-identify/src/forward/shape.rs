@@ -16,47 +16,7 @@ use rayon::prelude::*;
 
 use crate::Input;
 use crate::forward::surface_membership::memberships;
-
-/// Standard deviation of the surface's position along its normal, in particle spacings: where a camera sees it, where none does, and
-/// that of a common error of the whole surface. How far the matter that a particle stands for reaches beyond its centre is a convention to
-/// about a fifth of a spacing, in a simulation as in the pictures made of one: the outlines of the bodies we measure on lie a quarter of a
-/// spacing inside their particles' cells.
-const SEEN: f64 = 0.2;
-const UNSEEN: f64 = 0.5;
-const COMMON: f64 = 0.2;
-
-/// Standard deviation of how much a reconstruction is rounded: edges cut and notches filled at once, in particle spacings per unit of
-/// bluntness (1/2 at a right-angled edge). The bodies we measure on lose 2 to 4 mm of their edges, and their notches have 5 to 10 too many.
-const ROUNDING: f64 = 0.6;
-
-/// Radius of the ball around a place, in particle spacings, whose emptiness tells whether it is an edge or a notch, and the share that is full
-/// at a flat face, where the outermost particles lie half a spacing deep: 1/2 + 15/16 of that depth over the radius. A point counts by
-/// 1 - (d / radius)^2, so that the ball has no rim.
-const VICINITY: f64 = 4.0;
-const FULL_AT_FLAT: f64 = 0.62;
-
-/// What no camera sees is less certain the further it is from what one sees: by this much per distance, up to so many particle spacings.
-const FADING: f64 = 0.25;
-const MOST_UNSEEN: f64 = 2.0;
-
-/// Distance over which the error is correlated, in particle spacings.
-const CORRELATION: f64 = 3.0;
-
-/// Heights over which the lowest parts fade out, in particle spacings: the tip, and all that touches first.
-const TIP: f64 = 1.0;
-const FOOT: f64 = 3.0;
-
-/// Reach of an anchor's displacement into the body, in particle spacings.
-const REACH: f64 = 2.5;
-
-/// Anchors are about this far apart, in particle spacings.
-const ANCHOR_SPACING: f64 = 2.5;
-
-/// Combinations of functionals with less than this share of the largest variance are left out.
-const LEAST_VARIANCE: f64 = 1e-3;
-
-/// A place counts as seen from a camera that it memberships: cosine between its normal and the direction to the camera.
-const FACING: f64 = 0.25;
+use crate::tuning::{MembershipTuning, ShapeTuning};
 
 /// Displacement fields, each of one standard deviation.
 #[derive(Clone, Debug, Default)]
@@ -80,21 +40,21 @@ struct Anchor {
 }
 
 impl ShapeModes {
-    pub(crate) fn new(input: &Input) -> ShapeModes {
+    pub(crate) fn new(input: &Input, tuning: &ShapeTuning, membership: &MembershipTuning) -> ShapeModes {
         let spacing = input.particle_volume_m3.cbrt();
-        let normals = normals(input);
-        let anchors = anchors(input, &normals, spacing);
-        if anchors.len() < 8 {
+        let normals = normals(input, membership);
+        let anchors = anchors(input, &normals, (spacing, tuning));
+        if anchors.len() < tuning.least_anchors {
             return ShapeModes::default();
         }
         let up = -input.gravity_m_s2.normalize_or(-DVec3::Y);
-        let components = components(&anchors, spacing, up);
-        let field = |at: DVec3| displacement(&anchors, &components, at, REACH * spacing);
+        let components = components(&anchors, up, (spacing, tuning));
+        let field = |at: DVec3| displacement(&anchors, &components, at, (spacing, tuning));
         let displaced: Vec<(Vec<DVec3>, Vec<f64>)> = input
             .positions
             .par_iter()
             .map(|p| {
-                let step = 0.25 * spacing;
+                let step = tuning.divergence_step_spacings * spacing;
                 let mut divergence = vec![0.0; components.len()];
                 for axis in DVec3::AXES {
                     let (ahead, behind) = (field(*p + step * axis), field(*p - step * axis));
@@ -150,16 +110,16 @@ impl ShapeModes {
 }
 
 /// Outward directions of the particles on the surface, `None` inside.
-fn normals(input: &Input) -> Vec<Option<DVec3>> {
+fn normals(input: &Input, tuning: &MembershipTuning) -> Vec<Option<DVec3>> {
     let positions: Vec<[f32; 3]> = input.positions.iter().map(|p| p.as_vec3().to_array()).collect();
-    let memberships = memberships(&positions, 1.1 * input.grid_spacing_m);
+    let memberships = memberships(&positions, tuning.radius_cells * input.grid_spacing_m, tuning);
     memberships.iter().map(|membership| membership.is_surface().then_some(membership.outward)).collect()
 }
 
 /// Places on the surface, one per cell; `normals` are those of the particles.
-fn anchors(input: &Input, normals: &[Option<DVec3>], spacing: f64) -> Vec<Anchor> {
+fn anchors(input: &Input, normals: &[Option<DVec3>], (spacing, tuning): (f64, &ShapeTuning)) -> Vec<Anchor> {
     let tree = Neighbours::new(&input.positions, spacing);
-    let side = ANCHOR_SPACING * spacing;
+    let side = tuning.anchor_spacing_spacings * spacing;
     let mut cells = std::collections::BTreeMap::<[i64; 3], (f64, usize)>::new();
     for (i, p) in input.positions.iter().enumerate().filter(|(i, _)| normals[*i].is_some()) {
         let scaled = *p / side;
@@ -177,21 +137,26 @@ fn anchors(input: &Input, normals: &[Option<DVec3>], spacing: f64) -> Vec<Anchor
             let from = position + spacing * normal;
             let seen = input.cameras.iter().any(|camera| {
                 let direction = (camera.centre - position).normalize_or_zero();
-                normal.dot(direction) > FACING && is_free(&tree, from, direction, spacing)
+                normal.dot(direction) > tuning.least_facing_cosine && is_free(&tree, from, direction, (spacing, tuning))
             });
             (position, normal, seen)
         })
         .collect();
     let seen: Vec<DVec3> = places.iter().filter(|(.., seen)| *seen).map(|(p, ..)| *p).collect();
     let to_seen = |p: DVec3| seen.iter().map(|q| q.distance(p)).fold(f64::INFINITY, f64::min);
-    let ball = 8.0 / 15.0 * std::f64::consts::PI * VICINITY.powi(3);
+    let ball = 8.0 / 15.0 * std::f64::consts::PI * tuning.bluntness_radius_spacings.powi(3);
     let bluntness = |p: DVec3| {
-        let (radius, mut full) = (VICINITY * spacing, 0.0);
+        let (radius, mut full) = (tuning.bluntness_radius_spacings * spacing, 0.0);
         tree.within(p, radius, |squared, _, _| full += 1.0 - squared / (radius * radius));
-        2.0 * (FULL_AT_FLAT - full / ball)
+        2.0 * (tuning.bluntness_of_flat - full / ball)
     };
     let deviation = |p: DVec3, is_seen: bool| {
-        if is_seen { SEEN * spacing } else { UNSEEN * spacing + (FADING * to_seen(p)).min(MOST_UNSEEN * spacing) }
+        if is_seen {
+            tuning.seen_deviation_spacings * spacing
+        } else {
+            let growth = tuning.unseen_deviation_per_distance * to_seen(p);
+            tuning.unseen_deviation_spacings * spacing + growth.min(tuning.most_unseen_growth_spacings * spacing)
+        }
     };
     places
         .into_iter()
@@ -203,37 +168,41 @@ fn anchors(input: &Input, normals: &[Option<DVec3>], spacing: f64) -> Vec<Anchor
 }
 
 /// Whether a ray leaves the body's neighbourhood without passing through the body.
-fn is_free(body: &Neighbours, from: DVec3, direction: DVec3, spacing: f64) -> bool {
-    let mut travelled = 0.5 * spacing;
+fn is_free(body: &Neighbours, from: DVec3, direction: DVec3, (spacing, tuning): (f64, &ShapeTuning)) -> bool {
+    let mut travelled = tuning.ray_step_spacings * spacing;
     loop {
         let [(squared, _)] = body.nearest::<1>(from + travelled * direction);
         let distance = squared.sqrt();
-        if distance < 0.75 * spacing {
+        if distance < tuning.ray_hit_distance_spacings * spacing {
             return false;
         }
-        if travelled > 200.0 * spacing {
+        if travelled > tuning.ray_length_spacings * spacing {
             return true;
         }
         // Nothing is nearer than that.
-        travelled += (distance - 0.7 * spacing).max(0.5 * spacing);
+        let step = distance - tuning.ray_safe_distance_spacings * spacing;
+        travelled += step.max(tuning.ray_step_spacings * spacing);
     }
 }
 
 /// Prior covariance of the anchors' normal displacements [m^2].
-fn covariance(anchors: &[Anchor], spacing: f64) -> DMatrix<f64> {
+fn covariance(anchors: &[Anchor], (spacing, tuning): (f64, &ShapeTuning)) -> DMatrix<f64> {
     DMatrix::from_fn(anchors.len(), anchors.len(), |i, j| {
         let (a, b) = (&anchors[i], &anchors[j]);
-        let near = (-0.5 * a.position.distance_squared(b.position) / (CORRELATION * spacing).powi(2)).exp();
+        let near = (-0.5 * a.position.distance_squared(b.position)
+            / (tuning.correlation_length_spacings * spacing).powi(2))
+        .exp();
         let alike = 0.5 * (1.0 + a.normal.dot(b.normal));
-        let common = COMMON.powi(2) + ROUNDING.powi(2) * a.bluntness * b.bluntness;
+        let common = tuning.common_deviation_spacings.powi(2)
+            + tuning.rounding_deviation_spacings.powi(2) * a.bluntness * b.bluntness;
         a.deviation * b.deviation * near * alike + common * spacing.powi(2)
     })
 }
 
 /// Values of the components at the anchors [m], those that vary most first.
-fn components(anchors: &[Anchor], spacing: f64, up: DVec3) -> Vec<Vec<f64>> {
-    let covariance = covariance(anchors, spacing);
-    let mut functionals = functionals(anchors, spacing, up);
+fn components(anchors: &[Anchor], up: DVec3, scale: (f64, &ShapeTuning)) -> Vec<Vec<f64>> {
+    let covariance = covariance(anchors, scale);
+    let mut functionals = functionals(anchors, up, scale);
     let fields = &covariance * &functionals;
     // Each functional in units of its own standard deviation.
     for k in 0..functionals.ncols() {
@@ -244,14 +213,14 @@ fn components(anchors: &[Anchor], spacing: f64, up: DVec3) -> Vec<Vec<f64>> {
     let eigen = (functionals.transpose() * &fields).symmetric_eigen();
     let mut order: Vec<usize> = (0..functionals.ncols()).collect();
     order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
-    let least = LEAST_VARIANCE * eigen.eigenvalues.max();
+    let least = scale.1.least_variance_share * eigen.eigenvalues.max();
     let kept = order.into_iter().filter(|k| eigen.eigenvalues[*k] > least);
     kept.map(|k| (&fields * eigen.eigenvectors.column(k) / eigen.eigenvalues[k].sqrt()).iter().copied().collect())
         .collect()
 }
 
 /// What the motion depends on, as weights of the anchors' normal displacements: shape [anchors, functionals].
-fn functionals(anchors: &[Anchor], spacing: f64, up: DVec3) -> DMatrix<f64> {
+fn functionals(anchors: &[Anchor], up: DVec3, (spacing, tuning): (f64, &ShapeTuning)) -> DMatrix<f64> {
     let n = anchors.len();
     let centre = anchors.iter().map(|a| a.position).sum::<DVec3>() / n as f64;
     let lowest = anchors.iter().map(|a| a.position.dot(up)).fold(f64::INFINITY, f64::min);
@@ -261,7 +230,8 @@ fn functionals(anchors: &[Anchor], spacing: f64, up: DVec3) -> DMatrix<f64> {
         .map(|anchor| {
             let d = anchor.position - centre;
             let height = anchor.position.dot(up) - lowest;
-            let (tip, foot) = ((-height / (TIP * spacing)).exp(), (-height / (FOOT * spacing)).exp());
+            let fade = |over: f64| (-height / (over * spacing)).exp();
+            let (tip, foot) = (fade(tuning.tip_height_spacings), fade(tuning.foot_height_spacings));
             let frames = [d.x * d.x, d.y * d.y, d.z * d.z, d.x * d.y, d.y * d.z, d.x * d.z];
             let contact = [tip, foot, foot * d.dot(east), foot * d.dot(north)];
             let unseen = f64::from(u8::from(!anchor.seen));
@@ -272,14 +242,20 @@ fn functionals(anchors: &[Anchor], spacing: f64, up: DVec3) -> DMatrix<f64> {
 }
 
 /// Displacement of a point by each component: that of the anchors around it, along their normals.
-fn displacement(anchors: &[Anchor], components: &[Vec<f64>], at: DVec3, reach: f64) -> Vec<DVec3> {
+fn displacement(
+    anchors: &[Anchor],
+    components: &[Vec<f64>],
+    at: DVec3,
+    (spacing, tuning): (f64, &ShapeTuning),
+) -> Vec<DVec3> {
+    let reach = tuning.displacement_reach_spacings * spacing;
     let exponent = |a: &Anchor| 0.5 * a.position.distance_squared(at) / (reach * reach);
     let least = anchors.iter().map(exponent).fold(f64::INFINITY, f64::min);
     let mut sums = vec![DVec3::ZERO; components.len()];
     let mut total = 0.0;
     for (j, anchor) in anchors.iter().enumerate() {
         let beyond = exponent(anchor) - least;
-        if beyond > 12.0 {
+        if beyond > tuning.most_weight_exponent {
             continue;
         }
         let weight = (-beyond).exp();
@@ -347,17 +323,30 @@ mod tests {
 
     #[test]
     fn what_no_camera_sees_is_less_certain() {
-        let input = ball();
-        let anchors = anchors(&input, &normals(&input), SPACING);
+        let (input, tuning) = (ball(), ShapeTuning::default());
+        let anchors =
+            anchors(&input, &normals(&input, &MembershipTuning::default()), (SPACING, &ShapeTuning::default()));
         for anchor in &anchors {
             if anchor.normal.y > 0.35 {
-                assert_eq!(anchor.deviation, SEEN * SPACING, "{} {}", anchor.position, anchor.normal);
+                assert_eq!(
+                    anchor.deviation,
+                    tuning.seen_deviation_spacings * SPACING,
+                    "{} {}",
+                    anchor.position,
+                    anchor.normal
+                );
             } else if anchor.normal.y < 0.15 {
-                assert!(anchor.deviation > UNSEEN * SPACING, "{} {}", anchor.position, anchor.normal);
+                assert!(
+                    anchor.deviation > tuning.unseen_deviation_spacings * SPACING,
+                    "{} {}",
+                    anchor.position,
+                    anchor.normal
+                );
             }
         }
         let at = |y: f64| anchors.iter().find(|a| a.normal.y < y).unwrap().deviation;
-        assert_eq!(at(-0.9), (UNSEEN + MOST_UNSEEN) * SPACING, "the far side");
+        let far = tuning.unseen_deviation_spacings + tuning.most_unseen_growth_spacings;
+        assert_eq!(at(-0.9), far * SPACING, "the far side");
         assert!(at(-0.9) > anchors.iter().find(|a| a.normal.y < 0.15 && a.normal.y > 0.0).unwrap().deviation);
         assert!(anchors.iter().filter(|a| a.normal.y > 0.35).count() > 10);
     }
@@ -366,7 +355,8 @@ mod tests {
     #[test]
     fn edges_are_blunt_and_notches_are_not() {
         let input = body(|p| p.abs().max_element() < 0.105 && p.x.min(p.y) < 0.0);
-        let anchors = anchors(&input, &normals(&input), SPACING);
+        let anchors =
+            anchors(&input, &normals(&input, &MembershipTuning::default()), (SPACING, &ShapeTuning::default()));
         let mean = |is: &dyn Fn(DVec3) -> bool| {
             let chosen: Vec<f64> = anchors.iter().filter(|a| is(a.position)).map(|a| a.bluntness).collect();
             chosen.iter().sum::<f64>() / chosen.len() as f64
@@ -383,9 +373,12 @@ mod tests {
     #[test]
     fn components_carry_the_variance_of_every_functional() {
         let input = ball();
-        let anchors = anchors(&input, &normals(&input), SPACING);
-        let (covariance, functionals) = (covariance(&anchors, SPACING), functionals(&anchors, SPACING, DVec3::Y));
-        let components = components(&anchors, SPACING, DVec3::Y);
+        let anchors =
+            anchors(&input, &normals(&input, &MembershipTuning::default()), (SPACING, &ShapeTuning::default()));
+        let tuning = ShapeTuning::default();
+        let scale = (SPACING, &tuning);
+        let (covariance, functionals) = (covariance(&anchors, scale), functionals(&anchors, DVec3::Y, scale));
+        let components = components(&anchors, DVec3::Y, scale);
         for k in 0..functionals.ncols() {
             let l = functionals.column(k);
             let prior = (&covariance * l).dot(&l);
@@ -398,7 +391,7 @@ mod tests {
     #[test]
     fn growth_is_the_flux_through_the_surface() {
         let input = ball();
-        let modes = ShapeModes::new(&input);
+        let modes = ShapeModes::new(&input, &ShapeTuning::default(), &MembershipTuning::default());
         let unit = |k: usize| (0..modes.count()).map(|i| f64::from(u8::from(i == k))).collect::<Vec<_>>();
         // Radius of the ball with the particles' volume.
         let volume = input.positions.len() as f64 * SPACING.powi(3);

@@ -7,7 +7,8 @@
 use gic_scene::Camera;
 use gic_simd::{Kernel, Lanes, Level, MAX_LANES, dispatch};
 
-use crate::forward::footprint::{IsotropicGaussians, PIXEL_VARIANCE, Projection};
+use crate::forward::footprint::{IsotropicGaussians, Projection};
+use crate::tuning::PIXEL_VARIANCE;
 
 /// Accumulated alpha of the particles in `camera`, row-major, shape [height * width].
 pub(crate) fn alpha(gaussians: IsotropicGaussians, camera: &Camera) -> Vec<f32> {

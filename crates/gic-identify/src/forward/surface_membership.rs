@@ -3,9 +3,7 @@
 use gic_geometry::{Surroundings, offsets};
 use glam::DVec3;
 
-/// How far from a particle its neighbours' centre lies where it begins to count as one of the surface, and from where it counts fully, in
-/// units of the radius that makes neighbours. In the middle of a lattice's flat membership it is .16, in the next layer below .01.
-const SMOOTHSTEP: (f64, f64) = (0.06, 0.14);
+use crate::tuning::MembershipTuning;
 
 /// From 0 at the first of two values to 1 at the second, with a continuous derivative.
 pub(crate) fn smoothstep(x: f64, (low, high): (f64, f64)) -> f64 {
@@ -30,13 +28,13 @@ impl SurfaceMembership {
 }
 
 /// The membership of each particle, from its neighbours within `radius` [m]. It changes smoothly as particles move.
-pub(crate) fn memberships(positions: &[[f32; 3]], radius: f64) -> Vec<SurfaceMembership> {
+pub(crate) fn memberships(positions: &[[f32; 3]], radius: f64, tuning: &MembershipTuning) -> Vec<SurfaceMembership> {
     let points: Vec<DVec3> = positions.iter().map(|p| glam::Vec3::from_array(*p).as_dvec3()).collect();
     let membership = |around: Surroundings| {
         let asymmetry = around.offset / around.weight;
         SurfaceMembership {
             outward: asymmetry.normalize_or(DVec3::Y),
-            share: smoothstep(asymmetry.length(), SMOOTHSTEP),
+            share: smoothstep(asymmetry.length(), tuning.asymmetry),
         }
     };
     offsets(&points, radius).into_iter().map(membership).collect()
@@ -51,7 +49,11 @@ mod tests {
         // A block of particles 10 mm apart.
         let place = |i: usize| 0.01 * DVec3::new((i % 20) as f64, (i / 20 % 16) as f64, (i / 320) as f64);
         let positions: Vec<DVec3> = (0..20 * 16 * 12).map(place).collect();
-        let memberships = memberships(&positions.iter().map(|p| p.as_vec3().to_array()).collect::<Vec<_>>(), 0.022);
+        let memberships = memberships(
+            &positions.iter().map(|p| p.as_vec3().to_array()).collect::<Vec<_>>(),
+            0.022,
+            &MembershipTuning::default(),
+        );
         for (p, membership) in positions.iter().zip(memberships) {
             let from_face = p.min(DVec3::new(0.19, 0.15, 0.11) - *p).min_element();
             let depth = (from_face / 0.01).round();

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::Input;
+use crate::tuning::SearchTuning;
 
 /// A thinned continuum.
 pub(crate) struct ThinnedContinuum {
@@ -15,8 +16,9 @@ pub(crate) struct ThinnedContinuum {
 }
 
 impl ThinnedContinuum {
-    /// One particle for each cell of side `factor` particle spacings: the one nearest to the centre of its cell's particles.
-    pub(crate) fn new(input: &Input, factor: f64) -> ThinnedContinuum {
+    /// One particle for each cell of the search's grid: the one nearest to the centre of its cell's particles.
+    pub(crate) fn new(input: &Input, tuning: &SearchTuning) -> ThinnedContinuum {
+        let factor = tuning.coarse_factor;
         let side = factor * input.particle_volume_m3.cbrt();
         let mut cells: BTreeMap<[i64; 3], Vec<usize>> = BTreeMap::new();
         for (i, p) in input.positions.iter().enumerate() {
@@ -27,14 +29,14 @@ impl ThinnedContinuum {
         let mut ids: Vec<usize> = cells
             .values()
             // A corner of the body that barely enters a cell would count as a whole one.
-            .filter(|members| members.len() as f64 >= 0.25 * full)
+            .filter(|members| members.len() as f64 >= tuning.least_filled_share * full)
             .map(|members| {
                 let mean = members.iter().map(|i| input.positions[*i]).sum::<glam::DVec3>() / members.len() as f64;
                 let distance = |i: &usize| input.positions[*i].distance_squared(mean);
                 *members.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).expect("a cell has members")
             })
             .collect();
-        if ids.len() < 8 {
+        if ids.len() < tuning.least_particles {
             ids = (0..input.positions.len()).collect();
         }
         let growth = (input.positions.len() as f64 / ids.len() as f64).cbrt() as f32;

@@ -3,8 +3,7 @@
 use gic_geometry::Neighbours;
 use glam::{DMat3, DVec3};
 
-/// How many of the nearest points make up what a distance is measured from.
-const NEAREST: usize = 6;
+use crate::tuning::{NEAREST_SURFACE_POINTS, SurfaceTuning};
 
 /// An extracted surface with normals.
 #[derive(Clone, Debug)]
@@ -21,12 +20,13 @@ pub(crate) struct ObservedSurface {
 }
 
 impl ObservedSurface {
-    /// Normals from the neighbours within `radius` [m] by principal components.
-    pub(crate) fn new(points: &[DVec3], radius: f64) -> ObservedSurface {
-        let tree = Neighbours::new(points, 0.5 * radius);
-        let normals = points.iter().map(|p| normal(&tree, *p, 0.5 * radius)).collect();
+    /// Normals from the neighbours by principal components.
+    pub(crate) fn new(points: &[DVec3], grid_spacing_m: f64, tuning: &SurfaceTuning) -> ObservedSurface {
+        let radius = tuning.normal_radius_cells * grid_spacing_m;
+        let tree = Neighbours::new(points, radius);
+        let normals = points.iter().map(|p| normal(&tree, *p, radius)).collect();
         let seen = vec![1.0; points.len()];
-        ObservedSurface { points: points.to_vec(), normals, seen, tree, far: 0.75 * radius }
+        ObservedSurface { points: points.to_vec(), normals, seen, tree, far: tuning.plane_reach_cells * grid_spacing_m }
     }
 
     /// From here on each point counts the less the more it is in doubt; without `doubts` nothing changes.
@@ -61,7 +61,7 @@ fn normal(tree: &Neighbours, p: DVec3, radius: f64) -> DVec3 {
 /// The surface is the mean of the nearest points' planes.
 pub(crate) fn signed_distance(surface: &ObservedSurface, p: DVec3, outward: DVec3) -> (f64, DVec3, f64) {
     let (mut place, mut normal, mut seen) = (DVec3::ZERO, DVec3::ZERO, 0.0);
-    for (id, share) in shares(surface.tree.nearest::<NEAREST>(p), |_| 1.0) {
+    for (id, share) in shares(surface.tree.nearest::<NEAREST_SURFACE_POINTS>(p), |_| 1.0) {
         let n = surface.normals[id];
         place += share * surface.points[id];
         seen += share * surface.seen[id];
@@ -75,7 +75,10 @@ pub(crate) fn signed_distance(surface: &ObservedSurface, p: DVec3, outward: DVec
 /// The last has no share then, so that what they are used for is continuous where the nearest points change, and a point that is hit has
 /// them all, so that a right hypothesis has no residual. `most` is what a point may count at most, before that. Without any point
 /// there are no shares.
-pub(crate) fn shares(nearest: [(f64, usize); NEAREST], most: impl Fn(usize) -> f64) -> Vec<(usize, f64)> {
+pub(crate) fn shares(
+    nearest: [(f64, usize); NEAREST_SURFACE_POINTS],
+    most: impl Fn(usize) -> f64,
+) -> Vec<(usize, f64)> {
     let found = nearest.into_iter().filter(|(squared, _)| squared.is_finite());
     let last = found.clone().next_back().map_or(0.0, |(squared, _)| squared).max(f64::MIN_POSITIVE);
     // The last counts after all where no other does.

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use crate::observe::extracted_surface::ObservedSurface;
 use crate::observe::mask_view::{MaskView, pixel_size};
-use crate::{Input, Target};
+use crate::{Input, Target, Tuning};
 
 /// One observed time.
 #[derive(Clone, Debug)]
@@ -28,8 +28,8 @@ pub(crate) struct ObservedVideo {
 
 impl ObservedVideo {
     /// Prepares what `target` uses, without the cameras in `excluded`.
-    pub(crate) fn new(input: &Input, target: Target, excluded: &[usize]) -> ObservedVideo {
-        let pooling = working_pooling(input);
+    pub(crate) fn new(input: &Input, target: Target, excluded: &[usize], tuning: &Tuning) -> ObservedVideo {
+        let pooling = working_pooling(input, tuning.masks.most_pooling);
         let frames = input
             .observations
             .iter()
@@ -41,7 +41,7 @@ impl ObservedVideo {
                     .map(|view| MaskView::new(view.camera, &input.cameras[view.camera], &view.mask, pooling))
                     .collect();
                 let surface = (target.surfaces() && !observation.surface.is_empty())
-                    .then(|| ObservedSurface::new(&observation.surface, 2.0 * input.grid_spacing_m));
+                    .then(|| ObservedSurface::new(&observation.surface, input.grid_spacing_m, &tuning.surfaces));
                 let simulated_frame = input.frame_of(observation);
                 ObservedFrame { simulated_frame, time_s: simulated_frame as f64 / input.frame_rate_hz, views, surface }
             })
@@ -62,7 +62,7 @@ impl ObservedVideo {
 
 /// Pixels are pooled until the Gaussians' standard deviation is about one pixel: finer pixels only cost time, because the
 /// rendered outline is no sharper than that.
-fn working_pooling(input: &Input) -> usize {
+fn working_pooling(input: &Input, most: usize) -> usize {
     let centre = input.centre();
     let used: BTreeSet<usize> = input.observations.iter().flat_map(|o| &o.views).map(|view| view.camera).collect();
     let mut sizes: Vec<f64> =
@@ -74,5 +74,5 @@ fn working_pooling(input: &Input) -> usize {
     sizes.sort_by(f64::total_cmp);
     scales.sort_by(f32::total_cmp);
     let ratio = f64::from(scales[scales.len() / 2]) / sizes[sizes.len() / 2];
-    (ratio.round() as usize).clamp(1, 8)
+    (ratio.round() as usize).clamp(1, most)
 }

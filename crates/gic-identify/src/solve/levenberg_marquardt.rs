@@ -15,17 +15,8 @@ use crate::forward::trajectories::Trajectories;
 use crate::solve::linearisation::Linearisation;
 use crate::solve::normal_equations::Normal;
 use crate::solve::problem::Problem;
+use crate::tuning::DescentTuning;
 use crate::unknowns::state::State;
-
-/// A Jacobian that was carried along from earlier states is computed anew when a step gains less than this share of what it
-/// promised.
-const TRUSTED_GAIN: f64 = 0.5;
-
-/// Not worth a step: less than this share of what a step must gain for others to follow.
-const LEAST_PROMISE: f64 = 0.1;
-
-/// What a Jacobian that was carried along promises is so uncertain that up to this many times the least gain are not worth a new one.
-const NOT_WORTH: f64 = 4.0;
 
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
@@ -43,9 +34,11 @@ pub(crate) struct Limits {
 }
 
 impl Limits {
-    /// Of stages that only have to hand over a good start, without any steps.
-    pub(crate) const ROUGH: Limits =
-        Limits { iterations: 0, step_tolerance: 0.05, gain_tolerance: 0.01, least_gain: 0.0, secants: true };
+    /// Of a fit that only has to hand over a good start.
+    pub(crate) fn rough(iterations: usize, tuning: &DescentTuning) -> Limits {
+        let (step_tolerance, gain_tolerance) = (tuning.rough_step_tolerance, tuning.rough_gain_tolerance);
+        Limits { iterations, step_tolerance, gain_tolerance, least_gain: 0.0, secants: true }
+    }
 }
 
 /// One accepted step, for traces.
@@ -85,14 +78,15 @@ pub(crate) fn minimise(
     };
     let cost = problem.cost(&start, &linearisation.trajectories);
     let mut fit = Fit { state: start, cost, linearisation };
-    let (mut damping, mut steps) = (1e-3, 0);
+    let tuning = problem.descent;
+    let (mut damping, mut steps) = (tuning.first_damping, 0);
     while steps < limits.iterations {
         let normal = problem.normal(fit.linearisation.blocks(problem), &fit.state);
         let largest_decrease = normal.largest_predicted_decrease();
-        if largest_decrease < limits.least_gain.max(LEAST_PROMISE * limits.gain_tolerance * fit.cost) {
+        if largest_decrease < limits.least_gain.max(tuning.least_predicted_share * limits.gain_tolerance * fit.cost) {
             break;
         }
-        let worth_measuring = largest_decrease >= NOT_WORTH * limits.least_gain;
+        let worth_measuring = largest_decrease >= tuning.remeasure_gain_ratio * limits.least_gain;
         let was_fresh = fit.linearisation.is_fresh();
         let Some(trial) = find_decrease(problem, &fit, &normal, &mut damping) else {
             if was_fresh || !worth_measuring {
@@ -105,9 +99,13 @@ pub(crate) fn minimise(
         steps += 1;
         let gain = fit.cost - trial.cost;
         let share = gain / fit.cost.max(f64::MIN_POSITIVE);
-        damping = if trial.damping > damping { trial.damping } else { (damping * 0.1).max(1e-6) };
+        damping = if trial.damping > damping {
+            trial.damping
+        } else {
+            (damping * tuning.damping_decrease).max(tuning.least_damping)
+        };
         let answer = accepted(&Iterate { steps, state: trial.state.clone(), cost: trial.cost })?;
-        let trusted = was_fresh || gain >= TRUSTED_GAIN * trial.predicted_decrease;
+        let trusted = was_fresh || gain >= tuning.trusted_gain_share * trial.predicted_decrease;
         let step_size = trial.size(problem);
         fit = trial.accept(problem, fit, limits.secants)?;
         // A small gain along a stale direction says little about what is left.
@@ -138,7 +136,7 @@ impl Trial {
     /// Largest move of any unknown, in steps of the finite differences.
     fn size(&self, problem: &Problem) -> f64 {
         (problem.unknowns.iter().zip(&self.delta))
-            .map(|(u, d)| d.abs() / u.difference_step(problem.parameters))
+            .map(|(u, d)| d.abs() / problem.coordinates.steps(*u).difference)
             .fold(0.0, f64::max)
     }
 
@@ -155,9 +153,10 @@ impl Trial {
 
 /// A step that lowers the cost, from `damping` on upwards; `None` where none does, or where the tangents may be to blame.
 fn find_decrease(problem: &Problem, fit: &Fit, normal: &Normal, damping: &mut f64) -> Option<Trial> {
+    let tuning = problem.descent;
     loop {
         // Two dampings at once: the second core would idle otherwise.
-        let trials: Vec<Option<Trial>> = [*damping, *damping * 30.0]
+        let trials: Vec<Option<Trial>> = [*damping, *damping * tuning.damping_ratio]
             .into_par_iter()
             .map(|damping| try_step(problem, &fit.state, normal, damping))
             .collect();
@@ -168,8 +167,8 @@ fn find_decrease(problem: &Problem, fit: &Fit, normal: &Normal, damping: &mut f6
         if !fit.linearisation.is_fresh() {
             return None;
         }
-        *damping *= 900.0;
-        if *damping >= 1e6 {
+        *damping *= tuning.damping_ratio * tuning.damping_ratio;
+        if *damping >= tuning.most_damping {
             return None;
         }
     }
@@ -179,7 +178,7 @@ fn try_step(problem: &Problem, state: &State, normal: &Normal, damping: f64) -> 
     let mut step = normal.step(damping)?;
     // The direction is kept when one coordinate asks for more than its largest step.
     let shrink = problem.unknowns.iter().zip(step.iter()).fold(1.0f64, |s, (unknown, d)| {
-        s.min(unknown.largest_step(problem.parameters) / d.abs().max(f64::MIN_POSITIVE))
+        s.min(problem.coordinates.steps(*unknown).largest / d.abs().max(f64::MIN_POSITIVE))
     });
     step *= shrink;
     let (moved, delta) = problem.moved(state, step.as_slice());

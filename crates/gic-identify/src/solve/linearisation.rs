@@ -106,14 +106,14 @@ impl Tangents {
     /// other direction.
     fn runs(problem: &Problem, state: &State) -> Result<Vec<(Option<Trajectories>, f64)>, FitError> {
         let run = |unknown: &Unknown| {
-            let step = unknown.difference_step(problem.parameters);
+            let step = problem.coordinates.steps(*unknown).difference;
             if *unknown == Unknown::Splat {
                 return Ok((None, step));
             }
-            let (_, high) = unknown.limits(problem.parameters);
+            let (_, high) = problem.coordinates.limits(*unknown);
             let forward = if state.get(*unknown) + step <= high { step } else { -step };
             let run = |step: f64| {
-                let moved = state.moved(&[*unknown], &[step], problem.parameters);
+                let moved = problem.coordinates.moved(state, &[*unknown], &[step]);
                 problem.forward.trajectories(&moved, &problem.selection).map(|m| (Some(m), step))
             };
             run(forward).or_else(|_| run(-forward))
@@ -140,6 +140,7 @@ impl Tangents {
         let square: f64 = moved.iter().map(|u| u * u).sum();
         let gains: Vec<f32> = moved.iter().map(|u| if square > 0.0 { (u / square) as f32 } else { 0.0 }).collect();
         let moved: Vec<f32> = moved.iter().map(|u| *u as f32).collect();
+        let least = problem.descent.least_scale_share as f32;
         for o in 0..new.positions.len() {
             for i in 0..new.positions[o].len() {
                 for axis in 0..3 {
@@ -157,7 +158,7 @@ impl Tangents {
             for i in 0..new.scales[o].len() {
                 let (was, is) = (old.scales[o][i], new.scales[o][i]);
                 for trajectories in &mut self.perturbed {
-                    trajectories.scales[o][i] = (trajectories.scales[o][i] - was + is).max(0.1 * is);
+                    trajectories.scales[o][i] = (trajectories.scales[o][i] - was + is).max(least * is);
                 }
             }
         }

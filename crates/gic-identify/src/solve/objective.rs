@@ -18,6 +18,8 @@ pub(crate) struct Objective<'a> {
     pub opacities: &'a [f32],
     pub surface_comparison: &'a SurfaceComparison,
     pub weights: &'a Weights,
+    /// Pixels around what is drawn that are compared, too.
+    pub window_margin_px: usize,
 }
 
 impl Objective<'_> {
@@ -58,7 +60,7 @@ impl Objective<'_> {
         pooling: usize,
     ) -> ResidualBlock {
         // Outside of this window neither the particles nor the mask are, so that it only saves time.
-        let window = outline_window(view, base.gaussians(o, self.opacities), pooling);
+        let window = outline_window(view, base.gaussians(o, self.opacities), (self.window_margin_px, pooling));
         let camera = &window.camera(&view.camera);
         let draw = |trajectories: &Trajectories| {
             let full = alpha(trajectories.gaussians(o, self.opacities), camera);

@@ -5,6 +5,8 @@ use crate::solve::normal_equations::Normal;
 use crate::solve::objective::Objective;
 use crate::solve::prior::Prior;
 use crate::solve::residual_block::ResidualBlock;
+use crate::tuning::DescentTuning;
+use crate::unknowns::coordinates::Coordinates;
 use crate::unknowns::state::{State, Unknown};
 
 /// A forward model, the data, and what is varied.
@@ -12,7 +14,8 @@ pub(crate) struct Problem<'a> {
     pub forward: &'a dyn ForwardModel,
     pub objective: Objective<'a>,
     pub unknowns: Vec<Unknown>,
-    pub parameters: &'a [crate::Parameter],
+    pub coordinates: Coordinates<'a>,
+    pub descent: &'a DescentTuning,
     pub selection: FrameSelection,
     pub prior: Option<&'a Prior>,
 }
@@ -29,7 +32,7 @@ impl Problem<'_> {
 
     /// The state displaced by `step` along the unknowns, and how far the limits let it go.
     pub(crate) fn moved(&self, state: &State, step: &[f64]) -> (State, Vec<f64>) {
-        let moved = state.moved(&self.unknowns, step, self.parameters);
+        let moved = self.coordinates.moved(state, &self.unknowns, step);
         let delta = self.unknowns.iter().map(|u| moved.get(*u) - state.get(*u)).collect();
         (moved, delta)
     }

@@ -6,14 +6,12 @@
 use gic_geometry::Neighbours;
 use glam::DVec3;
 
-use crate::Input;
 use crate::forward::surface_membership::{memberships, smoothstep};
 use crate::forward::trajectories::Trajectories;
 use crate::observe::extracted_surface::{ObservedSurface, directed, shares, signed_distance};
 use crate::solve::residual_block::{Modality, ResidualBlock};
-
-/// About this many points take part per frame and direction at most.
-const MOST_POINTS: usize = 1500;
+use crate::tuning::{MembershipTuning, SurfaceTuning};
+use crate::{Input, Tuning};
 
 /// What comparing surfaces needs besides the surfaces.
 #[derive(Clone, Debug)]
@@ -21,6 +19,10 @@ pub(crate) struct SurfaceComparison {
     /// Points within `margin` of an obstacle are in contact and do not count (as the release does for the ground).
     colliders: Vec<gic_mpm::Collider>,
     margin: f64,
+    tuning: SurfaceTuning,
+    membership: MembershipTuning,
+    /// Beyond this the nearest particle, not the plane through it, is what pulls an extracted point [m].
+    particle_plane_reach: f64,
     /// Radius within which a particle's neighbours decide whether it is on the surface [m].
     radius: f64,
     /// Share of the particles that take part. Always the same ones do: a choice that depended on the hypothesis would change the cost by more
@@ -36,24 +38,29 @@ pub(crate) struct SurfaceComparison {
 
 impl SurfaceComparison {
     /// Calibrates the offset between particles and extracted surface on the first frame.
-    pub(crate) fn new(input: &Input, first: Option<&ObservedSurface>) -> SurfaceComparison {
+    pub(crate) fn new(input: &Input, first: Option<&ObservedSurface>, tuning: &Tuning) -> SurfaceComparison {
+        let (tuning, membership) = (tuning.surfaces.clone(), tuning.membership.clone());
         let mut context = SurfaceComparison {
             colliders: input.colliders.clone(),
-            margin: input.grid_spacing_m,
-            radius: 1.1 * input.grid_spacing_m,
+            margin: tuning.contact_margin_cells * input.grid_spacing_m,
+            particle_plane_reach: tuning.particle_plane_reach_cells * input.grid_spacing_m,
+            radius: membership.radius_cells * input.grid_spacing_m,
             sampled: 1.0,
             rest: vec![f64::NAN; input.positions.len()],
             typical: 0.0,
-            knee: 0.5 * input.grid_spacing_m,
+            knee: tuning.huber_knee_cells * input.grid_spacing_m,
+            tuning,
+            membership,
         };
         let positions: Vec<[f32; 3]> = input.positions.iter().map(|p| p.as_vec3().to_array()).collect();
-        let memberships = memberships(&positions, context.radius);
-        context.sampled = sampled(memberships.iter().filter(|membership| membership.is_surface()).count());
+        let memberships = memberships(&positions, context.radius, &context.membership);
+        let count = memberships.iter().filter(|membership| membership.is_surface()).count();
+        context.sampled = context.sampled_share(count);
         let Some(first) = first else { return context };
         let mut known = Vec::new();
         for (i, membership) in memberships.iter().enumerate().filter(|(_, membership)| membership.is_surface()) {
             let (distance, normal, _) = signed_distance(first, input.positions[i], membership.outward);
-            if distance.abs() < 2.0 * context.margin && normal.is_finite() {
+            if distance.abs() < context.tuning.calibration_reach_cells * input.grid_spacing_m && normal.is_finite() {
                 context.rest[i] = distance;
                 known.push(distance);
             }
@@ -69,7 +76,7 @@ impl SurfaceComparison {
 
     /// Indices of the particles on the surface that touch nothing.
     pub(crate) fn surface_particles(&self, positions: &[[f32; 3]], time: f64) -> Vec<usize> {
-        let memberships = memberships(positions, self.radius);
+        let memberships = memberships(positions, self.radius, &self.membership);
         (0..positions.len())
             .filter(|i| memberships[*i].is_surface() && !self.in_contact(point(positions[*i]), time))
             .collect()
@@ -83,7 +90,7 @@ impl SurfaceComparison {
     /// The same for motions of only the particles `ids`, `factor` times as far apart.
     pub(crate) fn thinned(&self, ids: &[usize], factor: f64) -> SurfaceComparison {
         let rest: Vec<f64> = ids.iter().map(|i| self.rest[*i]).collect();
-        let sampled = sampled(rest.iter().filter(|distance| distance.is_finite()).count());
+        let sampled = self.sampled_share(rest.iter().filter(|distance| distance.is_finite()).count());
         SurfaceComparison { rest, sampled, radius: factor * self.radius, ..self.clone() }
     }
 
@@ -95,7 +102,12 @@ impl SurfaceComparison {
     /// How far a point is clear of all obstacles: 0 in contact, 1 out of it, one half at the margin.
     fn clear(&self, p: DVec3, time: f64) -> f64 {
         let nearest = self.colliders.iter().map(|c| c.signed_distance(p, time)).fold(f64::INFINITY, f64::min);
-        smoothstep(nearest / self.margin, (0.75, 1.25))
+        smoothstep(nearest / self.margin, self.tuning.contact_fade)
+    }
+
+    /// Share of `count` points that makes about as many as take part at most.
+    fn sampled_share(&self, count: usize) -> f64 {
+        (self.tuning.most_points as f64 / count.max(1) as f64).min(1.0)
     }
 
     /// Whether a particle is one of those that take part: spread evenly over their numbers, whatever the order these follow.
@@ -115,7 +127,7 @@ impl SurfaceComparison {
     ) -> ResidualBlock {
         let comparison = Comparison { context: self, o, trajectories, perturbed, steps };
         let base: Vec<DVec3> = trajectories.positions[o].iter().map(|p| point(*p)).collect();
-        let memberships = memberships(&trajectories.positions[o], self.radius);
+        let memberships = memberships(&trajectories.positions[o], self.radius, &self.membership);
         let mut block = ResidualBlock::new(Modality::Surface, o, None, steps.len());
         let surface: Vec<usize> = (0..base.len()).filter(|i| memberships[*i].share > 0.0).collect();
         for &i in surface.iter().filter(|i| self.takes_part(**i)) {
@@ -127,7 +139,7 @@ impl SurfaceComparison {
         }
         let simulated: Vec<DVec3> = surface.iter().map(|i| base[*i]).collect();
         let tree = Neighbours::new(&simulated, self.margin);
-        let stride = observed.points.len().div_ceil(MOST_POINTS).max(1);
+        let stride = observed.points.len().div_ceil(self.tuning.most_points).max(1);
         for k in (0..observed.points.len()).step_by(stride) {
             let (y, n) = (observed.points[k], observed.normals[k]);
             let weight = self.clear(y, time) * observed.seen[k];
@@ -136,7 +148,7 @@ impl SurfaceComparison {
                 let particles: Vec<(usize, f64)> = near.iter().map(|(k, share)| (surface[*k], *share)).collect();
                 let mean = |of: &dyn Fn(usize) -> DVec3| particles.iter().map(|(i, share)| *share * of(*i)).sum();
                 let (place, outward): (DVec3, DVec3) = (mean(&|i| base[i]), mean(&|i| memberships[i].outward));
-                let (distance, normal) = directed(place - y, n, outward, self.margin);
+                let (distance, normal) = directed(place - y, n, outward, self.particle_plane_reach);
                 comparison.add(&mut block, &particles, normal, distance, weight);
             }
         }
@@ -188,11 +200,6 @@ fn point(p: [f32; 3]) -> DVec3 {
     glam::Vec3::from_array(p).as_dvec3()
 }
 
-/// Share of `count` points that makes about as many as take part at most.
-fn sampled(count: usize) -> f64 {
-    (MOST_POINTS as f64 / count.max(1) as f64).min(1.0)
-}
-
 #[cfg(test)]
 mod tests {
     use gic_mpm::{Collider, Contact};
@@ -211,7 +218,7 @@ mod tests {
 
     /// Surface particles of the block moved out by 5 mm: what pictures would show of it.
     fn shown(positions: &[DVec3]) -> Vec<DVec3> {
-        let memberships = memberships(&single(positions), 0.022);
+        let memberships = memberships(&single(positions), 0.022, &MembershipTuning::default());
         positions.iter().zip(memberships).filter(|(_, f)| f.is_surface()).map(|(p, f)| *p + 0.005 * f.outward).collect()
     }
 
@@ -219,7 +226,10 @@ mod tests {
         SurfaceComparison {
             colliders: vec![Collider::plane(DVec3::ZERO, DVec3::Y, Contact::Sticky)],
             margin: 0.02,
+            particle_plane_reach: 0.02,
             radius: 0.022,
+            tuning: SurfaceTuning::default(),
+            membership: MembershipTuning::default(),
             sampled: 0.5,
             rest: vec![-0.005; particles],
             typical: -0.005,
@@ -240,7 +250,7 @@ mod tests {
     #[test]
     fn the_cost_has_no_steps() {
         let rest = block();
-        let observed = ObservedSurface::new(&shown(&rest), 0.04);
+        let observed = ObservedSurface::new(&shown(&rest), 0.02, &SurfaceTuning::default());
         let context = context(rest.len());
         // Sheared, stretched and shifted more and more: particles pass one another's nearest points and the margin of the plane.
         let cost = |k: usize| {
@@ -261,7 +271,7 @@ mod tests {
         let (rest, shown) = (block(), shown(&block()));
         let moved = trajectories(&rest.iter().map(|p| *p + DVec3::new(0.003, 0.002, -0.001)).collect::<Vec<_>>());
         let cost = |doubts: Vec<f32>| {
-            let mut observed = ObservedSurface::new(&shown, 0.04);
+            let mut observed = ObservedSurface::new(&shown, 0.02, &SurfaceTuning::default());
             observed.discount_doubtful(&doubts);
             context(rest.len()).block((0, 0.0), &observed, &moved, &[], &[]).cost
         };
@@ -275,7 +285,7 @@ mod tests {
     #[test]
     fn the_gradient_is_that_of_the_cost() {
         let rest = block();
-        let observed = ObservedSurface::new(&shown(&rest), 0.04);
+        let observed = ObservedSurface::new(&shown(&rest), 0.02, &SurfaceTuning::default());
         let context = context(rest.len());
         let at = |t: f64| trajectories(&rest.iter().map(|p| *p + DVec3::new(0.002, t, -0.001)).collect::<Vec<_>>());
         let step = 1e-4;

@@ -14,9 +14,6 @@ use crate::solve::loss::frame_loss;
 use crate::stages::identification::Identification;
 use crate::unknowns::state::{State, Unknown};
 
-/// Consecutive failed rollouts after which the search ends with its best iterate.
-const MOST_FAILURES: usize = 10;
-
 /// Fits the material from the first of `starts` with the initial velocity fixed; the best iterate is returned, not the
 /// last.
 ///
@@ -28,6 +25,7 @@ pub(crate) fn adam(
     starts: Vec<State>,
 ) -> Result<State, FitError> {
     let (unknowns, parameters) = (identification.free_materials(), identification.parameters());
+    let (coordinates, tuning) = (identification.coordinates(), &identification.tuning.adam);
     let mut state = starts.into_iter().next().ok_or(FitError::NoIteration)?;
     let mut best: Option<(f64, State)> = None;
     let mut optimiser = Adam::new(unknowns.len());
@@ -39,9 +37,11 @@ pub(crate) fn adam(
             Err(reason) => {
                 // Back to where the simulator worked, with smaller steps.
                 failures += 1;
-                let Some((_, good)) = best.as_ref().filter(|_| failures <= MOST_FAILURES) else { return Err(reason) };
+                let Some((_, good)) = best.as_ref().filter(|_| failures <= tuning.most_failures) else {
+                    return Err(reason);
+                };
                 state = good.clone();
-                rate *= 0.5;
+                rate *= tuning.rate_after_failure;
                 continue;
             }
         };
@@ -51,9 +51,9 @@ pub(crate) fn adam(
         let iterate = Iterate { steps: count, state: state.clone(), cost: loss };
         session.record(Stage::Material, parameters, &iterate)?;
         count += 1;
-        let rates: Vec<f64> = materials(&unknowns).map(|i| rate * parameters[i].adam_rate()).collect();
+        let rates: Vec<f64> = materials(&unknowns).map(|i| rate * parameters[i].adam_rate(tuning)).collect();
         let delta = optimiser.step(&slope, &rates);
-        state = state.moved(&unknowns, &delta, parameters);
+        state = coordinates.moved(&state, &unknowns, &delta);
     }
     best.map(|(_, state)| state).ok_or(FitError::NoIteration)
 }

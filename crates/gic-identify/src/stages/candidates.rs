@@ -11,10 +11,7 @@ use crate::solve::objective::Objective;
 use crate::unknowns::parameter::Parameter;
 use crate::unknowns::state::State;
 
-/// Rollouts between two moments at which the work may be stopped.
-const BATCH: usize = 8;
-
-/// What each of `states` costs, or why it cannot be simulated.
+/// What each of `states` costs, or why it cannot be simulated; `batch` rollouts lie between two moments at which the work may be stopped.
 ///
 /// # Errors
 /// Interruption.
@@ -23,9 +20,10 @@ pub(crate) fn costs(
     (simulation, objective): (&Simulation, Objective),
     states: &[State],
     selection: &FrameSelection,
+    batch: usize,
 ) -> Result<Vec<Result<f64, FitError>>, FitError> {
     let mut costs = Vec::new();
-    for batch in states.chunks(BATCH) {
+    for batch in states.chunks(batch) {
         let cost = |state| {
             simulation.trajectories(state, selection).map(|trajectories| objective.cost(&trajectories, selection))
         };
@@ -46,16 +44,24 @@ pub(crate) fn ranked<T>(
     ranked
 }
 
+/// What tells local minima apart.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MinimumSpace<'a> {
+    pub parameters: &'a [Parameter],
+    /// States whose coordinates differ by less lie in the same minimum.
+    pub distance: f64,
+}
+
 /// Whether two states differ little in what tells local minima apart: not in what has one start only.
-pub(crate) fn same_minimum(parameters: &[Parameter], a: &State, b: &State) -> bool {
+pub(crate) fn same_minimum(space: &MinimumSpace, a: &State, b: &State) -> bool {
     let pairs = a.material.iter().zip(&b.material);
-    parameters.iter().zip(pairs).filter(|(p, _)| p.grid > 1).all(|(_, (a, b))| (a - b).abs() < 0.2)
+    space.parameters.iter().zip(pairs).filter(|(p, _)| p.grid > 1).all(|(_, (a, b))| (a - b).abs() < space.distance)
 }
 
 /// The first of `states` in each local minimum, in their order.
-pub(crate) fn distinct(parameters: &[Parameter], states: impl IntoIterator<Item = State>) -> Vec<State> {
+pub(crate) fn distinct(space: &MinimumSpace, states: impl IntoIterator<Item = State>) -> Vec<State> {
     states.into_iter().fold(Vec::new(), |mut distinct, state| {
-        if !distinct.iter().any(|other| same_minimum(parameters, other, &state)) {
+        if !distinct.iter().any(|other| same_minimum(space, other, &state)) {
             distinct.push(state);
         }
         distinct
@@ -63,8 +69,8 @@ pub(crate) fn distinct(parameters: &[Parameter], states: impl IntoIterator<Item 
 }
 
 /// Distinct states that cost at most `ratio` times as much as the cheapest of `fits`, cheapest first.
-pub(crate) fn cheapest(parameters: &[Parameter], mut fits: Vec<(f64, State)>, ratio: f64) -> Vec<State> {
+pub(crate) fn cheapest(space: &MinimumSpace, mut fits: Vec<(f64, State)>, ratio: f64) -> Vec<State> {
     fits.sort_by(|a, b| a.0.total_cmp(&b.0));
     let most = ratio * fits.first().map_or(0.0, |(cost, _)| *cost);
-    distinct(parameters, fits.into_iter().filter(|(cost, _)| *cost <= most).map(|(_, state)| state))
+    distinct(space, fits.into_iter().filter(|(cost, _)| *cost <= most).map(|(_, state)| state))
 }

@@ -74,10 +74,10 @@ fn is_explained(
     let compared = (&identification.video, &identification.comparison);
     let drawn = (trajectories, identification.input.opacities.as_slice());
     let (free, grid_spacing_m) = (identification.flight.free, identification.input.grid_spacing_m);
-    let unexplained = verdicts::unexplained(compared, drawn, free, grid_spacing_m);
+    let unexplained = verdicts::unexplained(compared, drawn, free, grid_spacing_m, &identification.tuning.verdicts);
     let is_explained = unexplained.is_empty();
     session.warn(unexplained);
-    session.warn(verdicts::at_limits(identification.parameters(), &identification.free_materials(), state));
+    session.warn(verdicts::at_limits(&identification.coordinates(), &identification.free_materials(), state));
     is_explained
 }
 
@@ -109,7 +109,8 @@ fn estimate(
         Some(half) => (p.value((coordinate - half).max(low)), p.value((coordinate + half).min(high))),
         None => p.bounds,
     };
-    let at_bound = !fixed && ((coordinate - low).abs() < 1e-3 || (coordinate - high).abs() < 1e-3);
+    let near = identification.tuning.verdicts.limit_distance;
+    let at_bound = !fixed && ((coordinate - low).abs() < near || (coordinate - high).abs() < near);
     let width = 0.5 * p.error(interval.1, interval.0).abs();
     Estimate {
         parameter: *p,

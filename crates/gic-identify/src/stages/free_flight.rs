@@ -14,8 +14,10 @@ use crate::solve::normal_equations::Normal;
 use crate::solve::objective::Objective;
 use crate::solve::problem::Problem;
 use crate::solve::residual_block::ResidualBlock;
+use crate::tuning::FreeFlightTuning;
+use crate::unknowns::coordinates::Coordinates;
 use crate::unknowns::state::{State, Unknown};
-use crate::{FitError, Input};
+use crate::{FitError, Input, Tuning};
 
 /// What free flight shows.
 #[derive(Clone, Debug)]
@@ -48,8 +50,9 @@ pub(crate) fn fit_free_flight(
     objective: Objective,
     start: State,
     freedom: Freedom,
+    tuning: &Tuning,
 ) -> Result<FreeFlightFit, FitError> {
-    let stage = FlightStage { flight, objective };
+    let stage = FlightStage { flight, objective, tuning };
     let mut state = start;
     let mut unknowns: Vec<Unknown> = (0..3).map(Unknown::Offset).collect();
     if !flight.video.frames[0].views.is_empty() {
@@ -71,9 +74,11 @@ pub(crate) fn fit_free_flight(
         with_rotation.extend((0..3).map(Unknown::Angular));
         let mut turning = stage.fit(fit.state.clone(), &with_rotation, free, 1)?;
         let turning_blocks = stage.blocks(&mut turning, &with_rotation, free);
-        // Rotation counts as shown when it explains a tenth of the residual and stands above its own uncertainty.
+        // Rotation counts as shown when it explains some of the residual and stands above its own uncertainty.
         let significance = rotation_significance(&turning_blocks, &turning.state, &with_rotation, objective);
-        if turning.cost < 0.9 * fit.cost && significance > 5.0 {
+        if turning.cost < tuning.free_flight.rotation_cost_share * fit.cost
+            && significance > tuning.free_flight.rotation_significance
+        {
             (fit, unknowns, blocks) = (turning, with_rotation, turning_blocks);
         }
     }
@@ -83,6 +88,7 @@ pub(crate) fn fit_free_flight(
 struct FlightStage<'a> {
     flight: &'a Flight<'a>,
     objective: Objective<'a>,
+    tuning: &'a Tuning,
 }
 
 impl FlightStage<'_> {
@@ -91,7 +97,8 @@ impl FlightStage<'_> {
             forward: self.flight,
             objective: self.objective,
             unknowns: unknowns.to_vec(),
-            parameters: &[],
+            coordinates: Coordinates { parameters: &[], tuning: &self.tuning.coordinates },
+            descent: &self.tuning.descent,
             selection: FrameSelection { first: 0, end, pooling },
             prior: None,
         }
@@ -99,8 +106,8 @@ impl FlightStage<'_> {
 
     /// A fit to the first `end` observations.
     fn fit(&self, start: State, unknowns: &[Unknown], end: usize, pooling: usize) -> Result<Fit, FitError> {
-        let limits =
-            Limits { iterations: 10, step_tolerance: 0.1, gain_tolerance: 1e-4, secants: false, ..Limits::ROUGH };
+        let FreeFlightTuning { iterations, step_tolerance, gain_tolerance, .. } = self.tuning.free_flight;
+        let limits = Limits { iterations, step_tolerance, gain_tolerance, least_gain: 0.0, secants: false };
         let problem = self.problem(unknowns, end, pooling);
         minimise(&problem, start, None, limits, &mut |_| Ok(ControlFlow::Continue(())))
     }
@@ -112,18 +119,19 @@ impl FlightStage<'_> {
     /// The velocity from one frame more at a time, and how many frames are free of contact. Each fit starts where the last ended, so that the
     /// outline never jumps by more than it overlaps.
     fn follow_until_contact(&self, start: State, velocity: &[Unknown]) -> Result<(State, usize), FitError> {
-        let Flight { input, video, .. } = *self.flight;
+        let (Flight { input, video, .. }, tuning) = (*self.flight, &self.tuning.free_flight);
+        let touching = tuning.contact_clearance_cells * input.grid_spacing_m;
         let (mut state, mut free) = (start, 1);
         while free < video.frames.len() {
             let mut candidate = state.clone();
             if !velocity.is_empty() {
                 if free == 1 {
-                    candidate = self.fit(candidate, velocity, free + 1, 8)?.state;
+                    candidate = self.fit(candidate, velocity, free + 1, tuning.first_pooling)?.state;
                 }
-                candidate = self.fit(candidate, velocity, free + 1, if free == 1 { 1 } else { 2 })?.state;
+                candidate = self.fit(candidate, velocity, free + 1, if free == 1 { 1 } else { tuning.pooling })?.state;
             }
             let frame = video.frames[free].simulated_frame;
-            if clearance(input, &self.flight.positions(&candidate, frame), frame) < 1.5 * input.grid_spacing_m {
+            if clearance(input, &self.flight.positions(&candidate, frame), frame) < touching {
                 break;
             }
             state = candidate;

@@ -14,22 +14,22 @@ use crate::solve::objective::Objective;
 use crate::solve::problem::Problem;
 use crate::solve::residual_block::{ResidualBlock, Weights};
 use crate::solve::surface_residuals::SurfaceComparison;
+use crate::stages::candidates::MinimumSpace;
 use crate::stages::free_flight::{FreeFlightFit, Freedom, clearance, fit_free_flight};
+use crate::tuning::NoiseTuning;
 use crate::uncertainty::input_checks;
 use crate::uncertainty::noise::effective_weights;
+use crate::unknowns::coordinates::Coordinates;
 use crate::unknowns::parameter::sought;
 use crate::unknowns::state::{State, Unknown};
-use crate::{IdentifyError, Input, Parameter, Settings};
-
-/// Extra pooling of the masks while the outlines may still be far apart: Gauss-Newton steps reach about as far as the pictures are
-/// blurred, and a sharp outline would let it creep.
-pub(crate) const BLUR: usize = 8;
+use crate::{IdentifyError, Input, Parameter, Settings, Tuning};
 
 /// The observations, the body, the fit of free flight and the weights that it gives.
 pub(crate) struct Identification<'a> {
     pub input: &'a Input,
     pub kind: MaterialKind,
     pub settings: &'a Settings,
+    pub tuning: &'a Tuning,
     pub rollouts: &'a RolloutCounts,
     pub video: ObservedVideo,
     pub comparison: SurfaceComparison,
@@ -49,36 +49,61 @@ impl<'a> Identification<'a> {
         rollouts: &'a RolloutCounts,
         session: &mut Session,
     ) -> Result<Identification<'a>, IdentifyError> {
-        let mut warnings = Vec::new();
+        let (tuning, mut warnings) = (&settings.tuning, Vec::new());
         if input.observations.len() < 3 {
             warnings.push("two frames only: the material can hardly show; expect wide intervals".to_owned());
         }
-        let excluded = input_checks::wrong_cameras(input, settings.target, &mut warnings);
+        let excluded = input_checks::wrong_cameras(input, settings.target, &tuning.verdicts, &mut warnings);
         input_checks::cut_views(input, settings.target, &mut warnings);
         session.warn(warnings);
-        let mut video = ObservedVideo::new(input, settings.target, &excluded);
-        let comparison = SurfaceComparison::new(input, video.frames[0].surface.as_ref());
-        let splat_widths = SplatWidths::new(&input.positions, &input.scales, input.particle_volume_m3.cbrt());
-        let shape = ShapeModes::new(input);
-        // A tenth of a pixel's alpha and a tenth of a cell, until the data's own noise is known.
-        let weights = Weights::uniform(100.0, (0.1 * input.grid_spacing_m).powi(-2), video.frames.len());
+        let mut video = ObservedVideo::new(input, settings.target, &excluded, tuning);
+        let comparison = SurfaceComparison::new(input, video.frames[0].surface.as_ref(), tuning);
+        let spacing = input.particle_volume_m3.cbrt();
+        let splat_widths = SplatWidths::new(&input.positions, &input.scales, spacing, &tuning.splats);
+        let shape = ShapeModes::new(input, &tuning.shape, &tuning.membership);
+        let count = video.frames.len();
+        // Until the data's own noise is known.
+        let surface_error = tuning.noise.first_surface_error_cells * input.grid_spacing_m;
+        let weights = Weights::uniform(tuning.noise.first_mask_weight, surface_error.powi(-2), count);
         let objective = Objective {
             video: &video,
             opacities: &input.opacities,
             surface_comparison: &comparison,
             weights: &weights,
+            window_margin_px: tuning.masks.window_margin_px,
         };
         let freedom = Freedom { velocity: settings.velocity_m_s.is_none(), rotation: settings.rotation };
         let flight = Flight { input, video: &video, shape: &shape };
-        let flight = fit_free_flight(&flight, objective, start_of_flight(kind, settings), freedom)
+        let flight = fit_free_flight(&flight, objective, start_of_flight(kind, settings), freedom, tuning)
             .map_err(|error| error.of_stage(1))?;
-        let weights = flight_weights(&flight, &weight_ceilings(input, video.frames.len()));
+        let weights = flight_weights(&flight, &weight_ceilings(input, count, &tuning.noise), &tuning.noise);
         video.discount_unseen(input, flight.free);
-        Ok(Identification { input, kind, settings, rollouts, video, comparison, shape, splat_widths, flight, weights })
+        Ok(Identification {
+            input,
+            kind,
+            settings,
+            tuning,
+            rollouts,
+            video,
+            comparison,
+            shape,
+            splat_widths,
+            flight,
+            weights,
+        })
     }
 
     pub(crate) fn parameters(&self) -> &'static [Parameter] {
         sought(self.kind)
+    }
+
+    pub(crate) fn coordinates(&self) -> Coordinates<'_> {
+        Coordinates { parameters: self.parameters(), tuning: &self.tuning.coordinates }
+    }
+
+    /// What tells local minima of the material apart.
+    pub(crate) fn minimum_space(&self) -> MinimumSpace<'_> {
+        MinimumSpace { parameters: self.parameters(), distance: self.tuning.material.same_minimum_distance }
     }
 
     /// The material parameters that are sought.
@@ -112,6 +137,7 @@ impl<'a> Identification<'a> {
             opacities: &self.input.opacities,
             surface_comparison: &self.comparison,
             weights: &self.weights,
+            window_margin_px: self.tuning.masks.window_margin_px,
         }
     }
 
@@ -121,7 +147,8 @@ impl<'a> Identification<'a> {
             forward,
             objective: self.objective(),
             unknowns: self.free_materials(),
-            parameters: self.parameters(),
+            coordinates: self.coordinates(),
+            descent: &self.tuning.descent,
             selection: self.touched_frames(pooling),
             prior: None,
         }
@@ -153,16 +180,17 @@ impl<'a> Identification<'a> {
 
     /// The weights that the data's own noise gives at a fit.
     pub(crate) fn weights_at(&self, blocks: &[ResidualBlock], unknowns: usize) -> Weights {
-        let ceilings = weight_ceilings(self.input, self.video.frames.len());
-        effective_weights(blocks, unknowns, self.flight.free, &ceilings)
+        let noise = &self.tuning.noise;
+        let ceilings = weight_ceilings(self.input, self.video.frames.len(), noise);
+        effective_weights(blocks, unknowns, self.flight.free, &ceilings, noise)
     }
 
     /// Whether anything is touched in the observed frames, between them or shortly after.
     pub(crate) fn has_contact(&self) -> bool {
         let last = self.video.frames.last().map_or(0, |observed| observed.simulated_frame);
         let at_the_end = || self.free_flight().positions(&self.flight.state, last);
-        self.flight.free < self.video.frames.len()
-            || clearance(self.input, &at_the_end(), last) < 1.5 * self.input.grid_spacing_m
+        let touching = self.tuning.free_flight.contact_clearance_cells * self.input.grid_spacing_m;
+        self.flight.free < self.video.frames.len() || clearance(self.input, &at_the_end(), last) < touching
     }
 }
 
@@ -175,20 +203,21 @@ fn start_of_flight(kind: MaterialKind, settings: &Settings) -> State {
     start
 }
 
-/// Weights never exceed those of a thousandth of a pixel's alpha and of a cell.
-fn weight_ceilings(input: &Input, frames: usize) -> Weights {
-    Weights::uniform(1e6, (1e-3 * input.grid_spacing_m).powi(-2), frames)
+/// What weights never exceed.
+fn weight_ceilings(input: &Input, frames: usize, tuning: &NoiseTuning) -> Weights {
+    let surface_error = tuning.least_surface_error_cells * input.grid_spacing_m;
+    Weights::uniform(tuning.most_mask_weight, surface_error.powi(-2), frames)
 }
 
 /// The noise of free flight as that of all frames.
-fn flight_weights(flight: &FreeFlightFit, ceilings: &Weights) -> Weights {
+fn flight_weights(flight: &FreeFlightFit, ceilings: &Weights, tuning: &NoiseTuning) -> Weights {
     let count = ceilings.mask.len();
-    let own = effective_weights(&flight.blocks, flight.unknowns.len(), flight.free, ceilings);
+    let own = effective_weights(&flight.blocks, flight.unknowns.len(), flight.free, ceilings, tuning);
     let mean = |values: &[f64]| {
         let used = &values[..flight.free.clamp(1, count)];
         used.iter().sum::<f64>() / used.len() as f64
     };
     let mut weights = Weights::uniform(mean(&own.mask), mean(&own.surface), count);
-    weights.inflate_surface_errors(flight.free);
+    weights.inflate_surface_errors(flight.free, tuning.surface_error_inflation);
     weights
 }

@@ -13,11 +13,13 @@ use crate::solve::prior::Prior;
 use crate::solve::problem::Problem;
 use crate::stages::identification::Identification;
 use crate::stages::joint;
+use crate::tuning::NoiseTuning;
 use crate::uncertainty::interval::{covariance, half_width, response, shape_prior_covariance};
 use crate::unknowns::state::{State, Unknown};
 
 /// Covariance of the joint stage's unknowns.
-pub(crate) struct Uncertainty {
+pub(crate) struct Uncertainty<'a> {
+    tuning: &'a NoiseTuning,
     unknowns: Vec<Unknown>,
     /// `None` where it could not be measured.
     covariance: Option<DMatrix<f64>>,
@@ -25,11 +27,11 @@ pub(crate) struct Uncertainty {
     refinement_shifts: Option<Vec<f64>>,
 }
 
-impl Uncertainty {
+impl Uncertainty<'_> {
     /// Half-width of the 95 % interval, in the unknown's coordinate.
     pub(crate) fn half_width(&self, unknown: Unknown) -> Option<f64> {
         let k = self.place(unknown)?;
-        self.covariance.as_ref().map(|c| half_width(c[(k, k)]))
+        self.covariance.as_ref().map(|c| half_width(c[(k, k)], self.tuning))
     }
 
     /// How far an unknown moves when the simulation grid is refined.
@@ -47,12 +49,12 @@ impl Uncertainty {
 ///
 /// # Errors
 /// Where the state cannot be simulated, and interruption.
-pub(crate) fn uncertainty(
-    identification: &Identification,
+pub(crate) fn uncertainty<'a>(
+    identification: &'a Identification,
     session: &mut Session,
     state: &State,
     known: Option<Linearisation>,
-) -> Result<(Trajectories, Uncertainty), FitError> {
+) -> Result<(Trajectories, Uncertainty<'a>), FitError> {
     let (simulation, prior) = (identification.simulation(), joint::prior(identification));
     let problem = joint::problem(identification, &simulation, &prior);
     let factor = identification.settings.resolution_check;
@@ -70,21 +72,22 @@ pub(crate) fn uncertainty(
         Ok(tangents) => of_tangents(identification, (&problem, &prior), &trajectories, tangents, refined),
         Err(reason) => {
             session.warn([format!("no intervals: {reason}")]);
-            Uncertainty { unknowns: problem.unknowns, covariance: None, refinement_shifts: None }
+            let tuning = &identification.tuning.noise;
+            Uncertainty { tuning, unknowns: problem.unknowns, covariance: None, refinement_shifts: None }
         }
     };
     Ok((trajectories, uncertainty))
 }
 
 /// A `refined` grid is one more direction in which the residuals move: a nuisance, with the whole of its shift.
-fn of_tangents(
-    identification: &Identification,
+fn of_tangents<'a>(
+    identification: &'a Identification,
     (problem, prior): (&Problem, &Prior),
     trajectories: &Trajectories,
     mut tangents: Tangents,
     refined: Option<Trajectories>,
-) -> Uncertainty {
-    let count = problem.unknowns.len();
+) -> Uncertainty<'a> {
+    let (count, tuning) = (problem.unknowns.len(), &identification.tuning.noise);
     if let Some(refined) = refined {
         tangents.push(refined);
     }
@@ -97,9 +100,9 @@ fn of_tangents(
     let materials = places(&|u| matches!(u, Unknown::Material(_)));
     let shapes = places(&|u| matches!(u, Unknown::Shape(_)));
     let nuisances = DMatrix::identity(nuisances, nuisances);
-    let covariance = covariance(&blocks, &weights, count, &known, &nuisances)
+    let covariance = covariance(&blocks, &weights, count, &known, &nuisances, tuning)
         .map(|c| c + shape_prior_covariance(&blocks, &weights, count, &known, &materials, &shapes));
-    Uncertainty { unknowns: problem.unknowns.clone(), covariance, refinement_shifts }
+    Uncertainty { tuning, unknowns: problem.unknowns.clone(), covariance, refinement_shifts }
 }
 
 /// The trajectories at `state` on a grid refined by `factor`; `None` where it cannot be simulated there.
@@ -113,8 +116,9 @@ fn refined(mut simulation: Simulation, factor: f64, state: &State) -> Option<Tra
 
 /// Half-width of an unknown's interval from free flight alone, where the position is uncertain, too; 0 where it was not fitted.
 pub(crate) fn flight_half_width(identification: &Identification, unknown: Unknown) -> f64 {
-    let (flight, none) = (&identification.flight, DMatrix::zeros(0, 0));
+    let (flight, tuning, none) = (&identification.flight, &identification.tuning.noise, DMatrix::zeros(0, 0));
     let place = flight.unknowns.iter().position(|u| *u == unknown);
-    let covariance = covariance(&flight.blocks, &identification.weights, flight.unknowns.len(), &none, &none);
-    place.zip(covariance).map_or(0.0, |(k, c)| half_width(c[(k, k)]))
+    let count = flight.unknowns.len();
+    let covariance = covariance(&flight.blocks, &identification.weights, count, &none, &none, tuning);
+    place.zip(covariance).map_or(0.0, |(k, c)| half_width(c[(k, k)], tuning))
 }

@@ -19,17 +19,6 @@ use crate::solve::problem::Problem;
 use crate::stages::identification::Identification;
 use crate::unknowns::state::{State, Unknown};
 
-/// Most steps of the joint stage under its first weights, and the share of the cost that a step must gain there: this fit only has to be
-/// good enough to weigh the frames anew.
-const FIRST_FIT: usize = 5;
-const ROUGHLY: f64 = 0.02;
-
-/// The joint stage ends where a step gains less than this of the cost, which is half of chi-squared.
-const LEAST_GAIN: f64 = 0.1;
-
-/// Standard deviation of the logarithm of the Gaussians' size about the one that fits free flight with the shape as reconstructed.
-const SPLAT_SIGMA: f64 = 0.05;
-
 /// The end of the joint stage, and the linearisation there where it was measured rather than carried there. The state goes into the checkpoint.
 ///
 /// # Errors
@@ -55,9 +44,10 @@ fn fit(
     start: State,
 ) -> Result<(State, Option<Linearisation>), FitError> {
     let (simulation, prior) = (identification.simulation(), prior(identification));
-    let most = identification.settings.iterations;
+    let (most, tuning) = (identification.settings.iterations, &identification.tuning.joint);
+    let first = (tuning.first_iterations.min(most), tuning.first_gain_tolerance);
     let (mut state, mut known) = (start, None);
-    for (iterations, gain_tolerance) in [(FIRST_FIT.min(most), ROUGHLY), (most, 0.0)] {
+    for (iterations, gain_tolerance) in [first, (most, 0.0)] {
         let problem = problem(identification, &simulation, &prior);
         // Where the first fit ended, its tangents are good enough for weights, and for a first step.
         let mut here = match known {
@@ -68,7 +58,8 @@ fn fit(
         let weights = identification.weights_at(here.blocks(&problem), problem.unknowns.len());
         let problem = Problem { objective: Objective { weights: &weights, ..problem.objective }, ..problem };
         // The cost is in units of chi-squared: what matters is the absolute gain.
-        let limits = Limits { iterations, gain_tolerance, least_gain: LEAST_GAIN, ..Limits::ROUGH };
+        let rough = Limits::rough(iterations, problem.descent);
+        let limits = Limits { gain_tolerance, least_gain: tuning.least_gain, ..rough };
         let fit = session.minimise(Stage::Joint, &problem, (state, Some(here)), limits, &|_| false)?;
         (state, known) = (fit.state, Some(fit.linearisation));
     }
@@ -85,7 +76,8 @@ pub(crate) fn problem<'a>(
         forward: simulation,
         objective: identification.objective(),
         unknowns: unknowns(identification),
-        parameters: identification.parameters(),
+        coordinates: identification.coordinates(),
+        descent: &identification.tuning.descent,
         selection: identification.all_frames(),
         prior: Some(prior),
     }
@@ -105,7 +97,8 @@ fn unknowns(identification: &Identification) -> Vec<Unknown> {
 pub(crate) fn prior(identification: &Identification) -> Prior {
     let is_nuisance = |u: &Unknown| matches!(u, Unknown::Splat | Unknown::Shape(_));
     let unknowns: Vec<Unknown> = unknowns(identification).into_iter().filter(is_nuisance).collect();
-    let deviation = |u: &Unknown| if *u == Unknown::Splat { SPLAT_SIGMA } else { 1.0 };
+    let splat = identification.tuning.joint.splat_deviation;
+    let deviation = |u: &Unknown| if *u == Unknown::Splat { splat } else { 1.0 };
     let information = DVector::from_iterator(unknowns.len(), unknowns.iter().map(|u| deviation(u).powi(-2)));
     let means = unknowns.iter().map(|u| identification.flight.state.get(*u));
     Prior {

@@ -13,39 +13,10 @@ use crate::solve::normal_equations::Normal;
 use crate::solve::problem::Problem;
 use crate::stages::adam::adam;
 use crate::stages::candidates::{cheapest, costs, same_minimum};
-use crate::stages::identification::{BLUR, Identification};
+use crate::stages::identification::Identification;
+use crate::tuning::MaterialTuning;
 use crate::unknowns::state::{State, Unknown};
 use crate::{FitError, IdentifyError};
-
-/// Steps from each start, from the best of them, and with sharper masks.
-const SHORT_FIT: usize = 5;
-const LONG_FIT: usize = 14;
-const SHARP_FIT: usize = 8;
-
-/// Steps before a search may be given up.
-const STEPS_BEFORE_GIVING_UP: usize = 2;
-
-/// How much more than the best a start may cost during its short fit.
-const GIVE_UP_COST_RATIO: f64 = 3.0;
-
-/// How much more than the best a start may cost after its short fit to be fitted on.
-const CONTINUE_COST_RATIO: f64 = 1.3;
-
-/// How much more than the deepest a valley may cost at its end to be tried with sharper masks.
-const SHARPEN_COST_RATIO: f64 = 1.05;
-
-/// How far beyond a valley's walls to look, in the parameters' coordinates: a factor of two in a modulus, and where that leads nowhere, one of
-/// 1.26. A stiff ring that comes down on its rim has valleys that narrow.
-const RESTART_DISTANCES: [f64; 2] = [0.3, 0.1];
-
-/// A probe counts where it undercuts the valley's curvature by more than this share of the cost: what a walk may leave where it ends.
-const LEAST_RESTART_GAIN: f64 = 0.01;
-
-/// Valleys that may be left for the next one.
-const MOST_RESTARTS: usize = 3;
-
-/// Pooling of the last steps of the material stage.
-const SHARP: usize = 2;
 
 /// Material from the best starts, with the velocity of stage 1. It goes into the checkpoint.
 ///
@@ -57,7 +28,8 @@ pub(crate) fn fit_material(
     starts: Vec<State>,
 ) -> Result<State, IdentifyError> {
     let count = starts.len();
-    let stage = MaterialStage { identification, simulation: &identification.simulation() };
+    let tuning = &identification.tuning.material;
+    let stage = MaterialStage { identification, simulation: &identification.simulation(), tuning };
     let fitted = match identification.settings.optimizer {
         Optimizer::Adam => adam(identification, session, starts),
         Optimizer::LevenbergMarquardt => stage.fit(session, starts),
@@ -71,6 +43,7 @@ pub(crate) fn fit_material(
 struct MaterialStage<'a> {
     identification: &'a Identification<'a>,
     simulation: &'a Simulation<'a>,
+    tuning: &'a MaterialTuning,
 }
 
 impl MaterialStage<'_> {
@@ -89,15 +62,17 @@ impl MaterialStage<'_> {
         for start in starts.into_iter().skip(done) {
             let fits = session.checkpoint().fits.iter().flatten();
             let best = fits.map(|fit| fit.0).fold(f64::INFINITY, f64::min);
-            let is_hopeless = |step: &Iterate| step.cost > GIVE_UP_COST_RATIO * best;
-            let found = match self.fit_until(session, start, (BLUR, SHORT_FIT), &is_hopeless) {
-                Ok(fit) => Some((fit.cost, fit.state)),
-                Err(FitError::Interrupted) => return Err(FitError::Interrupted),
-                Err(reason) => {
-                    failure = reason;
-                    None
-                }
-            };
+            let is_hopeless = |step: &Iterate| step.cost > self.tuning.give_up_cost_ratio * best;
+            let found =
+                match self.fit_until(session, start, (self.tuning.pooling, self.tuning.short_iterations), &is_hopeless)
+                {
+                    Ok(fit) => Some((fit.cost, fit.state)),
+                    Err(FitError::Interrupted) => return Err(FitError::Interrupted),
+                    Err(reason) => {
+                        failure = reason;
+                        None
+                    }
+                };
             session.reach(None, |checkpoint| checkpoint.fits.push(found))?;
         }
         if session.checkpoint().fits.iter().all(Option::is_none) { Err(failure) } else { Ok(()) }
@@ -107,14 +82,14 @@ impl MaterialStage<'_> {
     fn local_minima(&self, session: &mut Session, fits: Vec<(f64, State)>) -> Result<Vec<Fit>, FitError> {
         let mut minima: Vec<Fit> = Vec::new();
         let mut failure = FitError::NoIteration;
-        let parameters = self.identification.parameters();
-        for state in cheapest(parameters, fits, CONTINUE_COST_RATIO) {
+        let space = self.identification.minimum_space();
+        for state in cheapest(&space, fits, self.tuning.continue_cost_ratio) {
             // What comes down into a minimum that is known would end there.
             let is_known = |step: &Iterate| {
-                let same = |end: &Fit| end.cost <= step.cost && same_minimum(parameters, &end.state, &step.state);
+                let same = |end: &Fit| end.cost <= step.cost && same_minimum(&space, &end.state, &step.state);
                 minima.iter().any(same)
             };
-            match self.fit_until(session, state, (BLUR, LONG_FIT), &is_known) {
+            match self.fit_until(session, state, (self.tuning.pooling, self.tuning.long_iterations), &is_known) {
                 Ok(found) => minima.push(found),
                 Err(FitError::Interrupted) => return Err(FitError::Interrupted),
                 Err(reason) => failure = reason,
@@ -125,20 +100,22 @@ impl MaterialStage<'_> {
 
     /// `minima` and those that fits from neighbours of the best find: at the long distance, and at the short one where that leads nowhere.
     fn neighbouring_minima(&self, session: &mut Session, mut minima: Vec<Fit>) -> Result<Vec<Fit>, FitError> {
-        let parameters = self.identification.parameters();
-        let (mut restarts, mut distances) = (0, RESTART_DISTANCES.iter());
-        while let Some(distance) = distances.next().filter(|_| restarts < MOST_RESTARTS) {
+        let space = self.identification.minimum_space();
+        let (long, short) = self.tuning.restart_distances;
+        let (mut restarts, mut distances) = (0, [long, short].into_iter());
+        while let Some(distance) = distances.next().filter(|_| restarts < self.tuning.most_restarts) {
             minima.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-            let Some(start) = self.neighbouring_start(session, &mut minima[0], *distance)? else { continue };
-            let found = match self.fit_until(session, start, (BLUR, LONG_FIT), &|_| false) {
-                Ok(found) => found,
-                Err(FitError::Interrupted) => return Err(FitError::Interrupted),
-                Err(_) => continue,
-            };
+            let Some(start) = self.neighbouring_start(session, &mut minima[0], distance)? else { continue };
+            let found =
+                match self.fit_until(session, start, (self.tuning.pooling, self.tuning.long_iterations), &|_| false) {
+                    Ok(found) => found,
+                    Err(FitError::Interrupted) => return Err(FitError::Interrupted),
+                    Err(_) => continue,
+                };
             restarts += 1;
             // Back in the minimum that was left, or in a worse one, there is nothing new around, but there may be nearer by.
-            if found.cost < minima[0].cost && !same_minimum(parameters, &found.state, &minima[0].state) {
-                distances = RESTART_DISTANCES.iter();
+            if found.cost < minima[0].cost && !same_minimum(&space, &found.state, &minima[0].state) {
+                distances = [long, short].into_iter();
             }
             minima.push(found);
         }
@@ -149,13 +126,18 @@ impl MaterialStage<'_> {
     /// Which of several minima that cost about the same is right shows in sharper masks.
     fn best_when_sharp(&self, session: &mut Session, minima: Vec<Fit>) -> Result<State, FitError> {
         let ends = minima.into_iter().map(|end| (end.cost, end.state)).collect();
-        let mut finalists = cheapest(self.identification.parameters(), ends, SHARPEN_COST_RATIO);
+        let mut finalists = cheapest(&self.identification.minimum_space(), ends, self.tuning.sharpen_cost_ratio);
         if !self.identification.settings.target.masks() {
             return Ok(finalists.swap_remove(0));
         }
         let mut sharp: Vec<Fit> = Vec::new();
         for state in finalists {
-            sharp.push(self.fit_until(session, state, (SHARP, SHARP_FIT), &|_| false)?);
+            sharp.push(self.fit_until(
+                session,
+                state,
+                (self.tuning.sharp_pooling, self.tuning.sharp_iterations),
+                &|_| false,
+            )?);
         }
         let best = sharp.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
         best.map(|fit| fit.state).ok_or(FitError::NoIteration)
@@ -169,8 +151,8 @@ impl MaterialStage<'_> {
         is_enough: &dyn Fn(&Iterate) -> bool,
     ) -> Result<Fit, FitError> {
         let problem = self.identification.material_problem(self.simulation, pooling);
-        let limits = Limits { iterations, ..Limits::ROUGH };
-        let is_enough = |step: &Iterate| step.steps >= STEPS_BEFORE_GIVING_UP && is_enough(step);
+        let limits = Limits::rough(iterations, problem.descent);
+        let is_enough = |step: &Iterate| step.steps >= self.tuning.least_iterations && is_enough(step);
         session.minimise(Stage::Material, &problem, (start, None), limits, &is_enough)
     }
 
@@ -183,16 +165,18 @@ impl MaterialStage<'_> {
         fit: &mut Fit,
         distance: f64,
     ) -> Result<Option<State>, FitError> {
-        let problem = self.identification.material_problem(self.simulation, BLUR);
+        let problem = self.identification.material_problem(self.simulation, self.tuning.pooling);
         let normal = problem.normal(fit.linearisation.blocks(&problem), &fit.state);
         let (predicted, states): (Vec<f64>, Vec<State>) = (0..problem.unknowns.len())
             .filter(|k| self.identification.is_varied(&problem.unknowns[*k]))
             .flat_map(|k| [(k, distance), (k, -distance)])
             .filter_map(|moved| neighbour(&problem, &normal, fit, moved))
             .unzip();
-        let costs = costs(session, (self.simulation, problem.objective), &states, &problem.selection)?;
+        let batch = self.identification.tuning.search.batch;
+        let costs = costs(session, (self.simulation, problem.objective), &states, &problem.selection, batch)?;
         let gain = |((cost, predicted), state): ((Result<f64, FitError>, f64), State)| {
-            let most = (predicted - LEAST_RESTART_GAIN * fit.cost).min(CONTINUE_COST_RATIO * fit.cost);
+            let most = (predicted - self.tuning.least_restart_gain_share * fit.cost)
+                .min(self.tuning.continue_cost_ratio * fit.cost);
             let cost = cost.ok().filter(|cost| *cost < most)?;
             Some((predicted - cost, state))
         };
@@ -205,7 +189,7 @@ impl MaterialStage<'_> {
 fn neighbour(problem: &Problem, normal: &Normal, fit: &Fit, (k, distance): (usize, f64)) -> Option<(f64, State)> {
     let step = normal.step_along(k, distance)?;
     let short = |(i, unknown): (usize, &Unknown)| {
-        let most = unknown.largest_step(problem.parameters);
+        let most = problem.coordinates.steps(*unknown).largest;
         if i == k { step[i] } else { step[i].clamp(-most, most) }
     };
     let step: Vec<f64> = problem.unknowns.iter().enumerate().map(short).collect();

@@ -14,27 +14,10 @@ use crate::solve::levenberg_marquardt::Limits;
 use crate::solve::objective::Objective;
 use crate::solve::problem::Problem;
 use crate::stages::candidates::{costs, distinct, ranked};
-use crate::stages::identification::{BLUR, Identification};
+use crate::stages::identification::Identification;
+use crate::tuning::SearchTuning;
 use crate::unknowns::state::{State, Unknown};
 use crate::{FitError, IdentifyError};
-
-/// Factor between the grid of the search and that of the estimate.
-const COARSE: f64 = 2.0;
-
-/// Starts that are improved on the coarse grid.
-const COARSE_FITS: usize = 3;
-
-/// Iterations of each.
-const COARSE_STEPS: usize = 5;
-
-/// Points of the grid of starts that are compared on the full grid: so many that their particles are about this many, but
-/// within limits. The fewer particles there are, the less does the coarse grid resolve, and the cheaper is the full one.
-const FULL_GRID_PARTICLES: usize = 40_000;
-const FULL_GRID_POINTS: (usize, usize) = (4, 16);
-
-/// Starts from which the material is fitted on the full grid: as many as it has unknowns, but at least these. The more unknowns, the more
-/// valleys.
-const FULL_GRID_FITS: usize = 2;
 
 /// Starting points for the full grid, best first. They go into the checkpoint.
 ///
@@ -56,32 +39,35 @@ fn coarse_starts(
     session: &mut Session,
     candidates: &[State],
 ) -> Result<Vec<(f64, State)>, FitError> {
-    let input = identification.input;
-    let thinned = ThinnedContinuum::new(input, COARSE);
+    let (input, tuning) = (identification.input, &identification.tuning.search);
+    let factor = tuning.coarse_factor;
+    let thinned = ThinnedContinuum::new(input, tuning);
     let positions: Vec<DVec3> = thinned.ids.iter().map(|i| input.positions[*i]).collect();
-    let splat_widths = SplatWidths::new(&positions, &thinned.scales, COARSE * input.particle_volume_m3.cbrt());
+    let spacing = factor * input.particle_volume_m3.cbrt();
+    let splat_widths = SplatWidths::new(&positions, &thinned.scales, spacing, &identification.tuning.splats);
     let simulation = Simulation {
         resolution: Resolution {
             thinning: Some(thinned.ids.clone()),
-            spacing_factor: COARSE,
-            substeps_per_frame: (input.substeps_per_frame as f64 / COARSE).ceil() as usize,
+            spacing_factor: factor,
+            substeps_per_frame: (input.substeps_per_frame as f64 / factor).ceil() as usize,
         },
         rollouts: &identification.rollouts.coarse,
         splat_widths: &splat_widths,
         ..identification.simulation()
     };
-    let comparison = identification.comparison.thinned(&thinned.ids, COARSE);
+    let comparison = identification.comparison.thinned(&thinned.ids, factor);
     let objective =
         Objective { surface_comparison: &comparison, opacities: &thinned.opacities, ..identification.objective() };
     // The coarse grid would only distort what the grid of starts does not vary.
     let is_varied = |unknown: &Unknown| identification.is_varied(unknown);
-    let problem = identification.material_problem(&simulation, BLUR);
+    let problem = identification.material_problem(&simulation, identification.tuning.material.pooling);
     let unknowns = problem.unknowns.iter().copied().filter(is_varied).collect();
     let problem = Problem { objective, unknowns, ..problem };
-    let costs = costs(session, (&simulation, objective), candidates, &problem.selection)?;
+    let costs = costs(session, (&simulation, objective), candidates, &problem.selection, tuning.batch)?;
     let ranked = ranked(costs.iter().cloned(), candidates);
-    let mut found = improved(session, &problem, &ranked)?;
-    let points = (FULL_GRID_PARTICLES / input.positions.len()).clamp(FULL_GRID_POINTS.0, FULL_GRID_POINTS.1);
+    let mut found = improved(session, &problem, &ranked, tuning)?;
+    let points = tuning.full_grid_particles / input.positions.len();
+    let points = points.clamp(tuning.full_grid_points.0, tuning.full_grid_points.1);
     found.extend(ranked.iter().take(points).map(|(cost, state)| (*cost, (*state).clone())));
     if found.is_empty() {
         return Err(costs.into_iter().find_map(Result::err).unwrap_or(FitError::NoIteration));
@@ -90,9 +76,15 @@ fn coarse_starts(
 }
 
 /// The cheapest of `ranked` after a few steps on the coarse grid; those that fail are left out.
-fn improved(session: &mut Session, problem: &Problem, ranked: &[(f64, &State)]) -> Result<Vec<(f64, State)>, FitError> {
-    let fits = if problem.unknowns.is_empty() { 0 } else { COARSE_FITS };
-    let limits = Limits { iterations: COARSE_STEPS, gain_tolerance: 0.02, ..Limits::ROUGH };
+fn improved(
+    session: &mut Session,
+    problem: &Problem,
+    ranked: &[(f64, &State)],
+    tuning: &SearchTuning,
+) -> Result<Vec<(f64, State)>, FitError> {
+    let fits = if problem.unknowns.is_empty() { 0 } else { tuning.coarse_fits };
+    let rough = Limits::rough(tuning.coarse_iterations, problem.descent);
+    let limits = Limits { gain_tolerance: tuning.coarse_gain_tolerance, ..rough };
     let mut found = Vec::new();
     for (_, start) in ranked.iter().take(fits) {
         match session.minimise(Stage::Search, problem, ((*start).clone(), None), limits, &|_| false) {
@@ -110,21 +102,23 @@ fn rank_on_full_grid(
     session: &mut Session,
     mut found: Vec<(f64, State)>,
 ) -> Result<Vec<State>, FitError> {
+    let tuning = &identification.tuning.search;
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let distinct = distinct(identification.parameters(), found.into_iter().map(|(_, state)| state));
+    let distinct = distinct(&identification.minimum_space(), found.into_iter().map(|(_, state)| state));
     if distinct.len() == 1 {
         return Ok(distinct);
     }
-    let (simulation, selection) = (identification.simulation(), identification.touched_frames(BLUR));
-    let costs = costs(session, (&simulation, identification.objective()), &distinct, &selection)?;
+    let (simulation, selection) =
+        (identification.simulation(), identification.touched_frames(identification.tuning.material.pooling));
+    let costs = costs(session, (&simulation, identification.objective()), &distinct, &selection, tuning.batch)?;
     let ranked = ranked(costs.iter().cloned(), distinct);
     let Some(best) = ranked.first().map(|r| r.0) else {
         return Err(costs.into_iter().find_map(Result::err).unwrap_or(FitError::NoIteration));
     };
     Ok(ranked
         .into_iter()
-        .filter(|(cost, _)| *cost < 3.0 * best)
-        .take(identification.free_materials().len().max(FULL_GRID_FITS))
+        .filter(|(cost, _)| *cost < tuning.most_cost_ratio * best)
+        .take(identification.free_materials().len().max(tuning.least_full_grid_fits))
         .map(|(_, state)| state)
         .collect())
 }

@@ -5,14 +5,16 @@ use gic_scene::touches_border;
 use crate::forward::footprint::IsotropicGaussians;
 use crate::forward::silhouette::alpha;
 use crate::observe::mask_view::MaskView;
+use crate::tuning::VerdictTuning;
 use crate::{Input, Target};
 
-/// Overlap below which a camera's first mask is of something else, provided that most cameras overlap well.
-const WRONG_OVERLAP: f64 = 0.5;
-const GOOD_OVERLAP: f64 = 0.75;
-
 /// Cameras whose mask at time 0 is not of the object that the others see; each gets a warning.
-pub(crate) fn wrong_cameras(input: &Input, target: Target, warnings: &mut Vec<String>) -> Vec<usize> {
+pub(crate) fn wrong_cameras(
+    input: &Input,
+    target: Target,
+    tuning: &VerdictTuning,
+    warnings: &mut Vec<String>,
+) -> Vec<usize> {
     if !target.masks() {
         return Vec::new();
     }
@@ -23,7 +25,7 @@ pub(crate) fn wrong_cameras(input: &Input, target: Target, warnings: &mut Vec<St
         .views
         .iter()
         .map(|view| {
-            let view = MaskView::new(view.camera, &input.cameras[view.camera], &view.mask, 2);
+            let view = MaskView::new(view.camera, &input.cameras[view.camera], &view.mask, tuning.overlap_pooling);
             let rendered = alpha(gaussians, &view.camera);
             let (mut both, mut either) = (0.0, 0.0);
             for (a, m) in rendered.iter().zip(&view.mask) {
@@ -36,7 +38,7 @@ pub(crate) fn wrong_cameras(input: &Input, target: Target, warnings: &mut Vec<St
     let mut sorted: Vec<f64> = overlaps.iter().map(|(_, o)| *o).collect();
     sorted.sort_by(f64::total_cmp);
     let typical = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-    if typical < GOOD_OVERLAP {
+    if typical < tuning.good_overlap {
         if !sorted.is_empty() {
             warnings.push(format!(
                 "the particles' outline overlaps the first masks by only {:.0} %: check the reconstruction",
@@ -45,7 +47,7 @@ pub(crate) fn wrong_cameras(input: &Input, target: Target, warnings: &mut Vec<St
         }
         return Vec::new();
     }
-    let wrong: Vec<(usize, f64)> = overlaps.into_iter().filter(|(_, o)| *o < WRONG_OVERLAP).collect();
+    let wrong: Vec<(usize, f64)> = overlaps.into_iter().filter(|(_, o)| *o < tuning.wrong_overlap).collect();
     for (camera, overlap) in &wrong {
         warnings.push(format!(
             "camera {camera} is ignored: its first mask overlaps the object by {:.0} %, the others by {:.0} %; it may show another \
@@ -141,13 +143,13 @@ mod tests {
     fn the_mask_of_another_object_is_ignored_and_named() {
         let mut input = cube();
         let check = |input: &Input, warnings: &mut Vec<String>| {
-            let excluded = wrong_cameras(input, Target::Both, warnings);
+            let excluded = wrong_cameras(input, Target::Both, &VerdictTuning::default(), warnings);
             assert_eq!(excluded.is_empty(), warnings.is_empty());
         };
         assert_eq!(warned(&input, check), Vec::<String>::new());
         let other = &mut input.observations[0].views[3].mask;
         other.iter_mut().enumerate().for_each(|(i, m)| *m = f32::from(i / SIZE < 12 && i % SIZE < 12));
-        assert_eq!(wrong_cameras(&input, Target::Both, &mut Vec::new()), [3]);
+        assert_eq!(wrong_cameras(&input, Target::Both, &VerdictTuning::default(), &mut Vec::new()), [3]);
         let said = warned(&input, check);
         assert!(said.len() == 1 && said[0].contains("camera 3 is ignored"), "{said:?}");
         // One wrong camera is an outlier; where most are wrong nothing says which.
@@ -155,7 +157,7 @@ mod tests {
             view.mask.fill(0.0);
         }
         let mut warnings = Vec::new();
-        assert!(wrong_cameras(&input, Target::Both, &mut warnings).is_empty());
+        assert!(wrong_cameras(&input, Target::Both, &VerdictTuning::default(), &mut warnings).is_empty());
         assert!(warnings[0].contains("check the reconstruction"), "{warnings:?}");
     }
 

@@ -10,12 +10,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::solve::normal_equations::Normal;
 use crate::solve::residual_block::{ResidualBlock, Weights};
-
-/// Student's t at 97.5 % for the ten-odd blocks of a typical scene.
-const T_975: f64 = 2.2;
-
-/// Frames are correlated over this share of their number.
-pub(crate) const FRAMES_PER_LAG: usize = 4;
+use crate::tuning::NoiseTuning;
 
 /// Covariance of the first `unknowns` columns, given what is `known` of them besides (an information matrix, or an empty one).
 ///
@@ -26,6 +21,7 @@ pub(crate) fn covariance(
     unknowns: usize,
     known: &DMatrix<f64>,
     nuisances: &DMatrix<f64>,
+    tuning: &NoiseTuning,
 ) -> Option<DMatrix<f64>> {
     let columns = blocks.first()?.gradient.len();
     let total = Normal::sum(blocks, weights, columns);
@@ -34,7 +30,7 @@ pub(crate) fn covariance(
     let weight = |c: &ResidualBlock| weights.of_errors(c);
     middle += scatter(&groups(blocks, &weight, unknowns, &|c| c.camera.unwrap_or(usize::MAX)), 0);
     let frames = groups(blocks, &weight, unknowns, &|c| c.observation);
-    middle += scatter(&frames, frames.len() / FRAMES_PER_LAG);
+    middle += scatter(&frames, frames.len() / tuning.frames_per_lag);
     let shifts = &inverse * total.hessian.view((0, unknowns), (unknowns, nuisances.nrows()));
     Some(&inverse * middle * &inverse + &shifts * nuisances * shifts.transpose())
 }
@@ -88,8 +84,8 @@ fn with_prior(hessian: &DMatrix<f64>, unknowns: usize, known: &DMatrix<f64>) -> 
 }
 
 /// Half-width of the 95 % interval for a variance.
-pub(crate) fn half_width(variance: f64) -> f64 {
-    T_975 * variance.max(0.0).sqrt()
+pub(crate) fn half_width(variance: f64, tuning: &NoiseTuning) -> f64 {
+    tuning.student_t * variance.max(0.0).sqrt()
 }
 
 /// The weighted gradients of whole groups of blocks, in the order of the groups' keys.
@@ -158,7 +154,8 @@ mod tests {
             })
             .collect();
         let (none, weights) = (DMatrix::zeros(0, 0), Weights::uniform(1.0, 1.0, 8));
-        let variance = |weights: &Weights| covariance(&blocks, weights, 1, &none, &none).unwrap()[(0, 0)];
+        let variance =
+            |weights: &Weights| covariance(&blocks, weights, 1, &none, &none, &NoiseTuning::default()).unwrap()[(0, 0)];
         let wider = Weights { error_inflation: vec![3.0; 8], ..weights.clone() };
         assert!((variance(&wider) / variance(&weights) - 9.0).abs() < 1e-9);
     }
@@ -189,10 +186,16 @@ mod tests {
                     block.finish()
                 })
                 .collect();
-            let c =
-                covariance(&blocks, &Weights::uniform(1.0, 1.0, 14), 1, &DMatrix::zeros(0, 0), &DMatrix::zeros(0, 0))
-                    .unwrap();
-            inside += usize::from(estimate.abs() < half_width(c[(0, 0)]));
+            let c = covariance(
+                &blocks,
+                &Weights::uniform(1.0, 1.0, 14),
+                1,
+                &DMatrix::zeros(0, 0),
+                &DMatrix::zeros(0, 0),
+                &NoiseTuning::default(),
+            )
+            .unwrap();
+            inside += usize::from(estimate.abs() < half_width(c[(0, 0)], &NoiseTuning::default()));
             let noise: f64 = data.iter().map(|(_, _, s, e)| (e - s * estimate).powi(2)).sum::<f64>() / 154.0;
             textbook += usize::from(estimate.abs() < 1.96 * (noise / h).sqrt());
         }

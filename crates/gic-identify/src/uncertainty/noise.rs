@@ -8,33 +8,35 @@
 //! piece of information, and priors act with the strength that they claim.
 
 use crate::solve::residual_block::{Modality, ResidualBlock, Weights};
-use crate::uncertainty::interval::{FRAMES_PER_LAG, groups, scatter};
-
-/// How many times larger the errors of surfaces are after contact than their scatter shows: an extracted surface is wrong in one and the same
-/// way in all frames that resemble each other. Fitted to surfaces alone, six scenes had errors of 3.1 times their standard errors. And bodies
-/// that are completed by their mirror planes are so in flight only: what surfaces show there says little of those after contact.
-const SURFACE_ERROR_INFLATION: f64 = 3.0;
+use crate::tuning::NoiseTuning;
+use crate::uncertainty::interval::{groups, scatter};
 
 /// Weights for blocks that were linearised at a fit; `free` leading observations are free flight. No weight exceeds its ceiling.
-pub(crate) fn effective_weights(blocks: &[ResidualBlock], unknowns: usize, free: usize, ceilings: &Weights) -> Weights {
+pub(crate) fn effective_weights(
+    blocks: &[ResidualBlock],
+    unknowns: usize,
+    free: usize,
+    ceilings: &Weights,
+    tuning: &NoiseTuning,
+) -> Weights {
     let mut weights = ceilings.clone();
     for modality in [Modality::Mask, Modality::Surface] {
         let own: Vec<ResidualBlock> = blocks.iter().filter(|c| c.modality == modality).cloned().collect();
         let (flying, touching): (Vec<ResidualBlock>, Vec<ResidualBlock>) =
             own.into_iter().partition(|c| c.observation < free);
         for phase in [flying, touching] {
-            weigh_phase(&phase, modality, unknowns, ceilings, &mut weights);
+            weigh_phase(&phase, modality, unknowns, (ceilings, tuning), &mut weights);
         }
     }
-    weights.inflate_surface_errors(free);
+    weights.inflate_surface_errors(free, tuning.surface_error_inflation);
     weights
 }
 
 impl Weights {
     /// From the observation `free` on, surfaces count as little as their errors want, which are larger than they show.
-    pub(crate) fn inflate_surface_errors(&mut self, free: usize) {
-        self.error_inflation[free..].fill(SURFACE_ERROR_INFLATION);
-        self.surface[free..].iter_mut().for_each(|weight| *weight /= SURFACE_ERROR_INFLATION * SURFACE_ERROR_INFLATION);
+    pub(crate) fn inflate_surface_errors(&mut self, free: usize, factor: f64) {
+        self.error_inflation[free..].fill(factor);
+        self.surface[free..].iter_mut().for_each(|weight| *weight /= factor * factor);
     }
 }
 
@@ -42,7 +44,7 @@ fn weigh_phase(
     phase: &[ResidualBlock],
     modality: Modality,
     unknowns: usize,
-    ceilings: &Weights,
+    (ceilings, tuning): (&Weights, &NoiseTuning),
     weights: &mut Weights,
 ) {
     let (Some(first), Some(last)) =
@@ -63,11 +65,11 @@ fn weigh_phase(
     for o in first..=last {
         // A frame alone is a small sample: its neighbours count, too.
         let near: Vec<&ResidualBlock> =
-            phase.iter().filter(|c| c.observation.abs_diff(o) <= 1).filter(telling).collect();
+            phase.iter().filter(|c| c.observation.abs_diff(o) <= tuning.neighbouring_frames).filter(telling).collect();
         let noise = noise(&near, unknowns);
         slots(weights, o, 1.0 / noise.max(1.0 / ceiling(o)));
     }
-    let inflation = inflation(phase, unknowns, weights);
+    let inflation = inflation(phase, unknowns, weights, tuning.frames_per_lag);
     for o in first..=last {
         let weight = match modality {
             Modality::Mask => weights.mask[o],
@@ -85,9 +87,9 @@ fn noise(blocks: &[&ResidualBlock], unknowns: usize) -> f64 {
 }
 
 /// How many times more whole frames' gradients scatter than their curvature says.
-fn inflation(phase: &[ResidualBlock], unknowns: usize, weights: &Weights) -> f64 {
+fn inflation(phase: &[ResidualBlock], unknowns: usize, weights: &Weights, frames_per_lag: usize) -> f64 {
     let frames = groups(phase, &|c| weights.of(c), unknowns, &|c| c.observation);
-    let middle = scatter(&frames, frames.len() / FRAMES_PER_LAG);
+    let middle = scatter(&frames, frames.len() / frames_per_lag);
     let ratio = mean_ratio(unknowns, |k| {
         let curvature: f64 = phase.iter().map(|c| c.hessian[(k, k)] * weights.of(c)).sum();
         (middle[(k, k)], curvature)
@@ -131,19 +133,22 @@ mod tests {
     #[test]
     fn independent_noise_is_found() {
         let ceilings = Weights::uniform(1e6, 1e6, FRAMES);
-        let weights = effective_weights(&blocks(0.1, 0.0), 2, FREE, &ceilings);
+        let weights = effective_weights(&blocks(0.1, 0.0), 2, FREE, &ceilings, &NoiseTuning::default());
         // Variance 0.01, from a small sample: 33 blocks a frame with its neighbours.
         let mean = weights.mask.iter().sum::<f64>() / FRAMES as f64;
         assert!(mean < 150.0 && mean > 50.0, "{:?}", weights.mask);
         // After contact surfaces count as little as their true errors want.
         assert_eq!(weights.surface[..FREE], ceilings.surface[..FREE]);
-        assert_eq!(weights.surface[FREE], ceilings.surface[FREE] / (SURFACE_ERROR_INFLATION * SURFACE_ERROR_INFLATION));
+        assert_eq!(
+            weights.surface[FREE],
+            ceilings.surface[FREE] / NoiseTuning::default().surface_error_inflation.powi(2)
+        );
     }
 
     #[test]
     fn errors_that_a_frame_shares_count_as_one() {
         let ceilings = Weights::uniform(1e6, 1e6, FRAMES);
-        let weights = effective_weights(&blocks(0.1, 0.1), 2, FREE, &ceilings);
+        let weights = effective_weights(&blocks(0.1, 0.1), 2, FREE, &ceilings, &NoiseTuning::default());
         let mean = |w: &[f64]| w.iter().sum::<f64>() / w.len() as f64;
         let (flying, touching) = (mean(&weights.mask[..FREE]), mean(&weights.mask[FREE..]));
         // A frame's mean is known to 0.1, not to 0.1 / sqrt(440).

@@ -1,10 +1,11 @@
 //! Whether the model explains the video, and which estimates lie at the edge of what is admitted. Each verdict is a warning.
 
-use crate::Parameter;
 use crate::forward::trajectories::Trajectories;
 use crate::observe::video::ObservedVideo;
 use crate::solve::loss::frame_loss;
 use crate::solve::surface_residuals::SurfaceComparison;
+use crate::tuning::VerdictTuning;
+use crate::unknowns::coordinates::Coordinates;
 use crate::unknowns::state::{State, Unknown};
 
 /// Warns where the frames after contact, from the observation `free` on, are explained much worse than those before: the material, an obstacle or
@@ -14,6 +15,7 @@ pub(crate) fn unexplained(
     (trajectories, opacities): (&Trajectories, &[f32]),
     free: usize,
     grid_spacing_m: f64,
+    tuning: &VerdictTuning,
 ) -> Vec<String> {
     let misfit: Vec<(f64, f64)> = video
         .frames
@@ -32,12 +34,13 @@ pub(crate) fn unexplained(
         format!("the model does not explain the data: after contact {what}; the material or an obstacle may be another")
     };
     let mut warnings = Vec::new();
-    let masks_explained = after.1 <= 2.5 * before.1 + 0.06;
+    let masks_explained = after.1 <= tuning.most_misfit_ratio * before.1 + tuning.mask_misfit;
     if !masks_explained {
         let (after, before) = (100.0 * after.1, 100.0 * before.1);
         warnings.push(unexplained(format!("{after:.0} % of the object's pixels differ, before it {before:.0} %")));
     }
-    let surfaces_explained = after.0 <= 2.5 * before.0 + 0.5 * grid_spacing_m;
+    let surfaces_explained =
+        after.0 <= tuning.most_misfit_ratio * before.0 + tuning.surface_misfit_cells * grid_spacing_m;
     if !surfaces_explained {
         let (after, before) = (1e3 * after.0, 1e3 * before.0);
         warnings.push(unexplained(format!("the surfaces are {after:.1} mm apart, before it {before:.1} mm")));
@@ -46,9 +49,12 @@ pub(crate) fn unexplained(
 }
 
 /// Warns of parameters that were found at the edge of what is admitted: a soft solid taken for a fluid, say, ends as one that cannot be squeezed.
-pub(crate) fn at_limits(parameters: &[Parameter], unknowns: &[Unknown], state: &State) -> Vec<String> {
+pub(crate) fn at_limits(coordinates: &Coordinates, unknowns: &[Unknown], state: &State) -> Vec<String> {
     let at_limit = unknowns.iter().filter_map(|unknown| match *unknown {
-        Unknown::Material(i) => Some((&parameters[i], state.material[i])).filter(|(p, c)| p.is_at_limit(*c)),
+        Unknown::Material(i) => {
+            let (parameter, at) = (&coordinates.parameters[i], state.material[i]);
+            parameter.is_at_limit(at, coordinates.tuning).then_some((parameter, at))
+        }
         _ => None,
     });
     at_limit

@@ -3,6 +3,7 @@
 use gic_mpm::{Material, MaterialKind};
 
 use crate::IdentifyError;
+use crate::tuning::{AdamTuning, CoordinateTuning, Steps};
 
 /// How a physical value maps onto its search coordinate.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -125,41 +126,28 @@ impl Parameter {
     }
 
     /// Whether a search coordinate is at one of the limits, to a step of the finite differences.
-    pub(crate) fn is_at_limit(&self, coordinate: f64) -> bool {
+    pub(crate) fn is_at_limit(&self, coordinate: f64, tuning: &CoordinateTuning) -> bool {
         let (low, high) = self.limits();
-        (coordinate - low).min(high - coordinate) < self.difference_step()
+        (coordinate - low).min(high - coordinate) < self.steps(tuning).difference
     }
 
-    /// Step of the finite differences in the search coordinate: about 1 % of the value.
-    ///
-    /// Smaller steps drown in the rounding of f32 rollouts and in the return map's switches; at 1 % the derivative is off by a
-    /// few per cent over 2,600 substeps, which costs Gauss-Newton a fraction of an iteration and does not move its fixed point
-    /// to first order.
-    pub(crate) fn difference_step(&self) -> f64 {
+    /// Steps in the search coordinate.
+    pub(crate) fn steps(&self, tuning: &CoordinateTuning) -> Steps {
         match self.transform {
-            Transform::Log10 => 0.005,
-            Transform::Bounded { .. } => 0.03,
-            Transform::Linear { .. } => 0.015,
-        }
-    }
-
-    /// Largest step of one Gauss-Newton iteration in the search coordinate.
-    pub(crate) fn largest_step(&self) -> f64 {
-        match self.transform {
-            Transform::Log10 => 0.5,
-            Transform::Bounded { .. } => 1.2,
-            Transform::Linear { .. } => 0.5,
+            Transform::Log10 => tuning.logarithmic,
+            Transform::Bounded { .. } => tuning.bounded,
+            Transform::Linear { .. } => tuning.linear,
         }
     }
 
     /// Learning rate of the paper's Adam, in the search coordinate.
-    pub(crate) fn adam_rate(&self) -> f64 {
+    pub(crate) fn adam_rate(&self, tuning: &AdamTuning) -> f64 {
         match (self.transform, self.name) {
-            (Transform::Log10, "plastic_viscosity_pa_s") => 0.05,
-            (Transform::Log10, _) => 0.1,
-            // 0.02 in nu, at the slope of the logistic in its middle.
-            (Transform::Bounded { below }, _) => 0.02 * 4.0 / below,
-            (Transform::Linear { unit }, _) => 1.0 / unit,
+            (Transform::Log10, "plastic_viscosity_pa_s") => tuning.plastic_viscosity_rate,
+            (Transform::Log10, _) => tuning.rate,
+            // At the slope of the logistic in its middle.
+            (Transform::Bounded { below }, _) => tuning.poisson_ratio_rate * 4.0 / below,
+            (Transform::Linear { unit }, _) => tuning.friction_angle_rate_deg / unit,
         }
     }
 
@@ -190,9 +178,11 @@ mod tests {
         for kind in MaterialKind::ALL {
             for p in sought(kind) {
                 let (low, high) = p.limits();
-                assert!(p.is_at_limit(low) && p.is_at_limit(high), "{}", p.name);
-                assert!(!p.is_at_limit(f64::midpoint(low, high)), "{}", p.name);
-                assert!(!p.is_at_limit(high - 2.0 * p.difference_step()), "{}", p.name);
+                let tuning = CoordinateTuning::default();
+                let is_at_limit = |coordinate: f64| p.is_at_limit(coordinate, &tuning);
+                assert!(is_at_limit(low) && is_at_limit(high), "{}", p.name);
+                assert!(!is_at_limit(f64::midpoint(low, high)), "{}", p.name);
+                assert!(!is_at_limit(high - 2.0 * p.steps(&tuning).difference), "{}", p.name);
             }
         }
     }

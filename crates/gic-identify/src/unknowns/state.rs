@@ -3,8 +3,6 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::unknowns::parameter::Parameter;
-
 /// One coordinate of the search.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Unknown {
@@ -66,7 +64,7 @@ impl State {
         }
     }
 
-    fn set(&mut self, unknown: Unknown, value: f64) {
+    pub(crate) fn set(&mut self, unknown: Unknown, value: f64) {
         match unknown {
             Unknown::Material(i) => self.material[i] = value,
             Unknown::Velocity(a) => self.velocity[a] = value,
@@ -79,54 +77,6 @@ impl State {
                 }
                 self.shape[k] = value;
             }
-        }
-    }
-
-    /// The state displaced by `delta` along `unknowns`, kept inside the limits.
-    pub(crate) fn moved(&self, unknowns: &[Unknown], delta: &[f64], parameters: &[Parameter]) -> State {
-        let mut next = self.clone();
-        for (&unknown, d) in unknowns.iter().zip(delta) {
-            let (low, high) = unknown.limits(parameters);
-            next.set(unknown, (self.get(unknown) + d).clamp(low, high));
-        }
-        next
-    }
-}
-
-impl Unknown {
-    /// Limits of the coordinate.
-    pub(crate) fn limits(self, parameters: &[Parameter]) -> (f64, f64) {
-        match self {
-            Unknown::Material(i) => parameters[i].limits(),
-            Unknown::Velocity(_) => (-100.0, 100.0),
-            Unknown::Angular(_) => (-200.0, 200.0),
-            Unknown::Offset(_) => (-1.0, 1.0),
-            Unknown::Splat => (-1.0, 1.0),
-            Unknown::Shape(_) => (-4.0, 4.0),
-        }
-    }
-
-    /// Step of the finite differences.
-    pub(crate) fn difference_step(self, parameters: &[Parameter]) -> f64 {
-        match self {
-            Unknown::Material(i) => parameters[i].difference_step(),
-            Unknown::Velocity(_) => 2e-3,
-            Unknown::Angular(_) => 1e-2,
-            Unknown::Offset(_) => 2e-4,
-            Unknown::Splat => 1e-2,
-            Unknown::Shape(_) => 0.15,
-        }
-    }
-
-    /// Largest step of one Gauss-Newton iteration.
-    pub(crate) fn largest_step(self, parameters: &[Parameter]) -> f64 {
-        match self {
-            Unknown::Material(i) => parameters[i].largest_step(),
-            Unknown::Velocity(_) => 2.0,
-            Unknown::Angular(_) => 3.0,
-            Unknown::Offset(_) => 0.05,
-            Unknown::Splat => 0.2,
-            Unknown::Shape(_) => 1.0,
         }
     }
 }
