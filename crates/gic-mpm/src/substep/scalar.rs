@@ -11,7 +11,17 @@
 //! g2p:   v' = sum w v_i                   C' = D sum w v_i d^T              x' = x + dt v'
 //! ```
 //!
-//! Backward, the bar of a number is the derivative of the loss with respect to it.
+//! Backward, the bar of a number is the derivative of the loss with respect to it, and w' the gradient of a weight with
+//! respect to x. From the bars of x', v', C', F' to those of x, v, C, F:
+//!
+//! ```text
+//! g2p:   v'_bar += dt x'_bar              v_i_bar = sum w (v'_bar + D C'_bar d)
+//!        x_bar = x'_bar + sum w' v_i . (v'_bar + D C'_bar d) - D C'_bar^T v'
+//! grid:  p_i_bar = v_i_bar / m_i          m_i_bar = -p_i_bar . p_i / m_i          (v_i_bar through the obstacles)
+//! p2g:   A_bar = sum w p_i_bar d^T        v_bar = m sum w p_i_bar
+//!        x_bar += sum w' ((m v + A d) . p_i_bar + m m_i_bar) - A^T sum w p_i_bar
+//! law:   C_bar, F_bar = law_adjoint(F'_bar, -dt V D A_bar)                        C_bar += m A_bar
+//! ```
 
 use gic_simd::{Real, Scalar};
 

@@ -93,7 +93,7 @@ impl<T: Machine> FastEngine<T> {
             let mut impulses = vec![Impulse::default(); world.colliders.len()];
             let mut tape = Tape { segment, extent: layout.extent, chunks: layout.chunks, momenta: Vec::new() };
             if record {
-                self.lend_buffers(&mut tape);
+                self.reuse_buffers(&mut tape);
             }
             match self.attempt(world, &mut tape, state, &mut impulses, record)? {
                 Outcome::Done => return Ok((tape, impulses)),
@@ -103,7 +103,7 @@ impl<T: Machine> FastEngine<T> {
     }
 
     /// Makes a tape ready to record.
-    fn lend_buffers(&self, tape: &mut Tape<T>) {
+    fn reuse_buffers(&self, tape: &mut Tape<T>) {
         let spare = self.spare.lock().ok().and_then(|mut spare| spare.pop());
         let Buffers { states, mut momenta } =
             spare.unwrap_or_else(|| Buffers { states: Vec::new(), momenta: Vec::new() });
@@ -140,8 +140,8 @@ impl<T: Machine> FastEngine<T> {
             let Flags { too_fast, escaped } = flags.fold(Flags::default(), Flags::or);
             if too_fast {
                 let mut state = start.clone();
-                self.put_back(&mut tape.chunks, &mut state);
-                return Err(culprit(&state, world.spacing / segment.dt));
+                self.write_back(&mut tape.chunks, &mut state);
+                return Err(too_fast_particle(&state, world.spacing / segment.dt));
             }
             if escaped {
                 return Ok(Outcome::Escaped);
@@ -196,7 +196,7 @@ impl<T: Machine> FastEngine<T> {
     }
 
     /// Copies the chunks' particles (or adjoints) into a state (or adjoint).
-    fn put_back(&self, chunks: &mut [Chunk<T>], state: &mut State<T>) {
+    fn write_back(&self, chunks: &mut [Chunk<T>], state: &mut State<T>) {
         let shared = SharedState::new(state);
         // SAFETY: no particle is in two chunks, and all are particles of the state.
         self.for_chunks(chunks, |_, chunk| unsafe { Block::scatter(&chunk.blocks, &chunk.order, &shared) });
@@ -229,7 +229,7 @@ impl<T: Machine> Engine for FastEngine<T> {
         impulses: &mut [Impulse],
     ) -> Result<(), Violation> {
         let (mut tape, taken) = self.run(world, state, segment, false)?;
-        self.put_back(&mut tape.chunks, state);
+        self.write_back(&mut tape.chunks, state);
         for (total, impulse) in impulses.iter_mut().zip(taken) {
             *total += impulse;
         }
@@ -275,7 +275,7 @@ impl<T: Machine> Engine for FastEngine<T> {
                 chunk.bars += bars;
             });
         }
-        self.put_back(&mut tape.chunks, adjoint);
+        self.write_back(&mut tape.chunks, adjoint);
         for chunk in &tape.chunks {
             bars[chunk.body] += chunk.bars;
         }
@@ -298,7 +298,7 @@ fn step<'a>(world: &'a PreparedWorld, body: usize, dt: f64) -> Step<'a> {
 }
 
 /// The particle that broke the speed limit [m/s]; in case of doubt the fastest.
-fn culprit<T: Machine>(state: &State<T>, limit: f64) -> Violation {
+fn too_fast_particle<T: Machine>(state: &State<T>, limit: f64) -> Violation {
     let slow_enough = |p: &usize| state.velocity_of(*p).length() <= limit;
     let speed = |p: &usize| state.velocity_of(*p).length();
     let first = (0..state.len()).find(|p| !slow_enough(p));
