@@ -1,7 +1,7 @@
 //! Files appear whole or not at all: each is written beside its place and then renamed.
 //!
-//! A reader sees the old content or all of the new one, and a program that is stopped half-way leaves the old. What the system loses when
-//! the machine itself fails is not guarded against: nothing waits for the disk.
+//! A reader sees the old content or all of the new one, and a program that is stopped half-way leaves the old. What the
+//! system loses when the machine itself fails is not guarded against: nothing waits for the disk.
 
 mod ply;
 
@@ -29,7 +29,8 @@ impl WriteError {
     }
 }
 
-/// A file on its way: written beside its place, there once it is [finished](NewFile::finish), gone if it is dropped unfinished.
+/// A file on its way: written beside its place, there once it is [finished](NewFile::finish), gone if it is dropped
+/// unfinished.
 #[derive(Debug)]
 pub struct NewFile {
     part: NamedTempFile,

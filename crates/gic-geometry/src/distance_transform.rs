@@ -1,8 +1,8 @@
-//! Distances in pictures: lower envelopes of parabolas along columns, then along rows (Felzenszwalb and Huttenlocher 2012,
-//! "Distance transforms of sampled functions").
+//! Distances in pictures: lower envelopes of parabolas along columns, then along rows (Felzenszwalb and Huttenlocher
+//! 2012, "Distance transforms of sampled functions").
 
-/// Distance of each pixel from the nearest of those that are `set` [pixels], row-major, shape [height, width]; about the
-/// diagonal where none is.
+/// Distance of each pixel from the nearest of those that are `set` [pixels], row-major, shape [height, width]; about
+/// the diagonal where none is.
 pub fn distance_transform(set: &[bool], width: usize) -> Vec<f32> {
     let height = set.len() / width;
     let far = (width * width + height * height) as f64;

@@ -12,11 +12,11 @@ const RADIUS: f64 = 2.5;
 /// Cells, of some fifteen points each, that one task works on.
 const CELLS_PER_TASK: usize = 32;
 
-/// For points about `spacing` [m] apart that fill a body: the direction to the outside, shape [n, 3]. About of length 1 on the
-/// surface, shorter below it, and near zero where there is matter all around.
+/// For points about `spacing` [m] apart that fill a body: the direction to the outside, shape [n, 3]. About of length 1
+/// on the surface, shorter below it, and near zero where there is matter all around.
 ///
-/// It is the mean offset from the neighbours within 2.5 spacings, weighted by (1 - r^2 / R^2)^2 and divided by what a flat
-/// surface gives, cut at length 1. Points that are not finite get zero.
+/// It is the mean offset from the neighbours within 2.5 spacings, weighted by (1 - r^2 / R^2)^2 and divided by what a
+/// flat surface gives, cut at length 1. Points that are not finite get zero.
 pub fn outward_normals(points: &[[f32; 3]], spacing: f64) -> Vec<[f32; 3]> {
     normals_with(Level::active(), points, spacing)
 }

@@ -1,5 +1,5 @@
-//! Identifies scenes of the PAC-NeRF layout whose truth is known, from given particles at time 0 and the scene's masks, and prints
-//! estimates beside the truth. `cargo run --release --example validate -- MODE SCENE [PARTICLES]`:
+//! Identifies scenes of the PAC-NeRF layout whose truth is known, from given particles at time 0 and the scene's masks,
+//! and prints estimates beside the truth. `cargo run --release --example validate -- MODE SCENE [PARTICLES]`:
 //! - MODE `forward`: position error of a rollout with the true parameters, per frame;
 //! - MODE `masks`, `surfaces`, `both`, `adam`: identification; surfaces are the true outer particles.
 //!

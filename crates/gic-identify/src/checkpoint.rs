@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 use crate::result::{Stage, Step};
 use crate::unknowns::state::State;
 
-/// Results of the finished stages. A stage depends on those before it only through what is in here and on the input, so that going
-/// on from a checkpoint ends at the same numbers as not stopping.
+/// Results of the finished stages. A stage depends on those before it only through what is in here and on the input, so
+/// that going on from a checkpoint ends at the same numbers as not stopping.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
     /// Starting points that the search found, best first.

@@ -22,8 +22,8 @@ pub struct Observation {
     pub time_s: f64,
     /// Points on the extracted surface [m], shape [n]; empty where none was extracted.
     pub surface: Vec<DVec3>,
-    /// How much each of them is in doubt, in [0, 1], shape [n]; empty where none is. What no view sees was put where it was expected, and
-    /// does not count after contact.
+    /// How much each of them is in doubt, in [0, 1], shape [n]; empty where none is. What no view sees was put where it
+    /// was expected, and does not count after contact.
     pub surface_doubts: Vec<f32>,
     /// Masks; cameras may be missing.
     pub views: Vec<View>,
@@ -42,8 +42,8 @@ pub struct Input {
     pub opacities: Vec<f32>,
     /// Standard deviation of each particle's Gaussian [m], shape [n].
     pub scales: Vec<f32>,
-    /// Whether a particle lies on the surface at time 0, shape [n]. Comparing surfaces decides this anew in every frame, because matter
-    /// that folds or spreads changes it; the flag only travels with the continuum.
+    /// Whether a particle lies on the surface at time 0, shape [n]. Comparing surfaces decides this anew in every
+    /// frame, because matter that folds or spreads changes it; the flag only travels with the continuum.
     pub on_surface: Vec<bool>,
     /// Cameras of the views, and others that saw the body at rest: what any of them saw of its shape is known better.
     pub cameras: Vec<Camera>,

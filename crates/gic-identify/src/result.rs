@@ -26,7 +26,8 @@ pub struct Estimate {
 /// Loss of paper eq. 8.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Loss {
-    /// Mean over frames of the chamfer distance (unsquared, both directions, points near obstacles ignored) [m]; 0 without surfaces.
+    /// Mean over frames of the chamfer distance (unsquared, both directions, points near obstacles ignored) [m]; 0
+    /// without surfaces.
     pub chamfer_m: f64,
     /// Mean over frames, views and pixels of |alpha - mask|; 0 without masks.
     pub mask_l1: f64,
@@ -98,8 +99,8 @@ pub struct Estimates {
     pub warnings: Vec<String>,
     /// Factor on the Gaussians' standard deviations that fits the first masks.
     pub splat_factor: f64,
-    /// The body at time 0 as fitted, shifted and reshaped by what the pictures say against the input's: positions of the input's particles [m],
-    /// shape [n].
+    /// The body at time 0 as fitted, shifted and reshaped by what the pictures say against the input's: positions of
+    /// the input's particles [m], shape [n].
     pub positions: Vec<DVec3>,
     /// Rest volume of one of them [m^3].
     pub particle_volume_m3: f64,

@@ -50,7 +50,8 @@ fn block() -> (Vec<DVec3>, Vec<bool>) {
     (positions, surface)
 }
 
-/// Particles whose neighbours lie to one side. Which ones these are changes as sand spreads, so it is decided anew in each frame.
+/// Particles whose neighbours lie to one side. Which ones these are changes as sand spreads, so it is decided anew in
+/// each frame.
 fn outer(points: &[DVec3]) -> Vec<DVec3> {
     let radius = 1.1 * SPACING;
     let lopsided = |p: &DVec3| {
@@ -252,7 +253,8 @@ fn two_frames_are_said_to_show_little() {
     assert!(found.estimates.iter().all(|e| !e.identifiable));
 }
 
-/// Stopped at every checkpoint and once in the middle of every stage, and taken up again through a file's text until it is done.
+/// Stopped at every checkpoint and once in the middle of every stage, and taken up again through a file's text until it
+/// is done.
 #[test]
 fn an_interrupted_identification_ends_at_the_same_answer() {
     let input = observed(NEWTONIAN, DVec3::new(0.4, -1.5, 0.2), 6);

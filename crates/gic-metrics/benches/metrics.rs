@@ -1,4 +1,5 @@
-//! `cargo bench -p gic-metrics`: SSIM forward and backward at 400x400, chamfer and earth mover's distance at their full sizes.
+//! `cargo bench -p gic-metrics`: SSIM forward and backward at 400x400, chamfer and earth mover's distance at their full
+//! sizes.
 
 use std::hint::black_box;
 

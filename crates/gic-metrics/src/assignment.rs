@@ -1,8 +1,8 @@
 //! The optimal assignment of n rows to n columns: the algorithm of Jonker and Volgenant (1987).
 //!
-//! Dual prices `v` of the columns are built by column reduction, reduction transfer and two passes of augmenting row reduction,
-//! which assign nearly all rows; the rest follow by shortest augmenting paths (Dijkstra on reduced costs). Exact; O(n^3) at worst,
-//! about O(n^2.3) for distances of random points.
+//! Dual prices `v` of the columns are built by column reduction, reduction transfer and two passes of augmenting row
+//! reduction, which assign nearly all rows; the rest follow by shortest augmenting paths (Dijkstra on reduced costs).
+//! Exact; O(n^3) at worst, about O(n^2.3) for distances of random points.
 
 const NONE: usize = usize::MAX;
 
@@ -49,8 +49,9 @@ impl Solver<'_> {
         &self.costs[i * self.n..(i + 1) * self.n]
     }
 
-    /// The price of a column is its least cost; a row that is the least of some column gets one of them. Then a row that is the
-    /// least of exactly one column hands the slack to its second best to that column's price (reduction transfer).
+    /// The price of a column is its least cost; a row that is the least of some column gets one of them. Then a row
+    /// that is the least of exactly one column hands the slack to its second best to that column's price (reduction
+    /// transfer).
     fn reduce_columns(&mut self) {
         let n = self.n;
         let mut least_row = vec![0usize; n];
@@ -90,8 +91,8 @@ impl Solver<'_> {
     /// Each free row takes its best column and lowers that column's price to its second best, freeing whoever had it.
     fn reduce_rows(&mut self) {
         let mut queue: std::collections::VecDeque<usize> = std::mem::take(&mut self.free).into();
-        // Rounding can make two rows take a column from each other for ever by ever smaller steps: bounded by a budget, after
-        // which the rest is left to the shortest paths.
+        // Rounding can make two rows take a column from each other for ever by ever smaller steps: bounded by a budget,
+        // after which the rest is left to the shortest paths.
         let mut budget = 20 * self.n;
         while let Some(i) = queue.pop_front() {
             let (mut best, mut second) = ((f64::INFINITY, NONE), (f64::INFINITY, NONE));

@@ -23,8 +23,8 @@ pub struct CloudMetrics {
     pub emd: f64,
 }
 
-/// Chamfer distance [1e3 mm^2 = 1e-3 m^2]: mean squared distance to the nearest point of the other cloud, both directions
-/// added, over [`CHAMFER_POINTS`] random points of each cloud (all of a cloud that has fewer).
+/// Chamfer distance [1e3 mm^2 = 1e-3 m^2]: mean squared distance to the nearest point of the other cloud, both
+/// directions added, over [`CHAMFER_POINTS`] random points of each cloud (all of a cloud that has fewer).
 pub fn chamfer(a: &[[f32; 3]], b: &[[f32; 3]], seed: u64) -> Result<f64, MetricError> {
     usable_cloud("first cloud", a)?;
     usable_cloud("second cloud", b)?;
@@ -32,8 +32,8 @@ pub fn chamfer(a: &[[f32; 3]], b: &[[f32; 3]], seed: u64) -> Result<f64, MetricE
     Ok(1e3 * (mean_squared_nearest(&a, &b) + mean_squared_nearest(&b, &a)))
 }
 
-/// Earth mover's distance [m]: mean distance of matched pairs in the optimal one-to-one assignment of [`EMD_POINTS`] random
-/// points of each cloud (as many as the smaller cloud has, if fewer). Exact on those points.
+/// Earth mover's distance [m]: mean distance of matched pairs in the optimal one-to-one assignment of [`EMD_POINTS`]
+/// random points of each cloud (as many as the smaller cloud has, if fewer). Exact on those points.
 pub fn earth_mover(a: &[[f32; 3]], b: &[[f32; 3]], seed: u64) -> Result<f64, MetricError> {
     usable_cloud("first cloud", a)?;
     usable_cloud("second cloud", b)?;
@@ -54,10 +54,11 @@ pub fn compare_clouds(a: &[[f32; 3]], b: &[[f32; 3]], seed: u64) -> Result<Cloud
     Ok(CloudMetrics { chamfer: chamfer?, emd: emd? })
 }
 
-/// The value that the metrics have for a perfect answer: both metrics between two independent random samplings of the truth.
+/// The value that the metrics have for a perfect answer: both metrics between two independent random samplings of the
+/// truth.
 ///
-/// The truth is taken to be the union of cubes of side `spacing` [m] around its points (see [`sample_volume`]); a reconstruction
-/// whose own points lie on a lattice can score a little below this.
+/// The truth is taken to be the union of cubes of side `spacing` [m] around its points (see [`sample_volume`]); a
+/// reconstruction whose own points lie on a lattice can score a little below this.
 pub fn noise_floor(truth: &[[f32; 3]], spacing: f32, seed: u64) -> Result<CloudMetrics, MetricError> {
     usable_cloud("truth", truth)?;
     let (a, b) = (
@@ -82,7 +83,8 @@ pub fn sample_points(points: &[[f32; 3]], count: usize, seed: u64) -> Vec<[f32; 
     pool
 }
 
-/// `count` independent points, uniform in the cubes of side `spacing` [m] centred on the points of a cloud; empty if that is.
+/// `count` independent points, uniform in the cubes of side `spacing` [m] centred on the points of a cloud; empty if
+/// that is.
 pub fn sample_volume(points: &[[f32; 3]], spacing: f32, count: usize, seed: u64) -> Vec<[f32; 3]> {
     if points.is_empty() {
         return Vec::new();
@@ -139,8 +141,8 @@ mod tests {
 
     #[test]
     fn noise_floor_agrees_with_the_theory_of_random_points() {
-        // Nearest neighbour of a point among n per volume at random: E r^2 = Gamma(5/3) (4 pi n / 3)^(-2/3), a little more near
-        // the surface. 7,000 cubes of side 0.01 hold 8,192 random points.
+        // Nearest neighbour of a point among n per volume at random: E r^2 = Gamma(5/3) (4 pi n / 3)^(-2/3), a little
+        // more near the surface. 7,000 cubes of side 0.01 hold 8,192 random points.
         let truth = block(28, 25, 10);
         let floor = noise_floor(&truth, 0.01, 1).unwrap();
         let n = 8192.0 / (truth.len() as f64 * 1e-6);

@@ -22,8 +22,8 @@ impl Rectangle {
         Rectangle { left: 0, top: 0, right: width, bottom: height }
     }
 
-    /// The smallest rectangle that holds every pixel of a mask above zero, widened by `margin` pixels and clipped to the
-    /// image; `None` when the mask is empty.
+    /// The smallest rectangle that holds every pixel of a mask above zero, widened by `margin` pixels and clipped to
+    /// the image; `None` when the mask is empty.
     pub fn around_mask(mask: &[f32], width: usize, height: usize, margin: usize) -> Option<Rectangle> {
         let mut found: Option<Rectangle> = None;
         for (y, row) in mask.chunks_exact(width.max(1)).enumerate().take(height) {
@@ -104,8 +104,8 @@ pub fn mask_iou(mask: &[f32], reference: &[f32]) -> Result<f64, MetricError> {
     Ok(if either == 0 { 1.0 } else { both as f64 / either as f64 })
 }
 
-/// Intersection over union of two antialiased masks without a threshold: sum of the smaller coverage over sum of the larger;
-/// 1 where both are empty.
+/// Intersection over union of two antialiased masks without a threshold: sum of the smaller coverage over sum of the
+/// larger; 1 where both are empty.
 pub fn soft_iou(mask: &[f32], reference: &[f32]) -> Result<f64, MetricError> {
     same_length("mask", mask.len(), reference.len())?;
     let (mut both, mut either) = (0.0f64, 0.0f64);

@@ -1,8 +1,8 @@
 //! Metrics of the field: PSNR, SSIM (with its gradient), mask overlap, chamfer distance and earth mover's distance.
 //!
-//! Images are row-major from the top left, RGB in [0, 1], shape [height * width, 3]; masks are coverage in [0, 1], shape
-//! [height * width]; point clouds are in metres, shape [n, 3]. Every random choice takes a seed, and every reduction has a
-//! fixed order, so that a number can be made again.
+//! Images are row-major from the top left, RGB in [0, 1], shape [height * width, 3]; masks are coverage in [0, 1],
+//! shape [height * width]; point clouds are in metres, shape [n, 3]. Every random choice takes a seed, and every
+//! reduction has a fixed order, so that a number can be made again.
 
 mod assignment;
 mod cloud;

@@ -1,13 +1,13 @@
 //! Structural similarity (Wang et al. 2004) and its gradient with respect to the first image.
 //!
-//! Every pixel and channel looks through an 11x11 Gaussian window (sigma 1.5, weights summing to 1). Outside the image both
-//! pictures are zero and the weights are not renormalised: the convention of the published Gaussian-splatting code, and
-//! exact for pictures over black. With window means `m`, variances `v` and covariance `s`,
+//! Every pixel and channel looks through an 11x11 Gaussian window (sigma 1.5, weights summing to 1). Outside the image
+//! both pictures are zero and the weights are not renormalised: the convention of the published Gaussian-splatting
+//! code, and exact for pictures over black. With window means `m`, variances `v` and covariance `s`,
 //!
 //! `S = (2 m_a m_b + C1) (2 s_ab + C2) / ((m_a^2 + m_b^2 + C1) (v_a + v_b + C2))`, `C1 = 0.01^2`, `C2 = 0.03^2`,
 //!
-//! and the metric is the mean of `S` over pixels and channels. The window is separable; rows run in parallel and are summed in
-//! order, so the value does not depend on the number of threads.
+//! and the metric is the mean of `S` over pixels and channels. The window is separable; rows run in parallel and are
+//! summed in order, so the value does not depend on the number of threads.
 
 use std::ops::Range;
 
@@ -25,7 +25,8 @@ const TAPS: usize = 2 * RADIUS + 1;
 const SIGMA: f64 = 1.5;
 const C1: f64 = 1e-4;
 const C2: f64 = 9e-4;
-/// Rows of the gradient per task. Each also compares the rows around its own that windows reach, and needs no room for more.
+/// Rows of the gradient per task. Each also compares the rows around its own that windows reach, and needs no room for
+/// more.
 const BAND: usize = 48;
 
 /// Mean structural similarity of two RGB images over the pixels of `region` (the whole image if `None`).
@@ -148,8 +149,8 @@ struct Pair<'a> {
     window: [f32; TAPS],
 }
 
-/// Rows of up to four quantities after the vertical pass (with room for the window at both ends) and after the horizontal one, both
-/// with room for lanes that start at the last number.
+/// Rows of up to four quantities after the vertical pass (with room for the window at both ends) and after the
+/// horizontal one, both with room for lanes that start at the last number.
 struct Scratch {
     vertical: [Vec<f32>; 4],
     means: [Vec<f32>; 4],
@@ -271,8 +272,8 @@ fn window_means<L: Lanes<Scalar = f32>>(pair: &Pair<'_>, y: usize, scratch: &mut
     }
 }
 
-/// Image row `y` of the gradient, from the slopes of S in `rows`: the window is symmetric, so the transpose of a window mean is a
-/// window mean.
+/// Image row `y` of the gradient, from the slopes of S in `rows`: the window is symmetric, so the transpose of a window
+/// mean is a window mean.
 struct PullBack<'a> {
     pair: &'a Pair<'a>,
     slopes: &'a [Vec<f32>; 3],
@@ -289,8 +290,8 @@ impl Kernel for PullBack<'_> {
     fn run<L: Lanes<Scalar = f32>>(self) {
         let PullBack { pair, slopes, rows, y, scratch, out } = self;
         let (region, length, left) = (pair.region, pair.row_length(), pair.reached().left);
-        // In the scratch row the region starts RADIUS pixels after the first pixel that gets a gradient, `left`, at least
-        // virtually: `shift` numbers further to the right when the image border is nearer than that.
+        // In the scratch row the region starts RADIUS pixels after the first pixel that gets a gradient, `left`, at
+        // least virtually: `shift` numbers further to the right when the image border is nearer than that.
         let shift = 3 * (RADIUS + region.left - left);
         let seen = y.saturating_sub(RADIUS).max(rows.start)..(y + RADIUS + 1).min(rows.end);
         for k in 0..3 {
@@ -324,8 +325,8 @@ impl Kernel for PullBack<'_> {
     }
 }
 
-/// Window means along a row of interleaved RGB: `out[i] = sum_k window[k] row[i + 3 k]` for i below `length`; both have room for
-/// lanes that start there.
+/// Window means along a row of interleaved RGB: `out[i] = sum_k window[k] row[i + 3 k]` for i below `length`; both have
+/// room for lanes that start there.
 #[inline(always)]
 fn blur_along<L: Lanes<Scalar = f32>>(row: &[f32], window: &[f32; TAPS], out: &mut [f32], length: usize) {
     let mut at = 0;

@@ -58,8 +58,8 @@ impl Moments {
         });
     }
 
-    /// One step of Adam that scales all parameters alike, by the root of the mean second moment: the direction that was smoothed
-    /// over neighbours stays smooth.
+    /// One step of Adam that scales all parameters alike, by the root of the mean second moment: the direction that was
+    /// smoothed over neighbours stays smooth.
     pub fn update_alike(&mut self, parameters: &mut [f32], gradient: &[f32], rate: f64, step: usize) {
         assert!(parameters.len() == gradient.len() && self.first.len() == gradient.len(), "one gradient per parameter");
         let correction1 = 1.0 - f64::from(BETA1).powf(step as f64);

@@ -3,8 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 
 /// The step -(H + D)^-1 g of Levenberg (1944) and Marquardt (1963) that lessens a sum of squares with gradient g, shape
-/// [n], and approximate Hessian H = J^T J, shape [n, n]. D is diagonal: `damping` gives each of its elements from that of
-/// H. `None` where H + D is not positive definite.
+/// [n], and approximate Hessian H = J^T J, shape [n, n]. D is diagonal: `damping` gives each of its elements from that
+/// of H. `None` where H + D is not positive definite.
 pub fn damped_step(
     hessian: &DMatrix<f64>,
     gradient: &DVector<f64>,

@@ -47,8 +47,9 @@ pub(crate) trait Vector: Copy + Send + Sync + core::fmt::Debug + 'static {
 
 /// Implements [`Vector`] for a vector of f32: the operations that are one intrinsic by its name, then the others.
 ///
-/// SAFETY of the expansion: an intrinsic needs the instructions named in `features`, and a value of the type exists only
-/// below [`dispatch`](crate::dispatch), which has checked for them. Pointers: as the trait's methods ask of their callers.
+/// SAFETY of the expansion: an intrinsic needs the instructions named in `features`, and a value of the type exists
+/// only below [`dispatch`](crate::dispatch), which has checked for them. Pointers: as the trait's methods ask of their
+/// callers.
 #[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 macro_rules! f32_vector {
     (

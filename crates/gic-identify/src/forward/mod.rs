@@ -1,4 +1,5 @@
-//! What a hypothesis predicts: the motion by free flight or simulation, the outlines that it draws, and the shapes that the body may have.
+//! What a hypothesis predicts: the motion by free flight or simulation, the outlines that it draws, and the shapes that
+//! the body may have.
 
 pub(crate) mod flight;
 pub(crate) mod footprint;

@@ -1,4 +1,5 @@
-//! The loss of paper eq. 8: chamfer distance of the surfaces plus L1 of the masks, with its derivative by the particles' positions.
+//! The loss of paper eq. 8: chamfer distance of the surfaces plus L1 of the masks, with its derivative by the
+//! particles' positions.
 
 use gic_geometry::Neighbours;
 use glam::DVec3;

@@ -38,8 +38,8 @@ impl Normal {
         self.step(0.0).map_or(f64::INFINITY, |step| -0.5 * self.gradient.dot(&step))
     }
 
-    /// The step whose `k`-th component is `length` and whose others lead to where the quadratic model is lowest then; `None` where the
-    /// others' matrix is not positive definite.
+    /// The step whose `k`-th component is `length` and whose others lead to where the quadratic model is lowest then;
+    /// `None` where the others' matrix is not positive definite.
     pub(crate) fn step_along(&self, k: usize, length: f64) -> Option<DVector<f64>> {
         let others = self.hessian.clone().remove_row(k).remove_column(k);
         let pull = self.gradient.clone() + self.hessian.column(k) * length;

@@ -100,8 +100,8 @@ pub(super) unsafe fn gather<L: Lanes>(
     }
 }
 
-/// Gathers, with n a node's four numbers and g those of the P2G row at it: sum of (slope of w along x, y, z) n * g, number
-/// by number, in the first three quads.
+/// Gathers, with n a node's four numbers and g those of the P2G row at it: sum of (slope of w along x, y, z) n * g,
+/// number by number, in the first three quads.
 ///
 /// # Safety
 /// `grid` must hold the nodes of the window that `s` was set for, four numbers each.

@@ -14,8 +14,8 @@ use crate::substep::prepared_world::{PreparedBody, PreparedWorld};
 use crate::substep::state::{State, map_particles};
 use crate::substep::violation::Violation;
 
-/// Particles per chunk, about: few enough for several chunks per core, many enough for a slab to pay. The order of sums,
-/// and so the last bits of a result, depend on it.
+/// Particles per chunk, about: few enough for several chunks per core, many enough for a slab to pay. The order of
+/// sums, and so the last bits of a result, depend on it.
 const PARTICLES_PER_CHUNK: usize = 16_384;
 /// Most chunks per body: more slabs would cost more than more threads gain.
 const MAX_CHUNKS_PER_BODY: usize = 16;

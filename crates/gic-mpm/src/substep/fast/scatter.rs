@@ -46,7 +46,8 @@ impl<T: Scalar> P2gRow<T> {
     }
 }
 
-/// Sums of what particles give that are not yet in the grid: those of the particles of one cell, which follow each other.
+/// Sums of what particles give that are not yet in the grid: those of the particles of one cell, which follow each
+/// other.
 pub(super) struct Pending<L> {
     rows: [[L; 9]; 4],
     /// Base index of the cell; `usize::MAX` for none.

@@ -3,9 +3,9 @@
 //! Four nodes in a row along z, each (x, y, z, mass), are 16 numbers: one vector of AVX-512, two of AVX2, four of NEON.
 //! A particle touches nine such rows (of the fourth node it touches nothing, its weight is zero).
 //!
-//! SAFETY of the pointers in this folder: a stencil's base index is clamped by [`Stencils::set`] so that all nine rows lie in the grid of
-//! the [`Window`] that it was made for, whatever the particle's position (also NaN); callers pass grids of at least
-//! that size.
+//! SAFETY of the pointers in this folder: a stencil's base index is clamped by [`Stencils::set`] so that all nine rows
+//! lie in the grid of the [`Window`] that it was made for, whatever the particle's position (also NaN); callers pass
+//! grids of at least that size.
 
 use gic_simd::{Lanes, Scalar};
 
@@ -38,7 +38,8 @@ impl<T: Scalar> Quads<T> {
         self.0[at..at + 4].as_ptr()
     }
 
-    /// The quad of a particle as the nodes of vector `r` of a row see it: group g is filled with number `r * GROUPS + g`.
+    /// The quad of a particle as the nodes of vector `r` of a row see it: group g is filled with number
+    /// `r * GROUPS + g`.
     #[inline(always)]
     pub(super) fn along_row<L: Lanes<Scalar = T>>(&self, particle: usize, r: usize) -> L {
         debug_assert!(r < vectors::<L>());
