@@ -1,8 +1,9 @@
 //! What the user chooses; [`FillSettings`] is the same for one body, with all lengths in metres.
 
+use gic_geometry::Plane;
 use serde::{Deserialize, Serialize};
 
-use crate::{FillSettings, GroundPlane, Tuning, Unseen};
+use crate::{FillSettings, Tuning, Unseen};
 
 /// Settings of filling; lengths that are left out follow from the body.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -64,7 +65,7 @@ impl Default for Settings {
 
 impl Settings {
     /// The same for a body whose largest side at the first frame is `size` [m], on `ground`, if that is known.
-    pub fn for_body(&self, size: f64, ground: Option<GroundPlane>) -> FillSettings {
+    pub fn for_body(&self, size: f64, ground: Option<Plane>) -> FillSettings {
         let defaults = FillSettings::tuned(size, self.tuning.clone());
         FillSettings {
             grid_spacing: self.voxel_spacing_m.unwrap_or(defaults.grid_spacing),

@@ -25,7 +25,7 @@ pub use particles::{
     Agreement, Appearance, Drawing, Particles, Placement, agreement, calibrate, compare_with_masks, informed_gaussians,
     sample_particles, sample_points,
 };
-pub use settings::{FillSettings, GroundPlane, Unseen};
+pub use settings::{FillSettings, Unseen};
 pub use shape_from::ShapeFrom;
 pub use symmetry::{Completion, MirrorPlane, Symmetry};
 pub use tuning::*;

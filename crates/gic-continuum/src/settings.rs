@@ -1,25 +1,9 @@
 //! Settings of filling, derived from the object's size.
 
-use glam::DVec3;
+use gic_geometry::Plane;
 use serde::{Deserialize, Serialize};
 
 use crate::{ContinuumError, Tuning};
-
-/// A plane that the body cannot cross: ground that is known. It counts as seen.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GroundPlane {
-    /// A point of the plane [m].
-    pub point: DVec3,
-    /// Unit normal towards the free side.
-    pub normal: DVec3,
-}
-
-impl GroundPlane {
-    /// Height of a point above the plane [m].
-    pub fn height(&self, point: DVec3) -> f64 {
-        (point - self.point).dot(self.normal)
-    }
-}
 
 /// What to do where the body's boundary is one that no view sees (undersides).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -53,8 +37,8 @@ pub struct FillSettings {
     pub unseen: Unseen,
     /// Volume that the body is known to have [m^3], for example from frames in which more of it was seen.
     pub volume: Option<f64>,
-    /// A plane below which there is nothing, if known.
-    pub ground: Option<GroundPlane>,
+    /// Ground that the body cannot cross, if it is known; it counts as seen.
+    pub ground: Option<Plane>,
     /// The tuned numbers.
     pub tuning: Tuning,
 }

@@ -8,10 +8,10 @@ use common::{
     sphere, torus, views,
 };
 use gic_continuum::{
-    ContinuumError, Drawing, FillSettings, Filling, GroundPlane, MaskedView, ParticleTuning, Particles, Placement,
-    Unseen, calibrate, compare_with_masks, fill, sample_particles,
+    ContinuumError, Drawing, FillSettings, Filling, MaskedView, ParticleTuning, Particles, Placement, Unseen,
+    calibrate, compare_with_masks, fill, sample_particles,
 };
-use gic_geometry::{KdTree, SurfacePoint};
+use gic_geometry::{KdTree, Plane, SurfacePoint};
 use gic_scene::Camera;
 use gic_splat::{Gaussians, Shape};
 use glam::{DMat3, DVec3};
@@ -68,7 +68,7 @@ fn check(body: &Body, gaussians: &Gaussians, hausdorff: f64) {
 }
 
 /// Fills and checks: Hausdorff distance and volume error in units of the finest voxel.
-fn check_seen_by(cameras: &[Camera], body: &Body, gaussians: &Gaussians, ground: Option<GroundPlane>, hausdorff: f64) {
+fn check_seen_by(cameras: &[Camera], body: &Body, gaussians: &Gaussians, ground: Option<Plane>, hausdorff: f64) {
     let masks: Vec<Vec<f32>> = cameras.iter().map(|c| mask(body, c)).collect();
     let settings = FillSettings { ground, ..settings_for(body) };
     let h = settings.finest_spacing();
@@ -119,7 +119,7 @@ fn thin_plates_stay_two() {
 /// even for perfect Gaussians: a rim of 31 degrees ends 1.7 voxels beyond the place where it is one voxel thick.
 #[test]
 fn flat_pile_on_the_ground_seen_from_above() {
-    let ground = Some(GroundPlane { point: DVec3::ZERO, normal: DVec3::Y });
+    let ground = Some(Plane { point: DVec3::ZERO, normal: DVec3::Y });
     for mut gaussians in [perfect_gaussians(&pile()), noisy_gaussians(&pile(), 5), sunken(&pile(), 6)] {
         leave_out(&mut gaussians, |p| p[1].abs() < 0.01 && p[0].hypot(p[2]) < 0.2);
         check_seen_by(&cameras_above(), &pile(), &gaussians, ground, NOISY);
@@ -153,7 +153,7 @@ fn undersides_that_no_camera_sees_are_smooth_and_give_the_known_volume() {
 #[test]
 fn a_pile_that_hovers_over_the_floor_is_not_filled_down_to_it() {
     let body = pile();
-    let ground = Some(GroundPlane { point: DVec3::NEG_Y * 0.01, normal: DVec3::Y });
+    let ground = Some(Plane { point: DVec3::NEG_Y * 0.01, normal: DVec3::Y });
     let excess = |volume| {
         let settings = FillSettings { ground, volume, grid_spacing: body.size / 10.0, ..settings_for(&body) };
         fill_seen_from_above(&body, &settings).volume() / body.volume - 1.0
@@ -235,7 +235,7 @@ fn missing_masks_and_ground_are_respected() {
     assert!((filling.volume() / body.volume - 1.0).abs() < 0.06, "{}", filling.volume() / body.volume);
 
     // A plane through the centre, seen from above: nothing is left below it.
-    settings.ground = Some(GroundPlane { point: DVec3::ZERO, normal: DVec3::Y });
+    settings.ground = Some(Plane { point: DVec3::ZERO, normal: DVec3::Y });
     let above: Vec<MaskedView> = views(&cameras, &masks).into_iter().filter(|v| v.camera.centre.y > 0.0).collect();
     let half = fill(&perfect_gaussians(&body), &above, &settings).unwrap();
     println!("half below ground: volume {}", half.volume() / body.volume);

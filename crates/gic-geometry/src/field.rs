@@ -3,7 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use crate::GeometryError;
+use crate::error::GeometryError;
 
 /// More voxels than this are refused: 4 bytes each, and filling needs a few fields.
 pub const MAX_VOXELS: f64 = 4e7;

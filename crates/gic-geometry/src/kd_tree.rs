@@ -1,6 +1,6 @@
-//! A k-d tree over points in space: exact nearest neighbours.
+//! A k-d tree over points in space (Bentley 1975): exact nearest neighbours.
 //!
-//! Own code because it is this short: the crates that fit either bring a large dependency tree or allocate in every query.
+//! Of points at equal distances the answer is the same on every machine, which lattices of particles need.
 
 /// Ranges of at most this many points are searched one by one.
 const LEAF: usize = 8;

@@ -6,7 +6,8 @@ use std::path::Path;
 use gic_files::{PlyLayout, PlyProperty, WriteError, write_ply, write_with};
 use glam::DVec3;
 
-use crate::{TetMesh, TriangleMesh};
+use crate::tetrahedra::TetMesh;
+use crate::triangle_mesh::TriangleMesh;
 
 /// Writes a surface as Wavefront OBJ: positions [m], normals, triangles.
 ///

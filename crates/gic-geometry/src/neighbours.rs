@@ -1,10 +1,12 @@
-//! Nearest points by a dense cell list.
+//! Points near a point, by a dense list of cells: all within a radius in lanes or one by one, or the K nearest.
+//!
+//! A place is where the list keeps a point, so that the points of a cell, and those of cells along z, follow each other.
 
 use std::ops::Range;
 
 use glam::{DVec3, IVec3};
 
-/// Points in cells of a uniform grid over their bounding box.
+/// Points [m] in cells of a uniform grid over their bounding box.
 #[derive(Clone, Debug)]
 pub struct Neighbours {
     points: Vec<DVec3>,

@@ -8,7 +8,8 @@ use std::collections::HashMap;
 
 use glam::{DVec3, I64Vec3};
 
-use crate::{DensityField, GeometryError, MAX_VOXELS};
+use crate::error::GeometryError;
+use crate::field::{DensityField, MAX_VOXELS};
 
 /// A cut nearer to a lattice point than this share of a long edge moves the point (the paper's alpha_long for its safe mesh).
 const SNAP_LONG: f64 = 0.24999;
@@ -274,7 +275,7 @@ pub fn tetrahedra(field: &DensityField, level: f64, edge: f64) -> Result<TetMesh
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::TriangleMesh;
+    use crate::triangle_mesh::TriangleMesh;
 
     fn field_of(distance: impl Fn(DVec3) -> f64, spacing: f64) -> DensityField {
         let mut field = DensityField::covering(DVec3::splat(-0.16), DVec3::splat(0.16), spacing, 1).unwrap();

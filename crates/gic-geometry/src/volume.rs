@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::DensityField;
+use crate::field::DensityField;
 
 impl DensityField {
     /// Volume where the interpolated field is at least `threshold` [m^3]: each voxel counted at 2x2x2 interior points, with a

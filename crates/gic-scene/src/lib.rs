@@ -24,7 +24,7 @@ mod world;
 pub use camera::Camera;
 pub use error::{Problem, SceneError, Severity};
 pub use format::Format;
-pub use hull::{Hull, HullSettings, HullView, SurfacePoint};
+pub use hull::{Hull, HullSettings, HullView};
 pub use inspect::{CameraReport, GroundSource, HullReport, Inspection, inspect};
 pub use matting::difference_matte;
 pub use picture::{Mask, Picture, PixelBox, touches_border};
@@ -32,7 +32,7 @@ pub use scene::Scene;
 pub use settings::{MaskChoice, SceneSettings};
 pub use similarity::Similarity;
 pub use view::{MaskSource, Split, View};
-pub use world::{ColouredPoint, Plane, World};
+pub use world::{ColouredPoint, World};
 
 #[doc = include_str!("../CONVENTIONS.md")]
 pub mod conventions {}

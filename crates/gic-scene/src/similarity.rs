@@ -1,10 +1,11 @@
 //! Rotation, translation and scale between two world frames.
 
+use gic_geometry::Plane;
 use glam::{DMat3, DVec3};
 
 use crate::camera::Camera;
 use crate::scene::Scene;
-use crate::world::{ColouredPoint, Plane, World};
+use crate::world::{ColouredPoint, World};
 
 /// x' = scale * rotation * x + translation.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,22 +1,7 @@
 //! What is known about the world frame of a scene.
 
+use gic_geometry::Plane;
 use glam::DVec3;
-
-/// A plane in the world frame.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Plane {
-    /// A point on the plane [m].
-    pub point: DVec3,
-    /// The unit normal, pointing to the free side.
-    pub normal: DVec3,
-}
-
-impl Plane {
-    /// Signed distance [m] of a point; positive on the free side.
-    pub fn height(&self, x: DVec3) -> f64 {
-        self.normal.dot(x - self.point)
-    }
-}
 
 /// What the format fixes about the world frame; `None` where it says nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]

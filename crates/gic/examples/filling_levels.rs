@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use gic::config::{Config, Layer};
 use gic::eval::Truth;
 use gic::pipeline::{FillSummary, open_scene};
-use gic_continuum::{FillSettings, Filling, GroundPlane, MaskedView, fill};
+use gic_continuum::{FillSettings, Filling, MaskedView, fill};
 use gic_motion::DynamicGaussians;
 use glam::DVec3;
 use image::{Rgb, RgbImage};
@@ -60,7 +60,7 @@ fn filled(run: &Path, size: f64, levels: usize) -> Result<Filling, Box<dyn Error
     let views: Vec<MaskedView> = pairs
         .map(|(view, mask)| MaskedView { camera: scene.camera_of(view), mask: Some(mask.coverage.as_slice()) })
         .collect();
-    let ground = scene.world.ground.map(|plane| GroundPlane { point: plane.point, normal: plane.normal });
+    let ground = scene.world.ground;
     let settings = FillSettings { levels, ground, ..FillSettings::for_size(size) };
     let gaussians = DynamicGaussians::load(&run.join("gaussians"))?.at(scene.times[0]);
     Ok(fill(&gaussians, &views, &settings)?)

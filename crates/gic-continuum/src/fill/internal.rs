@@ -232,7 +232,8 @@ mod tests {
     use glam::{DMat3, DVec2};
 
     use super::*;
-    use crate::GroundPlane;
+    use gic_geometry::Plane;
+
     use crate::tuning::DepthTuning;
 
     /// A ball of radius 0.1 m before a camera at a distance of 1 m: mask and depth.
@@ -267,7 +268,7 @@ mod tests {
             .map(|(camera, (mask, depth))| Evidence::with_depth(camera, mask, depth.clone(), &DepthTuning::default()))
             .collect();
         let grid = DensityField::covering(DVec3::splat(-0.17), DVec3::splat(0.17), 0.01, 2).unwrap();
-        let ground = GroundPlane { point: -0.06 * DVec3::Y, normal: DVec3::Y };
+        let ground = Plane { point: -0.06 * DVec3::Y, normal: DVec3::Y };
         for ground in [None, Some(ground)] {
             let settings = FillSettings { ground, ..FillSettings::for_size(0.2) };
             let found = internal_particles(&grid, &views, 0.002, &settings);

@@ -1,8 +1,9 @@
 //! Colours of a hull's surface from the pictures that see it.
 
+use gic_geometry::SurfacePoint;
 use rayon::prelude::*;
 
-use super::{Hull, SurfacePoint};
+use super::Hull;
 use crate::camera::Camera;
 use crate::picture::Picture;
 

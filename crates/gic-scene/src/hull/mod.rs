@@ -8,6 +8,7 @@ mod ray_walk;
 #[cfg(test)]
 mod tests;
 
+use gic_geometry::SurfacePoint;
 use glam::{DVec3, IVec3};
 use rayon::prelude::*;
 
@@ -52,15 +53,6 @@ pub struct Hull {
     pub occupied: Vec<bool>,
 }
 
-/// A point on the surface of a hull.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SurfacePoint {
-    /// Position [m]: the centre of a cell that touches the outside.
-    pub position: DVec3,
-    /// Unit normal, pointing outwards.
-    pub normal: DVec3,
-}
-
 impl Hull {
     /// Number of occupied cells.
     pub fn count(&self) -> usize {
@@ -89,7 +81,7 @@ impl Hull {
         self.occupied_cells().map(|index| self.centre(index)).collect()
     }
 
-    /// The occupied cells with a free neighbour, with normals from the occupancy around them.
+    /// The centres of the occupied cells with a free neighbour, with normals from the occupancy around them.
     pub fn surface(&self) -> Vec<SurfacePoint> {
         let neighbours = [IVec3::X, IVec3::NEG_X, IVec3::Y, IVec3::NEG_Y, IVec3::Z, IVec3::NEG_Z];
         let exposed = |&index: &IVec3| neighbours.iter().any(|&step| !self.occupied_at(index + step));

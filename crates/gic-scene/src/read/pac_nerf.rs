@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use gic_geometry::Plane;
 use glam::DVec3;
 use serde::Deserialize;
 use serde_json::Value;
@@ -14,7 +15,7 @@ use crate::error::{Problem, SceneError};
 use crate::format::Format;
 use crate::settings::SceneSettings;
 use crate::view::{MaskSource, Split};
-use crate::world::{Plane, World};
+use crate::world::World;
 
 #[derive(Deserialize)]
 struct Entry {

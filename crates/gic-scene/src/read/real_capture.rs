@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use gic_geometry::Plane;
 use glam::{DMat3, DVec2, DVec3};
 use serde::Deserialize;
 use serde_json::Value;
@@ -18,7 +19,7 @@ use crate::lens::Lens;
 use crate::scene::Scene;
 use crate::settings::SceneSettings;
 use crate::view::{MaskSource, Split};
-use crate::world::{Plane, World};
+use crate::world::World;
 
 /// The videos' frame rate [Hz] where the user gives none: no file of the format states it.
 const FRAME_RATE: f64 = 30.0;

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use gic_geometry::Plane;
 use glam::DVec3;
 use serde::Deserialize;
 use serde_json::{Map, Value};
@@ -12,7 +13,7 @@ use crate::error::{Problem, SceneError};
 use crate::format::Format;
 use crate::settings::SceneSettings;
 use crate::view::Split;
-use crate::world::{Plane, World};
+use crate::world::World;
 
 #[derive(Deserialize)]
 struct Entry {

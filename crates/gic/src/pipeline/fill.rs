@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use gic_continuum::{
-    Agreement, Appearance, Drawing, FillSettings, Filling, GroundPlane, MirrorPlane, ParticleTuning, Particles,
-    Placement, calibrate, compare_with_masks, sample_particles, sample_points,
+    Agreement, Appearance, Drawing, FillSettings, Filling, MirrorPlane, ParticleTuning, Particles, Placement,
+    calibrate, compare_with_masks, sample_particles, sample_points,
 };
 use gic_scene::{Hull, HullSettings, HullView, Mask};
 use gic_twin::atomic;
@@ -231,7 +231,7 @@ impl Run<'_> {
     }
 
     pub(super) fn fill_settings(&self, size: f64) -> FillSettings {
-        let ground = self.scene.world.ground.map(|plane| GroundPlane { point: plane.point, normal: plane.normal });
+        let ground = self.scene.world.ground;
         self.config.fill.for_body(size, ground)
     }
 
