@@ -2,6 +2,7 @@
 
 use gic_scene::Camera;
 use glam::{DAffine3, DMat3, DVec3};
+use serde::{Deserialize, Serialize};
 
 /// Mirror planes at right angles to each other.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -13,14 +14,17 @@ pub struct Symmetry {
     pub interchangeable_planes: Vec<[usize; 2]>,
 }
 
-/// A plane whose two sides are mirror images.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A plane whose two sides are mirror images: the points x with normal . x = offset.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MirrorPlane {
     /// Unit normal.
     pub normal: DVec3,
     /// Distance of the plane from the origin along its normal [m].
+    #[serde(rename = "offset_m")]
     pub offset: f64,
-    /// How far mirrored points of the surface lie from it, in the mean [m].
+    /// How far mirrored points of the surface lie from it, in the mean [m]; where the plane was found by outlines, by how
+    /// much rays along them miss their mirror images.
+    #[serde(rename = "misfit_m")]
     pub misfit: f64,
 }
 

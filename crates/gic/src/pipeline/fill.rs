@@ -40,25 +40,13 @@ pub struct FillSummary {
     pub mask_iou: Vec<f64>,
     /// Mirror planes of the body at the first frame.
     #[serde(default)]
-    pub mirror_planes: Vec<Mirror>,
+    pub mirror_planes: Vec<MirrorPlane>,
     /// Frames whose outlines alone made the body of the first, because the surface showed none of the symmetry that
     /// they show; 0 where the surface made it.
     #[serde(default)]
     pub outline_frames: usize,
     /// Every frame.
     pub frames: Vec<FrameFilling>,
-}
-
-/// A plane whose two sides are mirror images.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Mirror {
-    /// Unit normal.
-    pub normal: [f64; 3],
-    /// Distance of the plane from the origin along its normal [m].
-    pub offset_m: f64,
-    /// How far mirrored points of the surface lie from it, in the mean [m]; where the plane was found by outlines, by
-    /// how much rays along them miss their mirror images.
-    pub misfit_m: f64,
 }
 
 /// The filling of one frame.
@@ -189,7 +177,7 @@ impl Run<'_> {
             splat_opacity: appearance.opacity,
             drawing_scale: drawn.scale,
             mask_iou,
-            mirror_planes: planes.iter().map(Mirror::from).collect(),
+            mirror_planes: planes.to_vec(),
             outline_frames: filler.outline_frames(),
             frames,
         };
@@ -278,12 +266,6 @@ impl Run<'_> {
             })
             .collect::<Result<_>>()?;
         Ok(Continuum { summary, particles, appearance, surfaces })
-    }
-}
-
-impl From<&MirrorPlane> for Mirror {
-    fn from(plane: &MirrorPlane) -> Mirror {
-        Mirror { normal: plane.normal.to_array(), offset_m: plane.offset, misfit_m: plane.misfit }
     }
 }
 
