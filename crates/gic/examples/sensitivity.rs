@@ -1,0 +1,247 @@
+//! Which tuned numbers move the result: each is halved and doubled, one at a time, on finished runs of several scenes.
+//!
+//! ```text
+//! cargo run --release -p gic --example sensitivity -- [--fill] [--only PREFIX] -o OUT RUN...
+//! ```
+//!
+//! Every RUN keeps its reconstruction; filling and identification are made anew in a copy, with one number changed. What moved is
+//! told against the same run with today's numbers: volume and overlap with the masks, parameters (log10 of moduli, viscosities and
+//! yield stresses), velocity, and the path of the centre of mass. The scatter to compare with is what other seeds move. `--fill` stops
+//! after filling; `--only` takes the numbers whose key begins with PREFIX. A line per change is appended to `OUT/effects.jsonl`;
+//! what stands there already is not measured again.
+
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use gic::config::Layer;
+use gic::pipeline::{FillSummary, IdentifyRecord, Run, Stage};
+use gic_twin::Interrupt;
+use gic_twin::events::Events;
+use gic_twin::simulate::Trajectory;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+type Result<T> = std::result::Result<T, Box<dyn Error>>;
+
+/// Seeds whose results are the scatter.
+const SEEDS: [u64; 2] = [1, 2];
+
+fn main() -> Result<()> {
+    let options = Options::parse()?;
+    fs::create_dir_all(&options.out)?;
+    let log = options.out.join("effects.jsonl");
+    let mut known: Vec<Effect> = match fs::read_to_string(&log) {
+        Ok(text) => text.lines().map(serde_json::from_str).collect::<std::result::Result<_, _>>()?,
+        Err(_) => Vec::new(),
+    };
+    for run in &options.runs {
+        let scene = run.file_name().and_then(|n| n.to_str()).ok_or("a run folder has no name")?.to_owned();
+        let reference = options.out.join(&scene).join("reference");
+        let base = measure(run, &reference, &[], options.last)?;
+        let seeds = SEEDS.iter().map(|seed| ("seed".to_owned(), format!("seed={seed}")));
+        let numbers = numbers().into_iter().filter(|(key, _)| key.starts_with(&options.only));
+        let changes = numbers.flat_map(|(key, value)| varied(&value).map(move |v| (key.clone(), format!("{key}={v}"))));
+        for (key, change) in seeds.chain(changes) {
+            if known.iter().any(|e| e.scene == scene && e.change == change && e.last == options.last.name()) {
+                continue;
+            }
+            let scratch = options.out.join(&scene).join("scratch");
+            let moved = match measure(run, &scratch, std::slice::from_ref(&change), options.last) {
+                Ok(found) => found.against(&base),
+                Err(error) => BTreeMap::from([(format!("error: {error}"), f64::MAX)]),
+            };
+            let effect = Effect { scene: scene.clone(), key, change, last: options.last.name().to_owned(), moved };
+            writeln!(
+                fs::OpenOptions::new().create(true).append(true).open(&log)?,
+                "{}",
+                serde_json::to_string(&effect)?
+            )?;
+            known.push(effect);
+        }
+    }
+    print!("{}", table(&known));
+    Ok(())
+}
+
+/// What the command line asks for.
+struct Options {
+    runs: Vec<PathBuf>,
+    out: PathBuf,
+    only: String,
+    last: Stage,
+}
+
+impl Options {
+    fn parse() -> Result<Self> {
+        let mut options = Self { runs: Vec::new(), out: PathBuf::new(), only: String::new(), last: Stage::Predict };
+        let mut arguments = std::env::args().skip(1);
+        while let Some(argument) = arguments.next() {
+            match argument.as_str() {
+                "--fill" => options.last = Stage::Fill,
+                "--only" => options.only = arguments.next().ok_or("--only needs a prefix")?,
+                "-o" => options.out = arguments.next().ok_or("-o needs a folder")?.into(),
+                _ => options.runs.push(argument.into()),
+            }
+        }
+        if options.runs.is_empty() || options.out.as_os_str().is_empty() {
+            return Err("give -o OUT and the folders of finished runs".into());
+        }
+        Ok(options)
+    }
+}
+
+/// One number changed on one scene.
+#[derive(Serialize, Deserialize)]
+struct Effect {
+    scene: String,
+    key: String,
+    /// The setting, as `--set` takes it.
+    change: String,
+    /// The last stage that was made anew.
+    last: String,
+    /// By how much each result differs from that with today's numbers.
+    moved: BTreeMap<String, f64>,
+}
+
+/// Every tuned number, by its key, with today's value.
+fn numbers() -> Vec<(String, Value)> {
+    let mut all = Vec::new();
+    let fill = serde_json::to_value(gic_continuum::Tuning::default());
+    let identify = serde_json::to_value(gic_identify::Tuning::default());
+    leaves("fill.tuning", fill.unwrap_or_default(), &mut all);
+    leaves("identify.tuning", identify.unwrap_or_default(), &mut all);
+    all
+}
+
+fn leaves(key: &str, value: Value, all: &mut Vec<(String, Value)>) {
+    match value {
+        Value::Object(inner) => {
+            inner.into_iter().for_each(|(name, value)| leaves(&format!("{key}.{name}"), value, all))
+        }
+        value => all.push((key.to_owned(), value)),
+    }
+}
+
+/// A value halved and doubled, as TOML; counts stay at least 1, switches are turned over.
+fn varied(value: &Value) -> impl Iterator<Item = String> + use<> {
+    fn scaled(value: &Value, factor: f64) -> String {
+        match value {
+            Value::Number(n) if n.is_u64() => ((n.as_f64().unwrap_or(0.0) * factor) as u64).max(1).to_string(),
+            Value::Number(n) => format!("{:?}", n.as_f64().unwrap_or(0.0) * factor),
+            Value::Array(items) => {
+                format!("[{}]", items.iter().map(|v| scaled(v, factor)).collect::<Vec<_>>().join(", "))
+            }
+            Value::Bool(on) => (!on).to_string(),
+            other => other.to_string(),
+        }
+    }
+    let mut found = vec![scaled(value, 0.5), scaled(value, 2.0)];
+    let today = scaled(value, 1.0);
+    found.dedup();
+    found.into_iter().filter(move |v| *v != today)
+}
+
+/// Results by name: `volume_percent`, `mask_iou`, a parameter (log10 where it is a modulus), a component, a path [mm].
+struct Results {
+    numbers: BTreeMap<String, f64>,
+    /// Centre of mass in every frame [m].
+    path: Vec<[f64; 3]>,
+}
+
+impl Results {
+    fn against(&self, base: &Self) -> BTreeMap<String, f64> {
+        let mut moved: BTreeMap<String, f64> = self
+            .numbers
+            .iter()
+            .filter_map(|(name, value)| Some((name.clone(), value - base.numbers.get(name)?)))
+            .collect();
+        if let Some(volume) = base.numbers.get("volume_m3") {
+            let change = moved.remove("volume_m3").unwrap_or(0.0);
+            moved.insert("volume_percent".into(), 100.0 * change / volume);
+        }
+        let apart = |(a, b): (&[f64; 3], &[f64; 3])| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt();
+        let farthest = self.path.iter().zip(&base.path).map(apart).fold(0.0, f64::max);
+        moved.insert("path_mm".into(), 1e3 * farthest);
+        moved
+    }
+}
+
+/// Copies the reconstruction of `run` into `folder`, makes the later stages anew with `changes`, and reads their results.
+fn measure(run: &Path, folder: &Path, changes: &[String], last: Stage) -> Result<Results> {
+    let _ = fs::remove_dir_all(folder);
+    copy(&run.join("gaussians"), &folder.join("gaussians"))?;
+    fs::create_dir_all(folder.join("stamps"))?;
+    for file in ["config.toml", "stamps/reconstruct.json"] {
+        fs::copy(run.join(file), folder.join(file))?;
+    }
+    let layers = vec![Layer::from_assignments(changes.iter().map(String::as_str))?];
+    let (events, interrupt) = (Events::default(), Interrupt::default());
+    Run::open(folder, layers, &events, &interrupt)?.bring_up_to_date(last)?;
+    let filling: FillSummary = read(&folder.join("fill.json"))?;
+    let mut numbers = BTreeMap::new();
+    let count = filling.frames.len() as f64;
+    numbers.insert("volume_m3".to_owned(), filling.frames.iter().map(|f| f.volume_m3).sum::<f64>() / count);
+    numbers.insert("mask_iou".to_owned(), filling.frames.iter().filter_map(|f| f.mask_iou).sum::<f64>() / count);
+    if last < Stage::Identify {
+        return Ok(Results { numbers, path: Vec::new() });
+    }
+    let found: IdentifyRecord = read(&folder.join("identify.json"))?;
+    for estimate in &found.estimates {
+        let is_logarithmic = !matches!(estimate.name.as_str(), "poisson_ratio" | "friction_angle_deg");
+        numbers.insert(estimate.name.clone(), if is_logarithmic { estimate.value.log10() } else { estimate.value });
+    }
+    for (axis, value) in ["x", "y", "z"].into_iter().zip(found.velocity_m_s) {
+        numbers.insert(format!("velocity_{axis}_m_s"), value);
+    }
+    let trajectory: Trajectory = read(&folder.join("prediction/trajectory.json"))?;
+    Ok(Results { numbers, path: trajectory.frames.iter().map(|f| f.centre_of_mass_m).collect() })
+}
+
+fn copy(from: &Path, to: &Path) -> Result<()> {
+    fs::create_dir_all(to)?;
+    for entry in fs::read_dir(from)? {
+        let entry = entry?;
+        let target = to.join(entry.file_name());
+        if entry.file_type()?.is_dir() {
+            copy(&entry.path(), &target)?
+        } else {
+            fs::copy(entry.path(), target).map(|_| ())?
+        }
+    }
+    Ok(())
+}
+
+fn read<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
+    Ok(serde_json::from_slice(&fs::read(path)?)?)
+}
+
+/// A row per number: how far it moves each result at most, in scatters, and which scenes were looked at.
+fn table(effects: &[Effect]) -> String {
+    let mut scatter: BTreeMap<(&str, &str), f64> = BTreeMap::new();
+    for effect in effects.iter().filter(|e| e.key == "seed") {
+        for (name, value) in &effect.moved {
+            let largest = scatter.entry((effect.scene.as_str(), name.as_str())).or_default();
+            *largest = largest.max(value.abs());
+        }
+    }
+    let mut rows: BTreeMap<&str, (f64, String, std::collections::BTreeSet<&str>)> = BTreeMap::new();
+    for effect in effects.iter().filter(|e| e.key != "seed") {
+        let row = rows.entry(effect.key.as_str()).or_default();
+        row.2.insert(effect.scene.as_str());
+        for (name, value) in &effect.moved {
+            let one = scatter.get(&(effect.scene.as_str(), name.as_str())).copied().unwrap_or(0.0);
+            let times = if *value == 0.0 { 0.0 } else { value.abs() / one.max(f64::MIN_POSITIVE) };
+            if times > row.0 {
+                (row.0, row.1) = (times, format!("{name} {value:+.3e} on {} ({})", effect.scene, effect.change));
+            }
+        }
+    }
+    let mut text = String::from("| number | most it moves [scatters] | what | scenes |\n|---|---|---|---|\n");
+    for (key, (times, what, scenes)) in rows {
+        text += &format!("| {key} | {times:.1} | {what} | {} |\n", scenes.len());
+    }
+    text
+}
