@@ -87,7 +87,7 @@ pub enum TwinError {
         /// What to do about it.
         hint: Option<String>,
         /// The cause.
-        source: SimulationError,
+        source: Box<SimulationError>,
     },
     /// Something that the caller asked for cannot be done.
     #[error("{problem}")]
@@ -157,7 +157,7 @@ impl TwinError {
 
     /// A [`TwinError::Simulation`] without a hint.
     pub(crate) fn simulation(stage: &'static str) -> impl FnOnce(SimulationError) -> Self {
-        move |source| Self::Simulation { stage, hint: None, source }
+        move |source| Self::Simulation { stage, hint: None, source: source.into() }
     }
 
     /// Whether the user interrupted.

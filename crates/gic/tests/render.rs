@@ -1,35 +1,17 @@
 //! `gic render` from outside.
 
 mod common;
+#[path = "common/falling_box.rs"]
+mod falling_box;
 
 use std::fs;
 use std::path::Path;
 
 use image::AnimationDecoder;
 use image::codecs::gif::GifDecoder;
-use serde_json::json;
-use tempfile::TempDir;
 
 use common::gic;
-
-/// A folder with `frames`: three frames of a falling box.
-fn simulated() -> TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    let twin = json!({
-        "schema": "gic.twin/1",
-        "material": {"model": "elastic", "youngs_modulus_pa": 1e5, "poisson_ratio": 0.3},
-        "initial_velocity_m_s": [0.0, -2.0, 0.0],
-        "colliders": [{"shape": "half_space", "normal": [0, 1, 0], "contact": "sticky"}],
-        "grid_spacing_m": 0.04,
-        "frames": 3,
-        "continuum": {"shape": "box", "size_m": [0.12, 0.12, 0.12], "centre_m": [0, 0.1, 0]}
-    });
-    let path = folder.path().join("twin.json");
-    fs::write(&path, twin.to_string()).unwrap();
-    let output = gic(&["simulate", text(&path), "-o", text(&folder.path().join("frames"))]);
-    assert!(output.status.success(), "{output:?}");
-    folder
-}
+use falling_box::falling_box;
 
 fn text(path: &Path) -> &str {
     path.to_str().unwrap()
@@ -37,7 +19,7 @@ fn text(path: &Path) -> &str {
 
 #[test]
 fn frames_become_pictures_and_a_film() {
-    let folder = simulated();
+    let folder = falling_box(0.1);
     let (frames, out) = (folder.path().join("frames"), folder.path().join("out"));
     let film = folder.path().join("film.gif");
     let args =
@@ -66,7 +48,7 @@ fn frames_become_pictures_and_a_film() {
 
 #[test]
 fn mistakes_say_the_way_out() {
-    let folder = simulated();
+    let folder = falling_box(0.1);
     let (frames, out) = (folder.path().join("frames"), folder.path().join("out"));
     let refusal = |args: &[&str], code: i32| {
         let output = gic(&[&["render"], args, &["-o", text(&out)]].concat());
@@ -84,7 +66,7 @@ fn mistakes_say_the_way_out() {
 
 #[test]
 fn colours_that_were_never_trained_are_refused() {
-    let folder = simulated();
+    let folder = falling_box(0.1);
     let (frames, out) = (folder.path().join("frames"), folder.path().join("out"));
     let output = gic(&["render", text(&frames), "-o", text(&out), "--color", "appearance"]);
     assert_eq!(output.status.code(), Some(1));
@@ -93,7 +75,7 @@ fn colours_that_were_never_trained_are_refused() {
 
 #[test]
 fn an_orbit_has_no_video_beside_it() {
-    let folder = simulated();
+    let folder = falling_box(0.1);
     let (frames, out) = (folder.path().join("frames"), folder.path().join("out"));
     let output = gic(&["render", text(&frames), "-o", text(&out), "--beside-video"]);
     assert_eq!(output.status.code(), Some(1));
@@ -102,7 +84,7 @@ fn an_orbit_has_no_video_beside_it() {
 
 #[test]
 fn ffmpeg_makes_the_other_films_where_it_is_installed() {
-    let folder = simulated();
+    let folder = falling_box(0.1);
     let (frames, out) = (folder.path().join("frames"), folder.path().join("out"));
     let installed = std::process::Command::new("ffmpeg").arg("-version").output().is_ok();
     for (name, marker) in [("film.webp", &b"ANIM"[..]), ("film.mp4", &b"ftyp"[..])] {

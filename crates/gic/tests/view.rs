@@ -1,32 +1,22 @@
 //! `gic view` from outside, and in a browser where there is one.
 
 mod common;
+#[path = "common/falling_box.rs"]
+mod falling_box;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use serde_json::json;
 use tempfile::TempDir;
 
 use common::gic;
+use falling_box::falling_box;
 
 /// The page of three frames of a falling box.
 fn page() -> (TempDir, PathBuf) {
-    let folder = tempfile::tempdir().unwrap();
-    let twin = json!({
-        "schema": "gic.twin/1",
-        "material": {"model": "elastic", "youngs_modulus_pa": 1e5, "poisson_ratio": 0.3},
-        "initial_velocity_m_s": [0.0, -2.0, 0.0],
-        "colliders": [{"shape": "half_space", "normal": [0, 1, 0], "contact": "sticky"}],
-        "grid_spacing_m": 0.04,
-        "frames": 3,
-        "continuum": {"shape": "box", "size_m": [0.12, 0.12, 0.12], "centre_m": [0, 0.2, 0]}
-    });
+    let folder = falling_box(0.2);
     let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
-    fs::write(path("twin.json"), twin.to_string()).unwrap();
-    let output = gic(&["simulate", &path("twin.json"), "-o", &path("frames")]);
-    assert!(output.status.success(), "{output:?}");
     let output = gic(&["view", &path("frames"), "-o", &path("page.html")]);
     assert!(output.status.success(), "{output:?}");
     assert!(String::from_utf8_lossy(&output.stdout).contains("3 frames"), "{output:?}");

@@ -168,7 +168,7 @@ fn setup_error(twin: &Twin, source: SimulationError) -> TwinError {
         }
         _ => None,
     };
-    TwinError::Simulation { stage: "setting up the simulation", hint, source }
+    TwinError::Simulation { stage: "setting up the simulation", hint, source: source.into() }
 }
 
 /// Writes a frame as binary PLY: position [m], velocity [m/s], von Mises stress [Pa], relative volume.
