@@ -71,7 +71,7 @@ pub struct AppearanceProgress {
     pub psnr: f64,
 }
 
-/// Trains the look of Gaussians on the scene's pictures of the frames in `posed`, those of the cameras `held_out`
+/// Trains the appearance of Gaussians on the scene's pictures of the frames in `posed`, those of the cameras `held_out`
 /// excepted.
 ///
 /// `bare` gives the scales (isotropic) and opacities to start from; its colours are not looked at. The same input gives

@@ -119,7 +119,9 @@ fn there_are_never_more_gaussians_than_allowed() {
     let (_folder, scene) = scene();
     let count = |max_gaussians| run(&scene, &TrainSettings { max_gaussians, ..settings(5) }, None, 0).canonical.len();
     assert!(count(None) > 120, "the limit has something to do");
-    assert_eq!(count(Some(120)), 120);
+    // The hull has about as many surface cells as are asked for.
+    let limited = count(Some(120));
+    assert!((100..=120).contains(&limited), "{limited}");
 }
 
 #[test]

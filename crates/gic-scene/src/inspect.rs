@@ -8,11 +8,11 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::camera::Camera;
+use crate::contact_sheet;
 use crate::error::{Problem, SceneError};
 use crate::hull::{Hull, HullSettings, HullView};
 use crate::picture::{Mask, Picture};
 use crate::scene::Scene;
-use crate::sheet;
 use crate::view::{MaskSource, Split};
 
 /// Everything worth knowing about a scene before working with it. Lengths in metres where [`Inspection::metric`] says
@@ -116,9 +116,9 @@ struct ViewCheck {
 /// [`SceneError::Invalid`] lists files that cannot be decoded and frames without any mask; empty masks of single views
 /// become warnings.
 pub fn inspect(scene: &Scene) -> Result<Inspection, SceneError> {
-    let layout = sheet::layout(scene);
+    let layout = contact_sheet::layout(scene);
     let (hull_views, moving) = choose_hull_views(scene);
-    let ground_frames = if moving { Vec::new() } else { sheet::evenly_spaced(scene.times.len(), 3) };
+    let ground_frames = if moving { Vec::new() } else { contact_sheet::evenly_spaced(scene.times.len(), 3) };
     let on_sheet: Vec<usize> = layout.iter().flatten().flatten().copied().collect();
     let checked: Vec<ViewCheck> = (0..scene.views.len())
         .into_par_iter()
@@ -189,7 +189,7 @@ pub fn inspect(scene: &Scene) -> Result<Inspection, SceneError> {
         ground,
         rest_views: scene.rest.as_ref().map_or(0, |rest| rest.views.len()),
         warnings,
-        contact_sheet: sheet::assemble(&layout, &tiles),
+        contact_sheet: contact_sheet::assemble(&layout, &tiles),
     })
 }
 
@@ -197,7 +197,7 @@ fn check_view(scene: &Scene, index: usize, on_sheet: bool, keep: bool) -> ViewCh
     match scene.load(&scene.views[index]) {
         Ok((picture, mask)) => ViewCheck {
             area: Ok(mask.area()),
-            tile: on_sheet.then(|| sheet::tile(&picture, &mask)),
+            tile: on_sheet.then(|| contact_sheet::tile(&picture, &mask)),
             mask: keep.then_some(mask),
         },
         Err(error) => ViewCheck { area: Err(error), mask: None, tile: None },
@@ -209,7 +209,7 @@ fn choose_hull_views(scene: &Scene) -> (Vec<usize>, bool) {
     if scene.has_fixed_cameras() {
         return ((0..scene.views_at(0).len()).collect(), false);
     }
-    (sheet::evenly_spaced(scene.views.len(), MAX_HULL_VIEWS), !scene.is_static())
+    (contact_sheet::evenly_spaced(scene.views.len(), MAX_HULL_VIEWS), !scene.is_static())
 }
 
 fn hull_report(hull: &Hull, overlaps: &[f64]) -> HullReport {

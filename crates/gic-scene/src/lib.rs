@@ -4,6 +4,7 @@
 //! files) is written down in the page of [conventions].
 
 mod camera;
+mod contact_sheet;
 mod error;
 mod format;
 mod hull;
@@ -16,7 +17,7 @@ mod picture;
 mod read;
 mod scene;
 mod settings;
-mod sheet;
+
 mod similarity;
 mod view;
 mod world;

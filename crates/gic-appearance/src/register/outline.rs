@@ -1,4 +1,4 @@
-//! The cheap look at a starting rotation: points of the scan as bits on coarse outlines of the masks.
+//! A cheap score of a starting rotation: points of the scan as bits on coarse outlines of the masks.
 
 use gic_motion::pictures::{Bounds, Target, windowed};
 use gic_scene::Camera;
