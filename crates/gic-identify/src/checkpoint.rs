@@ -25,7 +25,7 @@ pub struct Checkpoint {
     pub(crate) seconds: Vec<(Stage, f64)>,
 }
 
-/// What identification tells while it runs.
+/// What a listener hears while identification runs.
 #[derive(Debug)]
 pub enum Event<'a> {
     /// A step was made.

@@ -42,9 +42,6 @@ pub struct Input {
     pub opacities: Vec<f32>,
     /// Standard deviation of each particle's Gaussian [m], shape [n].
     pub scales: Vec<f32>,
-    /// Whether a particle lies on the surface at time 0, shape [n]. Comparing surfaces decides this anew in every
-    /// frame, because matter that folds or spreads changes it; the flag only travels with the continuum.
-    pub on_surface: Vec<bool>,
     /// Cameras of the views, and others that saw the body at rest: what any of them saw of its shape is known better.
     pub cameras: Vec<Camera>,
     /// Frames, ascending in time; the first is at time 0.
@@ -74,9 +71,7 @@ impl Input {
                 "check the filling",
             ));
         }
-        for (field, length) in
-            [("opacities", self.opacities.len()), ("scales", self.scales.len()), ("on_surface", self.on_surface.len())]
-        {
+        for (field, length) in [("opacities", self.opacities.len()), ("scales", self.scales.len())] {
             if length != n {
                 return Err(IdentifyError::input(field, format!("{length} values for {n} particles"), "give one each"));
             }

@@ -1,4 +1,26 @@
 //! Material parameters from surfaces and masks, with error bars (paper section 4.3).
+//!
+//! A hypothesis is a material, an initial motion, and nuisances: the size of the Gaussians that draw the particles, and
+//! how the body differs from its reconstruction. The simulator predicts every particle's path from it. Residuals
+//! compare the drawn outlines with masks and the particles' surface with extracted surfaces. Identification minimises
+//!
+//! ```text
+//! 1/2 sum_k w_k |r_k|^2  +  1/2 (s - m)^T P (s - m)
+//! ```
+//!
+//! over all pictures and surfaces k. The weights w_k are the inverse of their effective noise, which the residuals
+//! themselves show. The Gaussian around m with information P is known of the nuisances: the shape's is a Gaussian
+//! process on the surface.
+//!
+//! The folders in the order of the work:
+//! - `observe`: what the video shows, prepared once;
+//! - `unknowns`: material parameters and motion as coordinates of a search;
+//! - `forward`: what a hypothesis predicts, by free flight or by simulation, and how it is drawn;
+//! - `solve`: residuals, their linearisation, and Levenberg-Marquardt with Broyden's secants;
+//! - `uncertainty`: effective noise, sandwich covariance, verdicts;
+//! - `stages`: free flight, search, material, joint fit, intervals. [`identify`] runs them in order.
+//!
+//! [`Tuning`] has every tuned number with its origin.
 
 mod checkpoint;
 mod error;

@@ -86,7 +86,8 @@ impl<'a> Session<'a> {
         heed((self.listener)(Event::Step(&step)))
     }
 
-    /// Changes the checkpoint and hands it out. The time since the last stage is booked on `stage`, where it is finished.
+    /// Changes the checkpoint and hands it out. The time since the last stage is booked on `stage`, where it is
+    /// finished.
     ///
     /// # Errors
     /// [`FitError::Interrupted`] where the listener says stop.

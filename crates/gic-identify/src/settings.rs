@@ -90,7 +90,8 @@ pub enum Optimizer {
 #[cfg_attr(feature = "cli", derive(clap::Args), group(skip), command(next_help_heading = "Identification"))]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
-    /// The material's law; auto fits every law to the earlier frames and takes the one that predicts the later ones best.
+    /// The material's law; auto fits every law to the earlier frames and takes the one that predicts the later ones
+    /// best.
     #[cfg_attr(feature = "cli", arg(long, value_enum))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub material: Option<MaterialChoice>,

@@ -33,21 +33,19 @@ fn ground() -> Collider {
     }
 }
 
-/// A tilted block of particles, 12 x 6 x 6, and whether each is on its surface.
-fn block() -> (Vec<DVec3>, Vec<bool>) {
+/// A tilted block of particles, 8 x 5 x 5.
+fn block() -> Vec<DVec3> {
     let (size, tilt) = ([8, 5, 5], DQuat::from_scaled_axis(DVec3::new(0.3, 0.2, 0.5)));
     let mut positions = Vec::new();
-    let mut surface = Vec::new();
     for x in 0..size[0] {
         for y in 0..size[1] {
             for z in 0..size[2] {
                 let local = DVec3::new(f64::from(x) - 3.5, f64::from(y) - 2.0, f64::from(z) - 2.0) * 0.5 * SPACING;
                 positions.push(tilt * local + DVec3::new(0.0, 0.16, 0.0));
-                surface.push([x, y, z].iter().zip(size).any(|(i, n)| *i == 0 || *i == n - 1));
             }
         }
     }
-    (positions, surface)
+    positions
 }
 
 /// Particles whose neighbours lie to one side. Which ones these are changes as sand spreads, so it is decided anew in
@@ -63,7 +61,7 @@ fn outer(points: &[DVec3]) -> Vec<DVec3> {
 
 /// What a perfect reconstruction would see of the block made of `material`.
 fn observed(material: Material, velocity: DVec3, frames: usize) -> Input {
-    let (positions, on_surface) = block();
+    let positions = block();
     let volume = (0.5 * SPACING).powi(3);
     let world = World {
         bodies: vec![Body {
@@ -99,7 +97,6 @@ fn observed(material: Material, velocity: DVec3, frames: usize) -> Input {
         volume_factors: Vec::new(),
         opacities: vec![0.9; n],
         scales: vec![0.5 * 0.01; n],
-        on_surface,
         cameras: Vec::new(),
         observations,
         frame_rate_hz: RATE,

@@ -115,7 +115,6 @@ pub(crate) fn input(scene: &Path, positions: Vec<DVec3>, volume: f64) -> Input {
         volume_factors: Vec::new(),
         opacities: vec![0.9; n],
         scales: vec![0.006; n],
-        on_surface: vec![false; n],
         cameras: cameras.into_iter().map(|c| c.expect("camera")).collect(),
         observations,
         frame_rate_hz: 24.0,

@@ -29,7 +29,8 @@ pub(crate) struct Footprint {
     pub variance: f32,
     /// Alpha at the centre.
     pub peak: f32,
-    /// Columns and rows that it covers, from the first up to, not including, the second; empty where it is not in the picture.
+    /// Columns and rows that it covers, from the first up to, not including, the second; empty where it is not in the
+    /// picture.
     pub columns: (usize, usize),
     pub rows: (usize, usize),
 }
@@ -58,8 +59,8 @@ impl Projection {
         }
     }
 
-    /// The particles from `first` on, as many as there are lanes, or fewer at the end. A NaN position is not drawn; a Gaussian around the
-    /// camera itself has no silhouette.
+    /// The particles from `first` on, as many as there are lanes, or fewer at the end. A NaN position is not drawn; a
+    /// Gaussian around the camera itself has no silhouette.
     #[inline(always)]
     pub(crate) fn footprints<L: Lanes<Scalar = f32>>(
         &self,
@@ -152,8 +153,8 @@ impl Footprint {
         self.columns.0 >= self.columns.1
     }
 
-    /// Writes exp(-d^2 / 2 variance) of each column to the beginning of `row`, zeros behind them up to a whole number of lanes, and returns
-    /// how many numbers these are.
+    /// Writes exp(-d^2 / 2 variance) of each column to the beginning of `row`, zeros behind them up to a whole number
+    /// of lanes, and returns how many numbers these are.
     #[inline(always)]
     pub(crate) fn column_falloff<L: Lanes<Scalar = f32>>(&self, row: &mut [f32]) -> usize {
         self.falloff::<L>(self.columns, self.centre.0, 1.0, row)

@@ -1,4 +1,4 @@
-//! Which pixels of a view a comparison has to look at.
+//! Which pixels of a view are compared.
 
 use gic_scene::Camera;
 use gic_simd::{Kernel, Lanes, Level, dispatch};
@@ -6,7 +6,8 @@ use gic_simd::{Kernel, Lanes, Level, dispatch};
 use crate::forward::footprint::{IsotropicGaussians, Projection};
 use crate::observe::mask_view::{MaskView, Window};
 
-/// The pixels that the particles or the mask of `view` cover, with a `margin` for small moves, in whole blocks of `block` pixels.
+/// The pixels that the particles or the mask of `view` cover, with a `margin` for small moves, in whole blocks of
+/// `block` pixels.
 pub(crate) fn outline_window(
     view: &MaskView,
     gaussians: IsotropicGaussians,

@@ -1,8 +1,9 @@
 //! The re-rendered Gaussian-informed continuum: the alpha of isotropic Gaussians (paper eq. 2), forward and backward.
 //!
-//! Alpha alone does not depend on the order of the Gaussians, A(u) = 1 - prod_i (1 - o_i exp(-|u - mu_i|^2 / 2 sigma_i^2)), and an
-//! isotropic Gaussian separates into a row and a column. So neither sorting nor tiles are needed, and a view of 8,000 particles
-//! costs a fraction of a millisecond, which matters when every Jacobian re-renders every view once per unknown.
+//! Alpha alone does not depend on the order of the Gaussians, A(u) = 1 - prod_i (1 - o_i exp(-|u - mu_i|^2 / 2
+//! sigma_i^2)), and an isotropic Gaussian separates into a row and a column. So neither sorting nor tiles are needed,
+//! and a view of 8,000 particles costs a fraction of a millisecond, which matters when every Jacobian re-renders every
+//! view once per unknown.
 
 use gic_scene::Camera;
 use gic_simd::{Kernel, Lanes, Level, MAX_LANES, dispatch};
@@ -27,7 +28,8 @@ impl Kernel for Draw<'_> {
     fn run<L: Lanes<Scalar = f32>>(self) -> Vec<f32> {
         let (width, height) = (self.camera.width, self.camera.height);
         let projection = Projection::new(self.camera);
-        // Whole lanes are drawn: what lies beyond a Gaussian's last column is multiplied by one, in the next row or behind the picture.
+        // Whole lanes are drawn: what lies beyond a Gaussian's last column is multiplied by one, in the next row or
+        // behind the picture.
         let mut transmittance = vec![1.0f32; width * height + MAX_LANES];
         let (mut row, mut column) = (vec![0.0f32; width + MAX_LANES], vec![0.0f32; height + MAX_LANES]);
         for first in (0..self.gaussians.positions.len()).step_by(L::LANES) {
@@ -57,8 +59,8 @@ impl Kernel for Draw<'_> {
 
 /// Adds d loss / d position [per m] to `gradient`, given the rendered alpha and d loss / d alpha.
 ///
-/// dA/d alpha_i = (1 - A) / (1 - alpha_i). The change of a Gaussian's width with its depth is small against the motion of its
-/// centre across the outline, but it is included, so that finite differences agree.
+/// dA/d alpha_i = (1 - A) / (1 - alpha_i). The change of a Gaussian's width with its depth is small against the motion
+/// of its centre across the outline, but it is included, so that finite differences agree.
 pub(crate) fn alpha_backward(
     gaussians: IsotropicGaussians,
     camera: &Camera,
@@ -202,12 +204,20 @@ mod tests {
 
     proptest! {
         #[test]
-        fn all_levels_agree_with_the_definition(n in 0usize..70, seed in 0u64..1000, scale in 0.002f32..0.1, spread in 0.1f32..3.0) {
+        fn all_levels_agree_with_the_definition(
+            n in 0usize..70,
+            seed in 0u64..1000,
+            scale in 0.002f32..0.1,
+            spread in 0.1f32..3.0,
+        ) {
             let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
-            let positions: Vec<[f32; 3]> = (0..n).map(|_| [0; 3].map(|_: i32| spread * (random.random::<f32>() - 0.5))).collect();
-            let (opacities, scales) = (vec![0.8; n], (0..n).map(|i| scale * (1.0 + i as f32 / 30.0)).collect::<Vec<_>>());
+            let mut position = || [0; 3].map(|_: i32| spread * (random.random::<f32>() - 0.5));
+            let positions: Vec<[f32; 3]> = (0..n).map(|_| position()).collect();
+            let scales: Vec<f32> = (0..n).map(|i| scale * (1.0 + i as f32 / 30.0)).collect();
+            let opacities = vec![0.8; n];
             // In front of the camera by as much as a Gaussian reaches.
-                        let far = Camera { centre: DVec3::new(-0.3, 0.2, -8.0), rotation: DMat3::IDENTITY, focal: DVec2::splat(300.0), ..camera() };
+            let (centre, focal) = (DVec3::new(-0.3, 0.2, -8.0), DVec2::splat(300.0));
+            let far = Camera { centre, rotation: DMat3::IDENTITY, focal, ..camera() };
             let gaussians = gaussians(&positions, &opacities, &scales);
             let exact = plain(gaussians, &far);
             for level in Level::supported() {
@@ -217,7 +227,8 @@ mod tests {
                     // A pixel at the very end may fall on the other side of it: exp(-8).
                     prop_assert!((f64::from(*found) - exact).abs() < 7e-4, "{}: {} instead of {}", level, found, exact);
                 }
-                let mean = found.iter().zip(&exact).map(|(a, b)| (f64::from(*a) - b).abs()).sum::<f64>() / exact.len() as f64;
+                let errors = found.iter().zip(&exact).map(|(a, b)| (f64::from(*a) - b).abs());
+                let mean = errors.sum::<f64>() / exact.len() as f64;
                 prop_assert!(mean < 2e-6, "{}: {}", level, mean);
             }
         }

@@ -1,4 +1,6 @@
-//! The simulator as a function of a hypothesis.
+//! The simulator as a function of a hypothesis: MPM rollouts of all particles, or of a thinned body on a coarser grid.
+//!
+//! Free flight without rotation is known in closed form, so the rollout starts at its last frame.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -115,8 +117,8 @@ impl Simulation<'_> {
         self.rollouts.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// The first frame of the rollout. It is the last free one where nothing but a translation happens before and no obstacle moves
-    /// (the rollout's clock would start late), and 0 elsewhere.
+    /// The first frame of the rollout. It is the last free one where nothing but a translation happens before and no
+    /// obstacle moves (the rollout's clock would start late), and 0 elsewhere.
     fn start(&self, state: &State) -> usize {
         let still = self.input.colliders.iter().all(|c| match &c.path {
             gic_mpm::ColliderPath::Uniform { velocity_m_s, angular_velocity_rad_s, .. } => {

@@ -1,9 +1,10 @@
 //! Gaussians that widen where matter thins out.
 //!
-//! The outline of a diluted continuum (a sand pile that spread) is that of its density field, not of particles of the size that they had
-//! at rest: with constant widths the re-rendered outline of the given sand scenes shrinks by 7 % between the first and the last
-//! frame, which the friction angle would have to explain. The width follows the local number density to the power -1/3, relative to the
-//! particle's own neighbourhood at rest, so that the surface (half of a neighbourhood) is no splat_widths.
+//! The outline of a diluted continuum (a sand pile that spread) is that of its density field, not of particles of the
+//! size that they had at rest: with constant widths the re-rendered outline of the given sand scenes shrinks by 7 %
+//! between the first and the last frame, which the friction angle would have to explain. The width follows the local
+//! number density to the power -1/3, relative to the particle's own neighbourhood at rest, so that the surface (half of
+//! a neighbourhood) is no splat_widths.
 
 use gic_geometry::densities;
 use glam::DVec3;

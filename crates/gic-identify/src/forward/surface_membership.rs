@@ -45,7 +45,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn faces_are_told_from_the_inside() {
+    fn faces_differ_from_the_inside() {
         // A block of particles 10 mm apart.
         let place = |i: usize| 0.01 * DVec3::new((i % 20) as f64, (i / 20 % 16) as f64, (i / 320) as f64);
         let positions: Vec<DVec3> = (0..20 * 16 * 12).map(place).collect();

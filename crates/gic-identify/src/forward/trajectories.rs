@@ -13,8 +13,9 @@ pub(crate) struct Trajectories {
     pub scales: Vec<Vec<f32>>,
     /// Factor on all of them.
     pub splat_factor: f32,
-    /// How far each particle was moved outward at rest by a change of the shape [m], shape [n]; empty for not at all. The extracted
-    /// surfaces are taken to be as wrong in all frames as in the first, so that they tell of the motion but not of the shape.
+    /// How far each particle was moved outward at rest by a change of the shape [m], shape [n]; empty for not at all.
+    /// The extracted surfaces are taken to be as wrong in all frames as in the first, so that they tell of the motion
+    /// but not of the shape.
     pub outward_displacements: Vec<f32>,
 }
 

@@ -1,4 +1,5 @@
-//! An extracted surface, prepared for comparison: points with normals, and signed distances from the mean of the nearest points' planes.
+//! An extracted surface, prepared for comparison: points with normals, and signed distances from the mean of the
+//! nearest points' planes.
 
 use gic_geometry::Neighbours;
 use glam::{DMat3, DVec3};
@@ -13,7 +14,7 @@ pub(crate) struct ObservedSurface {
     /// Unit normals of unknown sign.
     pub normals: Vec<DVec3>,
     /// How much each point counts.
-    pub seen: Vec<f64>,
+    pub confidences: Vec<f64>,
     tree: Neighbours,
     /// Beyond this the nearest point, not the plane through it, is what pulls [m].
     far: f64,
@@ -25,14 +26,20 @@ impl ObservedSurface {
         let radius = tuning.normal_radius_cells * grid_spacing_m;
         let tree = Neighbours::new(points, radius);
         let normals = points.iter().map(|p| normal(&tree, *p, radius)).collect();
-        let seen = vec![1.0; points.len()];
-        ObservedSurface { points: points.to_vec(), normals, seen, tree, far: tuning.plane_reach_cells * grid_spacing_m }
+        let confidences = vec![1.0; points.len()];
+        ObservedSurface {
+            points: points.to_vec(),
+            normals,
+            confidences,
+            tree,
+            far: tuning.plane_reach_cells * grid_spacing_m,
+        }
     }
 
     /// From here on each point counts the less the more it is in doubt; without `doubts` nothing changes.
     pub(crate) fn discount_doubtful(&mut self, doubts: &[f32]) {
-        for (seen, doubt) in self.seen.iter_mut().zip(doubts) {
-            *seen = 1.0 - f64::from(*doubt);
+        for (confidence, doubt) in self.confidences.iter_mut().zip(doubts) {
+            *confidence = 1.0 - f64::from(*doubt);
         }
     }
 }
@@ -55,26 +62,26 @@ fn normal(tree: &Neighbours, p: DVec3, radius: f64) -> DVec3 {
     DVec3::new(n[0], n[1], n[2]).normalize_or(DVec3::Y)
 }
 
-/// Distance of `p` from the surface, positive outward (along `outward`), the direction in which it is measured, and how much the surface
-/// there counts.
+/// Distance of `p` from the surface, positive outward (along `outward`), the direction in which it is measured, and how
+/// much the surface there counts.
 ///
 /// The surface is the mean of the nearest points' planes.
 pub(crate) fn signed_distance(surface: &ObservedSurface, p: DVec3, outward: DVec3) -> (f64, DVec3, f64) {
-    let (mut place, mut normal, mut seen) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+    let (mut place, mut normal, mut confidence) = (DVec3::ZERO, DVec3::ZERO, 0.0);
     for (id, share) in shares(surface.tree.nearest::<NEAREST_SURFACE_POINTS>(p), |_| 1.0) {
         let n = surface.normals[id];
         place += share * surface.points[id];
-        seen += share * surface.seen[id];
+        confidence += share * surface.confidences[id];
         normal += if n.dot(outward) < 0.0 { -share * n } else { share * n };
     }
     let (distance, normal) = directed(p - place, normal.normalize_or(outward), outward, surface.far);
-    (distance, normal, seen)
+    (distance, normal, confidence)
 }
 
-/// The shares of the nearest points (squared distance, index), which sum to one: by inverse squared distance, less that of the last of them.
-/// The last has no share then, so that what they are used for is continuous where the nearest points change, and a point that is hit has
-/// them all, so that a right hypothesis has no residual. `most` is what a point may count at most, before that. Without any point
-/// there are no shares.
+/// The shares of the nearest points (squared distance, index), which sum to one: by inverse squared distance, less that
+/// of the last of them. The last has no share then, so that what they are used for is continuous where the nearest
+/// points change, and a point that is hit has them all, so that a right hypothesis has no residual. `most` is what a
+/// point may count at most, before that. Without any point there are no shares.
 pub(crate) fn shares(
     nearest: [(f64, usize); NEAREST_SURFACE_POINTS],
     most: impl Fn(usize) -> f64,

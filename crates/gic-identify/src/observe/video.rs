@@ -49,8 +49,8 @@ impl ObservedVideo {
         ObservedVideo { frames }
     }
 
-    /// From the observation `free` on, what no view sees of the extracted surfaces does not count: it lies where it was expected, with the
-    /// volume of the first frame. In free flight before, that is where it is.
+    /// From the observation `free` on, what no view sees of the extracted surfaces does not count: it lies where it was
+    /// expected, with the volume of the first frame. In free flight before, that is where it is.
     pub(crate) fn discount_unseen(&mut self, input: &Input, free: usize) {
         for (frame, observation) in self.frames.iter_mut().zip(&input.observations).skip(free) {
             if let Some(surface) = &mut frame.surface {
@@ -60,8 +60,8 @@ impl ObservedVideo {
     }
 }
 
-/// Pixels are pooled until the Gaussians' standard deviation is about one pixel: finer pixels only cost time, because the
-/// rendered outline is no sharper than that.
+/// Pixels are pooled until the Gaussians' standard deviation is about one pixel: finer pixels only cost time, because
+/// the rendered outline is no sharper than that.
 fn working_pooling(input: &Input, most: usize) -> usize {
     let centre = input.centre();
     let used: BTreeSet<usize> = input.observations.iter().flat_map(|o| &o.views).map(|view| view.camera).collect();

@@ -1,10 +1,10 @@
 //! Levenberg-Marquardt (Marquardt 1963) with Broyden's secants (Broyden 1965).
 //!
-//! A hypothesis x has residuals r(x), weighted, and a prior with information P around m. The cost is
-//! `1/2 r^T r + 1/2 (x - m)^T P (x - m)`. A step solves `(H + lambda diag H) d = -g` with `H = J^T J + P` and
-//! `g = J^T r + P (x - m)`. The Jacobian J comes from finite differences of the trajectories, one rollout per unknown; a step that
-//! gains about what the quadratic model predicts only corrects them by what it showed (a rank-one update), so that most steps cost two
-//! rollouts. A failed rollout is a rejected step.
+//! A hypothesis x has residuals r(x), weighted, and a prior with information P around m. The cost is `1/2 r^T r + 1/2
+//! (x - m)^T P (x - m)`. A step solves `(H + lambda diag H) d = -g` with `H = J^T J + P` and `g = J^T r + P (x - m)`.
+//! The Jacobian J comes from finite differences of the trajectories, one rollout per unknown; a step that gains about
+//! what the quadratic model predicts only corrects them by what it showed (a rank-one update), so that most steps cost
+//! two rollouts. A failed rollout is a rejected step.
 
 use std::ops::ControlFlow;
 
@@ -29,7 +29,8 @@ pub(crate) struct Limits {
     pub gain_tolerance: f64,
     /// Converged when the cost falls by less than this, or cannot fall by more.
     pub least_gain: f64,
-    /// Whether forward runs are dear, so that Jacobians are carried along by secants rather than measured at every step.
+    /// Whether forward runs are dear, so that Jacobians are carried along by secants rather than measured at every
+    /// step.
     pub secants: bool,
 }
 
@@ -151,7 +152,8 @@ impl Trial {
     }
 }
 
-/// A step that lowers the cost, from `damping` on upwards; `None` where none does, or where the tangents may be to blame.
+/// A step that lowers the cost, from `damping` on upwards; `None` where none does, or where the tangents may be to
+/// blame.
 fn find_decrease(problem: &Problem, fit: &Fit, normal: &Normal, damping: &mut f64) -> Option<Trial> {
     let tuning = problem.descent;
     loop {

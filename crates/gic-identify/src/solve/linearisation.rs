@@ -1,4 +1,5 @@
-//! How trajectories change with the unknowns: finite differences of parallel rollouts, carried along by secants in between.
+//! How trajectories change with the unknowns: finite differences of parallel rollouts, carried along by secants in
+//! between.
 
 use rayon::prelude::*;
 
@@ -50,7 +51,8 @@ impl Linearisation {
         self.tangents.fresh
     }
 
-    /// Residuals with their Jacobian, kept apart by where they come from. They depend on the problem's objective, but not on its weights.
+    /// Residuals with their Jacobian, kept apart by where they come from. They depend on the problem's objective, but
+    /// not on its weights.
     pub(crate) fn blocks(&mut self, problem: &Problem) -> &[ResidualBlock] {
         self.blocks.get_or_insert_with(|| self.tangents.blocks(problem, &self.trajectories))
     }
@@ -102,8 +104,8 @@ impl Tangents {
         problem.objective.blocks(trajectories, &self.perturbed, &self.steps, &problem.selection)
     }
 
-    /// Perturbed trajectories and their step for each unknown; none where only the drawing changes. A perturbation that fails is tried in the
-    /// other direction.
+    /// Perturbed trajectories and their step for each unknown; none where only the drawing changes. A perturbation that
+    /// fails is tried in the other direction.
     fn runs(problem: &Problem, state: &State) -> Result<Vec<(Option<Trajectories>, f64)>, FitError> {
         let run = |unknown: &Unknown| {
             let step = problem.coordinates.steps(*unknown).difference;
@@ -130,8 +132,9 @@ impl Tangents {
 
     /// Carries the tangents from `old` to `new`, `delta` away, and corrects them by what the step showed.
     ///
-    /// Broyden's rank-one update on the particles' positions x, with the move u in difference steps and the tangents `dx_k`:
-    /// `dx_k += u_k / |u|^2 (x_new - x_old - sum_j u_j dx_j)`. An iteration then costs one forward run instead of one per unknown.
+    /// Broyden's rank-one update on the particles' positions x, with the move u in difference steps and the tangents
+    /// `dx_k`: `dx_k += u_k / |u|^2 (x_new - x_old - sum_j u_j dx_j)`. An iteration then costs one forward run instead
+    /// of one per unknown.
     fn carry(&mut self, problem: &Problem, old: &Trajectories, new: &Trajectories, delta: &[f64]) {
         // In units of the difference steps; the drawing's own unknown moves no particle.
         let moved: Vec<f64> = (problem.unknowns.iter().zip(delta).zip(&self.steps))

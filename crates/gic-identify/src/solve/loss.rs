@@ -23,7 +23,7 @@ pub(crate) struct FrameLoss {
 /// Chamfer distance and mask L1 of one observed frame.
 pub(crate) fn frame_loss(
     observed: &ObservedFrame,
-    context: &SurfaceComparison,
+    comparison: &SurfaceComparison,
     gaussians: IsotropicGaussians,
     with_gradient: bool,
 ) -> FrameLoss {
@@ -35,10 +35,11 @@ pub(crate) fn frame_loss(
         gradient: if with_gradient { vec![DVec3::ZERO; positions.len()] } else { Vec::new() },
     };
     if let Some(surface) = &observed.surface {
-        let simulated = context.surface_particles(positions, observed.time_s);
+        let simulated = comparison.surface_particles(positions, observed.time_s);
         let wanted: Vec<DVec3> =
-            surface.points.iter().copied().filter(|p| !context.in_contact(*p, observed.time_s)).collect();
-        loss.chamfer_m = chamfer(positions, &simulated, &wanted, context.margin(), with_gradient, &mut loss.gradient);
+            surface.points.iter().copied().filter(|p| !comparison.in_contact(*p, observed.time_s)).collect();
+        loss.chamfer_m =
+            chamfer(positions, &simulated, &wanted, comparison.margin(), with_gradient, &mut loss.gradient);
     }
     let views = observed.views.len().max(1) as f64;
     for view in &observed.views {
@@ -94,14 +95,14 @@ fn chamfer(
 /// Mean loss over the frames of a motion.
 pub(crate) fn mean_loss(
     video: &ObservedVideo,
-    context: &SurfaceComparison,
+    comparison: &SurfaceComparison,
     opacities: &[f32],
     trajectories: &Trajectories,
 ) -> Loss {
     let mut loss = Loss::default();
     let (mut surfaces, mut masks, mut difference, mut covered) = (0.0f64, 0.0f64, 0.0, 0.0f64);
     for (o, observed) in video.frames.iter().enumerate().skip(1) {
-        let frame = frame_loss(observed, context, trajectories.gaussians(o, opacities), false);
+        let frame = frame_loss(observed, comparison, trajectories.gaussians(o, opacities), false);
         if observed.surface.is_some() {
             loss.chamfer_m += frame.chamfer_m;
             surfaces += 1.0;

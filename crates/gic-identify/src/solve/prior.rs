@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::unknowns::state::{State, Unknown};
 
-/// What is known of some unknowns besides the observations of the level: a Gaussian.
+/// What is known of some unknowns besides the observations: a Gaussian.
 #[derive(Clone, Debug)]
 pub(crate) struct Prior {
     pub unknowns: Vec<Unknown>,

@@ -11,7 +11,8 @@ use crate::solve::objective::Objective;
 use crate::unknowns::parameter::Parameter;
 use crate::unknowns::state::State;
 
-/// What each of `states` costs, or why it cannot be simulated; `batch` rollouts lie between two moments at which the work may be stopped.
+/// What each of `states` costs, or why it cannot be simulated; `batch` rollouts lie between two moments at which the
+/// work may be stopped.
 ///
 /// # Errors
 /// Interruption.
@@ -44,7 +45,7 @@ pub(crate) fn ranked<T>(
     ranked
 }
 
-/// What tells local minima apart.
+/// When two states count as the same local minimum.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MinimumSpace<'a> {
     pub parameters: &'a [Parameter],
@@ -52,7 +53,7 @@ pub(crate) struct MinimumSpace<'a> {
     pub distance: f64,
 }
 
-/// Whether two states differ little in what tells local minima apart: not in what has one start only.
+/// Whether two states lie in the same local minimum: parameters with a single start do not count.
 pub(crate) fn same_minimum(space: &MinimumSpace, a: &State, b: &State) -> bool {
     let pairs = a.material.iter().zip(&b.material);
     space.parameters.iter().zip(pairs).filter(|(p, _)| p.grid > 1).all(|(_, (a, b))| (a - b).abs() < space.distance)

@@ -132,7 +132,8 @@ fn result(
     let Identification { input, shape, video, comparison, .. } = identification;
     if identification.kind != MaterialKind::Sand {
         session.warn([format!(
-            "density is taken as {} kg/m^3: the video determines only the ratios of the moduli, stresses and viscosities to it",
+            "density is taken as {} kg/m^3: \
+             the video determines only the ratios of the moduli, stresses and viscosities to it",
             input.density_kg_m3
         )]);
     }

@@ -1,7 +1,8 @@
 //! Stage 1: motion before contact. The frame of contact is found, not given.
 //!
-//! The body moves rigidly: `x(t) = c + R(omega t) (x_0 - c) + v t + g t (t + dt) / 2`. Position, the Gaussians' size and v are fitted to one
-//! frame more at a time, until the body comes near an obstacle. omega is fitted, too, where it shows.
+//! The body moves rigidly: `x(t) = c + R(omega t) (x_0 - c) + v t + g t (t + dt) / 2`. Position, the Gaussians' size
+//! and v are fitted to one frame more at a time, until the body comes near an obstacle. omega is fitted, too, where it
+//! shows.
 
 use std::ops::ControlFlow;
 
@@ -116,8 +117,8 @@ impl FlightStage<'_> {
         fit.linearisation.blocks(&self.problem(unknowns, end, 1)).to_vec()
     }
 
-    /// The velocity from one frame more at a time, and how many frames are free of contact. Each fit starts where the last ended, so that the
-    /// outline never jumps by more than it overlaps.
+    /// The velocity from one frame more at a time, and how many frames are free of contact. Each fit starts where the
+    /// last ended, so that the outline never jumps by more than it overlaps.
     fn follow_until_contact(&self, start: State, velocity: &[Unknown]) -> Result<(State, usize), FitError> {
         let (Flight { input, video, .. }, tuning) = (*self.flight, &self.tuning.free_flight);
         let touching = tuning.contact_clearance_cells * input.grid_spacing_m;

@@ -101,7 +101,7 @@ impl<'a> Identification<'a> {
         Coordinates { parameters: self.parameters(), tuning: &self.tuning.coordinates }
     }
 
-    /// What tells local minima of the material apart.
+    /// When two states count as the same local minimum of the material.
     pub(crate) fn minimum_space(&self) -> MinimumSpace<'_> {
         MinimumSpace { parameters: self.parameters(), distance: self.tuning.material.same_minimum_distance }
     }

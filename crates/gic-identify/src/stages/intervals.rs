@@ -1,6 +1,7 @@
 //! Stage 5: how sure the estimates are.
 //!
-//! The covariance of the joint fit, with a rollout on a refined grid as one more direction in which the residuals may be wrong.
+//! The covariance of the joint fit, with a rollout on a refined grid as one more direction in which the residuals may
+//! be wrong.
 
 use nalgebra::DMatrix;
 
@@ -114,7 +115,8 @@ fn refined(mut simulation: Simulation, factor: f64, state: &State) -> Option<Tra
     simulation.trajectories(state, &selection).ok()
 }
 
-/// Half-width of an unknown's interval from free flight alone, where the position is uncertain, too; 0 where it was not fitted.
+/// Half-width of an unknown's interval from free flight alone, where the position is uncertain, too; 0 where it was not
+/// fitted.
 pub(crate) fn flight_half_width(identification: &Identification, unknown: Unknown) -> f64 {
     let (flight, tuning, none) = (&identification.flight, &identification.tuning.noise, DMatrix::zeros(0, 0));
     let place = flight.unknowns.iter().position(|u| *u == unknown);

@@ -1,7 +1,7 @@
 //! Stage 4: material, velocity, rotation where there is one, the Gaussians' size and the body's shape together.
 //!
-//! Errors of free flight and of the shape then do not bias the material, and the intervals know of them. The noise of the frames after contact
-//! is known only once they are explained, so a short fit precedes the weights of the long one.
+//! Errors of free flight and of the shape then do not bias the material, and the intervals know of them. The noise of
+//! the frames after contact is known only once they are explained, so a short fit precedes the weights of the long one.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -19,7 +19,8 @@ use crate::solve::problem::Problem;
 use crate::stages::identification::Identification;
 use crate::unknowns::state::{State, Unknown};
 
-/// The end of the joint stage, and the linearisation there where it was measured rather than carried there. The state goes into the checkpoint.
+/// The end of the joint stage, and the linearisation there where it was measured rather than carried there. The state
+/// goes into the checkpoint.
 ///
 /// # Errors
 /// Where the start cannot be simulated, and interruption.

@@ -1,8 +1,9 @@
 //! Stage 3: the material, with the motion of free flight.
 //!
-//! The cost has several local minima. A few steps from each start tell which are worth the rest; those that cost little more than the best
-//! are fitted on. Then each parameter of the best fit is doubled and halved, the others following the quadratic model, and the fit starts
-//! again where that costs less than the model predicts. Of minima that cost about the same, sharper masks decide.
+//! The cost has several local minima. A few steps from each start tell which are worth the rest; those that cost little
+//! more than the best are fitted on. Then each parameter of the best fit is doubled and halved, the others following
+//! the quadratic model, and the fit starts again where that costs less than the model predicts. Of minima that cost
+//! about the same, sharper masks decide.
 
 use crate::forward::simulation::Simulation;
 use crate::result::Stage;
@@ -98,7 +99,8 @@ impl MaterialStage<'_> {
         if minima.is_empty() { Err(failure) } else { Ok(minima) }
     }
 
-    /// `minima` and those that fits from neighbours of the best find: at the long distance, and at the short one where that leads nowhere.
+    /// `minima` and those that fits from neighbours of the best find: at the long distance, and at the short one where
+    /// that leads nowhere.
     fn neighbouring_minima(&self, session: &mut Session, mut minima: Vec<Fit>) -> Result<Vec<Fit>, FitError> {
         let space = self.identification.minimum_space();
         let (long, short) = self.tuning.restart_distances;
@@ -113,7 +115,8 @@ impl MaterialStage<'_> {
                     Err(_) => continue,
                 };
             restarts += 1;
-            // Back in the minimum that was left, or in a worse one, there is nothing new around, but there may be nearer by.
+            // Back in the minimum that was left, or in a worse one, there is nothing new around, but there may be
+            // nearer by.
             if found.cost < minima[0].cost && !same_minimum(&space, &found.state, &minima[0].state) {
                 distances = [long, short].into_iter();
             }
@@ -156,9 +159,10 @@ impl MaterialStage<'_> {
         session.minimise(Stage::Material, &problem, (start, None), limits, &is_enough)
     }
 
-    /// Where a better minimum next to that of `fit` may begin: each parameter of which there are several starts is moved by `distance` both
-    /// ways, the others to where they suit it best. Of those that cost little more than `fit` the one counts that costs least in comparison
-    /// with what the quadratic model predicts. Along a flat direction of the same minimum none costs less than that.
+    /// Where a better minimum next to that of `fit` may begin: each parameter of which there are several starts is
+    /// moved by `distance` both ways, the others to where they suit it best. Of those that cost little more than `fit`
+    /// the one counts that costs least in comparison with what the quadratic model predicts. Along a flat direction of
+    /// the same minimum none costs less than that.
     fn neighbouring_start(
         &self,
         session: &mut Session,

@@ -4,7 +4,8 @@
 //! 2. [`search`]: starting points of the material, from a grid on a coarse simulation grid.
 //! 3. [`material`]: the material with that motion, from the best starts and from neighbours of the best fit.
 //! 4. [`joint`]: material, motion, the Gaussians' size and the body's shape together.
-//! 5. [`intervals`] and [`estimates`]: how sure they are, whether they explain the video, and everything into one result.
+//! 5. [`intervals`] and [`estimates`]: how sure they are, whether they explain the video, and everything into one
+//!    result.
 
 mod adam;
 mod candidates;
@@ -28,9 +29,10 @@ use crate::{IdentifyError, Input, Settings};
 
 /// Identifies material and initial velocity.
 ///
-/// `listener` hears of every accepted step and of every checkpoint, and stops the work by [`ControlFlow::Break`]: the error is then
-/// [`IdentifyError::Interrupted`]. `resume` is the last checkpoint of an earlier call with the same arguments, or the default one; the answer
-/// is the same. A rollout that fails is a rejected step; only where no start at all can be simulated is that an error.
+/// `listener` hears of every accepted step and of every checkpoint, and stops the work by [`ControlFlow::Break`]: the
+/// error is then [`IdentifyError::Interrupted`]. `resume` is the last checkpoint of an earlier call with the same
+/// arguments, or the default one; the answer is the same. A rollout that fails is a rejected step; only where no start
+/// at all can be simulated is that an error.
 ///
 /// [`ControlFlow::Break`]: std::ops::ControlFlow::Break
 ///

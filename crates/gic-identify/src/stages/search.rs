@@ -1,7 +1,8 @@
 //! Stage 2: starting points of the material.
 //!
-//! All points of a grid over the parameters' ranges are simulated on a coarse grid with fewer particles; the cheapest are improved there. The
-//! coarse grid is biased, so that the improved ones and the cheapest as they are compete again on the full grid.
+//! All points of a grid over the parameters' ranges are simulated on a coarse grid with fewer particles; the cheapest
+//! are improved there. The coarse grid is biased, so that the improved ones and the cheapest as they are compete again
+//! on the full grid.
 
 use glam::DVec3;
 

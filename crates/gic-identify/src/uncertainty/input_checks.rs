@@ -50,8 +50,8 @@ pub(crate) fn wrong_cameras(
     let wrong: Vec<(usize, f64)> = overlaps.into_iter().filter(|(_, o)| *o < tuning.wrong_overlap).collect();
     for (camera, overlap) in &wrong {
         warnings.push(format!(
-            "camera {camera} is ignored: its first mask overlaps the object by {:.0} %, the others by {:.0} %; it may show another \
-             object",
+            "camera {camera} is ignored: its first mask overlaps the object by {:.0} %, the others by {:.0} %; \
+             it may show another object",
             100.0 * overlap,
             100.0 * typical
         ));
@@ -59,7 +59,8 @@ pub(crate) fn wrong_cameras(
     wrong.into_iter().map(|(camera, _)| camera).collect()
 }
 
-/// Warns where the object reaches the border of pictures: what lies outside of them is unknown, not empty, and is not compared.
+/// Warns where the object reaches the border of pictures: what lies outside of them is unknown, not empty, and is not
+/// compared.
 pub(crate) fn cut_views(input: &Input, target: Target, warnings: &mut Vec<String>) {
     if !target.masks() {
         return;
@@ -72,7 +73,8 @@ pub(crate) fn cut_views(input: &Input, target: Target, warnings: &mut Vec<String
     let Some((first, _)) = cut.first() else { return };
     let cameras: std::collections::BTreeSet<String> = cut.iter().map(|(_, camera)| camera.to_string()).collect();
     warnings.push(format!(
-        "the object leaves the picture from frame {first} on ({} pictures, cameras {}): what lies outside is not compared",
+        "the object leaves the picture from frame {first} on ({} pictures, cameras {}): \
+         what lies outside is not compared",
         cut.len(),
         cameras.into_iter().collect::<Vec<_>>().join(", ")
     ));
@@ -87,7 +89,8 @@ mod tests {
 
     const SIZE: usize = 40;
 
-    /// A cube of particles in front of five equal cameras a little to the side of each other, with the masks that it draws.
+    /// A cube of particles in front of five equal cameras a little to the side of each other, with the masks that it
+    /// draws.
     fn cube() -> Input {
         let grid = |i: usize, step: usize| (i / step % 8) as f64 - 3.5;
         let positions: Vec<DVec3> =
@@ -109,7 +112,6 @@ mod tests {
             volume_factors: Vec::new(),
             opacities: vec![0.95; n],
             scales: vec![0.01; n],
-            on_surface: vec![false; n],
             cameras,
             observations: Vec::new(),
             frame_rate_hz: 24.0,

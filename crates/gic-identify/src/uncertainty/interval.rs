@@ -1,10 +1,10 @@
 //! 95 % intervals: Gauss-Newton's covariance with a noise that includes errors of the model and of the reconstruction.
 //!
-//! Residuals inside a picture, along a camera's frames (the same wrong shape), and across the cameras of a frame (the same wrong
-//! simulation) are correlated, so the textbook covariance s^2 H^-1 is far too narrow. The sandwich H^-1 M H^-1 takes M from the
-//! scatter of whole blocks' gradients at the optimum, clustered both ways: by camera and by frame. An error that is common to all
-//! blocks leaves no scatter: what can be wrong with the shape is therefore among the unknowns, with its prior, and the simulation grid
-//! enters as a nuisance.
+//! Residuals inside a picture, along a camera's frames (the same wrong shape), and across the cameras of a frame (the
+//! same wrong simulation) are correlated, so the textbook covariance s^2 H^-1 is far too narrow. The sandwich H^-1 M
+//! H^-1 takes M from the scatter of whole blocks' gradients at the optimum, clustered both ways: by camera and by
+//! frame. An error that is common to all blocks leaves no scatter: what can be wrong with the shape is therefore among
+//! the unknowns, with its prior, and the simulation grid enters as a nuisance.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -12,7 +12,8 @@ use crate::solve::normal_equations::Normal;
 use crate::solve::residual_block::{ResidualBlock, Weights};
 use crate::tuning::NoiseTuning;
 
-/// Covariance of the first `unknowns` columns, given what is `known` of them besides (an information matrix, or an empty one).
+/// Covariance of the first `unknowns` columns, given what is `known` of them besides (an information matrix, or an
+/// empty one).
 ///
 /// `nuisances` is the covariance of the next columns of the blocks, which were held fixed.
 pub(crate) fn covariance(
@@ -35,11 +36,11 @@ pub(crate) fn covariance(
     Some(&inverse * middle * &inverse + &shifts * nuisances * shifts.transpose())
 }
 
-/// Covariance of the first `unknowns` columns, nonzero for `materials`, from the whole prior (unit variances) of those in `shapes`, as if
-/// the data did not narrow it.
+/// Covariance of the first `unknowns` columns, nonzero for `materials`, from the whole prior (unit variances) of those
+/// in `shapes`, as if the data did not narrow it.
 ///
-/// The fit uses what the pictures say about the shape, but a few components stand for all ways in which a shape can be wrong: what they
-/// explain of the others' effect makes the estimate better without making it certain.
+/// The fit uses what the pictures say about the shape, but a few components stand for all ways in which a shape can be
+/// wrong: what they explain of the others' effect makes the estimate better without making it certain.
 pub(crate) fn shape_prior_covariance(
     blocks: &[ResidualBlock],
     weights: &Weights,
@@ -103,8 +104,8 @@ pub(crate) fn groups(
     groups.into_values().collect()
 }
 
-/// Sum of g_c g_c^T with the usual small-sample factor, plus the products of groups up to `lags` apart with Bartlett's weights
-/// (Newey and West): neighbouring frames show the same wrong shape.
+/// Sum of g_c g_c^T with the usual small-sample factor, plus the products of groups up to `lags` apart with Bartlett's
+/// weights (Newey and West): neighbouring frames show the same wrong shape.
 pub(crate) fn scatter(groups: &[DVector<f64>], lags: usize) -> DMatrix<f64> {
     let unknowns = groups.first().map_or(0, |g| g.len());
     let mut sum = DMatrix::zeros(unknowns, unknowns);
@@ -160,8 +161,8 @@ mod tests {
         assert!((variance(&wider) / variance(&weights) - 9.0).abs() < 1e-9);
     }
 
-    /// A line y = a + b x seen by 11 "cameras" in 14 "frames" with errors that are common to a camera: the nominal 95 % interval
-    /// covers the truth about as often as it says, the textbook one would not.
+    /// A line y = a + b x seen by 11 "cameras" in 14 "frames" with errors that are common to a camera: the nominal 95 %
+    /// interval covers the truth about as often as it says, the textbook one would not.
     #[test]
     fn clustered_errors_are_covered() {
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(3);

@@ -1,17 +1,23 @@
 //! Weights from the data's own noise, so that nothing is tuned per scene.
 //!
-//! What limits an estimate is not the noise of pixels but a shape and a simulation that are slightly wrong: errors that are common to
-//! an outline and last over frames, and that grow once something is touched. Two figures measure that from the gradients of whole blocks
-//! (pictures, surfaces) at a fit. The effective noise of a frame is the scatter of its blocks' gradients over their curvature: a coherent
-//! error along an outline counts as one error. The inflation is the same ratio for whole frames, with lags, before and after contact: it is
-//! one where frames err independently. The weight is the inverse of both, so that the sum of squares is about one for each independent
-//! piece of information, and priors act with the strength that they claim.
+//! What limits an estimate is not the noise of pixels but a shape and a simulation that are slightly wrong: errors that
+//! are common to an outline and last over frames, and that grow once something is touched. Two figures measure that
+//! from the gradients of whole blocks (pictures, surfaces) at a fit. The effective noise of a frame is the scatter of
+//! its blocks' gradients over their curvature: a coherent error along an outline counts as one error. The inflation is
+//! the same ratio for whole frames, with lags, before and after contact: it is one where frames err independently. The
+//! weight is the inverse of both, so that the sum of squares is about one for each independent piece of information,
+//! and priors act with the strength that they claim.
+//!
+//! With a block's gradient `g = J^T r` and curvature `h = diag J^T J`, the noise of frame f is the mean over unknowns
+//! of `sum g^2 / sum h` over the blocks of f and of its neighbours. The inflation is the mean of `diag M / sum w h`,
+//! where M is the scatter of whole frames' weighted gradients.
 
 use crate::solve::residual_block::{Modality, ResidualBlock, Weights};
 use crate::tuning::NoiseTuning;
 use crate::uncertainty::interval::{groups, scatter};
 
-/// Weights for blocks that were linearised at a fit; `free` leading observations are free flight. No weight exceeds its ceiling.
+/// Weights for blocks that were linearised at a fit; `free` leading observations are free flight. No weight exceeds its
+/// ceiling.
 pub(crate) fn effective_weights(
     blocks: &[ResidualBlock],
     unknowns: usize,
@@ -60,7 +66,7 @@ fn weigh_phase(
         Modality::Mask => ceilings.mask[o],
         Modality::Surface => ceilings.surface[o],
     };
-    // The first surface is what distances are measured relative to: it tells nothing of their noise.
+    // The first surface is what distances are measured relative to: it says nothing of their noise.
     let telling = |c: &&ResidualBlock| modality == Modality::Mask || c.observation > 0 || last == 0;
     for o in first..=last {
         // A frame alone is a small sample: its neighbours count, too.
@@ -113,8 +119,8 @@ mod tests {
     const FRAMES: usize = 14;
     const FREE: usize = 5;
 
-    /// Clusters of 40 residuals of one unknown with noise of deviation `own`, and an error of deviation `common` that is the same for
-    /// all cameras of a frame after contact.
+    /// Clusters of 40 residuals of one unknown with noise of deviation `own`, and an error of deviation `common` that
+    /// is the same for all cameras of a frame after contact.
     fn blocks(own: f64, common: f64) -> Vec<ResidualBlock> {
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(9);
         let mut gauss = move || (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;

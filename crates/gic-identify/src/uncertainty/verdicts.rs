@@ -1,4 +1,5 @@
-//! Whether the model explains the video, and which estimates lie at the edge of what is admitted. Each verdict is a warning.
+//! Whether the model explains the video, and which estimates lie at the edge of what is admitted. Each verdict is a
+//! warning.
 
 use crate::forward::trajectories::Trajectories;
 use crate::observe::video::ObservedVideo;
@@ -8,8 +9,8 @@ use crate::tuning::VerdictTuning;
 use crate::unknowns::coordinates::Coordinates;
 use crate::unknowns::state::{State, Unknown};
 
-/// Warns where the frames after contact, from the observation `free` on, are explained much worse than those before: the material, an obstacle or
-/// the body's shape is another.
+/// Warns where the frames after contact, from the observation `free` on, are explained much worse than those before:
+/// the material, an obstacle or the body's shape is another.
 pub(crate) fn unexplained(
     (video, comparison): (&ObservedVideo, &SurfaceComparison),
     (trajectories, opacities): (&Trajectories, &[f32]),
@@ -48,7 +49,8 @@ pub(crate) fn unexplained(
     warnings
 }
 
-/// Warns of parameters that were found at the edge of what is admitted: a soft solid taken for a fluid, say, ends as one that cannot be squeezed.
+/// Warns of parameters that were found at the edge of what is admitted: a soft solid taken for a fluid, say, ends as
+/// one that cannot be squeezed.
 pub(crate) fn at_limits(coordinates: &Coordinates, unknowns: &[Unknown], state: &State) -> Vec<String> {
     let at_limit = unknowns.iter().filter_map(|unknown| match *unknown {
         Unknown::Material(i) => {
@@ -60,7 +62,8 @@ pub(crate) fn at_limits(coordinates: &Coordinates, unknowns: &[Unknown], state: 
     at_limit
         .map(|(parameter, coordinate)| {
             format!(
-                "{} ends at {:.4e}, the edge of its range: either the video does not determine it, or the material or an obstacle is another",
+                "{} ends at {:.4e}, the edge of its range: \
+                 either the video does not determine it, or the material or an obstacle is another",
                 parameter.name,
                 parameter.value(coordinate)
             )

@@ -35,6 +35,12 @@ pub struct Parameter {
 /// Poisson's ratio stays below this: at 0.5 the bulk modulus is infinite.
 const NU_LIMIT: f64 = 0.49;
 
+// Ranges of the parameters. Bounds lie beyond any material that is filmed (Budget). Starts span what moves visibly
+// within a second: softer matter is a puddle, stiffer matter rigid (Fitted on: the nine scenes of `tuning.rs`, which
+// lie inside). The grid has about three values per decade of what has local minima, and one of what has none (Budget).
+// The widest interval that counts as identified is a factor of two, .1 of Poisson's ratio, or 5 degrees to each side
+// (Derived: what changes how a body moves visibly).
+
 const fn positive(name: &'static str, bounds: (f64, f64), starts: (f64, f64), grid: usize) -> Parameter {
     Parameter { name, bounds, starts, widest: 0.3, grid, transform: Transform::Log10 }
 }
@@ -151,7 +157,8 @@ impl Parameter {
         }
     }
 
-    /// Difference of two values in the paper's unit of error: decades, or the value itself for nu and degrees for the angle.
+    /// Difference of two values in the paper's unit of error: decades, or the value itself for nu and degrees for the
+    /// angle.
     pub fn error(&self, estimate: f64, truth: f64) -> f64 {
         match self.transform {
             Transform::Log10 => (estimate / truth).log10(),

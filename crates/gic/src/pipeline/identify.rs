@@ -259,7 +259,6 @@ impl Run<'_> {
             volume_factors: particles.volume_factors.iter().map(|factor| f64::from(*factor)).collect(),
             opacities: particles.densities.iter().map(|d| continuum.appearance.opacity * d).collect(),
             scales: vec![scale; particles.positions.len()],
-            on_surface: particles.surface.clone(),
             cameras,
             observations,
             frame_rate_hz,

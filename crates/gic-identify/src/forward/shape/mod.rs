@@ -1,21 +1,28 @@
 //! How the body may differ from its reconstruction: a few displacement fields with a Gaussian prior.
 //!
-//! A surface that no camera sees (an underside) is known to half a particle spacing only, and it is what meets the ground first; the rest is known
-//! to a few millimetres, and may be too far in or out as a whole. The error of the surface along its normal is modelled as a Gaussian
-//! process whose standard deviation depends on whether the place is seen, correlated over a few particle spacings and among places that face
-//! the same way. Of its many directions those count that change what the motion depends on: volume, centre and second moments of the mass,
-//! where the lowest parts are, and how far what no camera sees is filled (a notch that is filled at the root of an arm makes it much
-//! stiffer). For functionals l_i of the surface and the covariance K, the fields K l_i span all of the prior's variation of the functionals.
-//! An orthonormal basis of them becomes unknowns of the joint stage beside the material, with unit variances: what the pictures say about
-//! the shape is then used, and what they leave open widens the intervals.
+//! A surface that no camera sees (an underside) is known to half a particle spacing only, and it is what meets the
+//! ground first; the rest is known to a few millimetres, and may be too far in or out as a whole. The error of the
+//! surface along its normal is modelled as a Gaussian process whose standard deviation depends on whether the place is
+//! seen, correlated over a few particle spacings and among places that face the same way. Of its many directions those
+//! count that change what the motion depends on: volume, centre and second moments of the mass, where the lowest parts
+//! are, and how far what no camera sees is filled (a notch that is filled at the root of an arm makes it much stiffer).
+//! For functionals l_i of the surface and the covariance K, the fields K l_i span all of the prior's variation of the
+//! functionals.
+//!
+//! `K_ij = sigma_i sigma_j exp(-|x_i - x_j|^2 / 2 l^2) (1 + n_i . n_j) / 2 + c^2 + rho^2 b_i b_j`, where sigma is the
+//! standard deviation of a place, l the length of correlation, c a common error, and rho the rounding, which acts on
+//! the bluntness b. An orthonormal basis of them becomes unknowns of the joint stage beside the material, with unit
+//! variances: what the pictures say about the shape is then used, and what they leave open widens the intervals.
 
-use gic_geometry::Neighbours;
+pub(crate) mod anchors;
+pub(crate) mod components;
+
 use glam::DVec3;
-use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use crate::Input;
-use crate::forward::surface_membership::memberships;
+use crate::forward::shape::anchors::{Anchor, anchors, normals};
+use crate::forward::shape::components::components;
 use crate::tuning::{MembershipTuning, ShapeTuning};
 
 /// Displacement fields, each of one standard deviation.
@@ -27,16 +34,6 @@ pub(crate) struct ShapeModes {
     outward: Vec<Vec<f32>>,
     /// Its divergence, the relative change of each particle's volume, shape [modes][n].
     divergences: Vec<Vec<f32>>,
-}
-
-/// A place on the surface.
-struct Anchor {
-    position: DVec3,
-    normal: DVec3,
-    seen: bool,
-    deviation: f64,
-    /// How much emptier its vicinity is than that of a flat face, twice the share of a ball: positive at edges, negative in notches.
-    bluntness: f64,
 }
 
 impl ShapeModes {
@@ -99,146 +96,15 @@ impl ShapeModes {
         sums
     }
 
-    /// Changes each particle's volume; `factors` has shape [n]. Each stands for the matter around it, which its neighbours' displacements
-    /// stretch or squeeze: the density stays, and where the body loses its skin, the skin's stiffness goes with its mass.
+    /// Changes each particle's volume; `factors` has shape [n]. Each stands for the matter around it, which its
+    /// neighbours' displacements stretch or squeeze: the density stays, and where the body loses its skin, the skin's
+    /// stiffness goes with its mass.
     pub(crate) fn stretch(&self, factors: &mut [f64], amounts: &[f64]) {
         for (i, factor) in factors.iter_mut().enumerate() {
             let change: f64 = self.divergences.iter().zip(amounts).map(|(d, amount)| f64::from(d[i]) * amount).sum();
             *factor *= change.exp();
         }
     }
-}
-
-/// Outward directions of the particles on the surface, `None` inside.
-fn normals(input: &Input, tuning: &MembershipTuning) -> Vec<Option<DVec3>> {
-    let positions: Vec<[f32; 3]> = input.positions.iter().map(|p| p.as_vec3().to_array()).collect();
-    let memberships = memberships(&positions, tuning.radius_cells * input.grid_spacing_m, tuning);
-    memberships.iter().map(|membership| membership.is_surface().then_some(membership.outward)).collect()
-}
-
-/// Places on the surface, one per cell; `normals` are those of the particles.
-fn anchors(input: &Input, normals: &[Option<DVec3>], (spacing, tuning): (f64, &ShapeTuning)) -> Vec<Anchor> {
-    let tree = Neighbours::new(&input.positions, spacing);
-    let side = tuning.anchor_spacing_spacings * spacing;
-    let mut cells = std::collections::BTreeMap::<[i64; 3], (f64, usize)>::new();
-    for (i, p) in input.positions.iter().enumerate().filter(|(i, _)| normals[*i].is_some()) {
-        let scaled = *p / side;
-        let off = (scaled - scaled.floor() - 0.5).length_squared();
-        let best = cells.entry(scaled.floor().to_array().map(|c| c as i64)).or_insert((f64::INFINITY, 0));
-        if off < best.0 {
-            *best = (off, i);
-        }
-    }
-    let chosen: Vec<usize> = cells.into_values().map(|(_, i)| i).collect();
-    let places: Vec<(DVec3, DVec3, bool)> = chosen
-        .into_par_iter()
-        .map(|i| {
-            let (position, normal) = (input.positions[i], normals[i].unwrap_or(DVec3::Y));
-            let from = position + spacing * normal;
-            let seen = input.cameras.iter().any(|camera| {
-                let direction = (camera.centre - position).normalize_or_zero();
-                normal.dot(direction) > tuning.least_facing_cosine && is_free(&tree, from, direction, (spacing, tuning))
-            });
-            (position, normal, seen)
-        })
-        .collect();
-    let seen: Vec<DVec3> = places.iter().filter(|(.., seen)| *seen).map(|(p, ..)| *p).collect();
-    let to_seen = |p: DVec3| seen.iter().map(|q| q.distance(p)).fold(f64::INFINITY, f64::min);
-    let ball = 8.0 / 15.0 * std::f64::consts::PI * tuning.bluntness_radius_spacings.powi(3);
-    let bluntness = |p: DVec3| {
-        let (radius, mut full) = (tuning.bluntness_radius_spacings * spacing, 0.0);
-        tree.within(p, radius, |squared, _, _| full += 1.0 - squared / (radius * radius));
-        2.0 * (tuning.bluntness_of_flat - full / ball)
-    };
-    let deviation = |p: DVec3, is_seen: bool| {
-        if is_seen {
-            tuning.seen_deviation_spacings * spacing
-        } else {
-            let growth = tuning.unseen_deviation_per_distance * to_seen(p);
-            tuning.unseen_deviation_spacings * spacing + growth.min(tuning.most_unseen_growth_spacings * spacing)
-        }
-    };
-    places
-        .into_iter()
-        .map(|(position, normal, seen)| {
-            let (deviation, bluntness) = (deviation(position, seen), bluntness(position));
-            Anchor { position, normal, seen, deviation, bluntness }
-        })
-        .collect()
-}
-
-/// Whether a ray leaves the body's neighbourhood without passing through the body.
-fn is_free(body: &Neighbours, from: DVec3, direction: DVec3, (spacing, tuning): (f64, &ShapeTuning)) -> bool {
-    let mut travelled = tuning.ray_step_spacings * spacing;
-    loop {
-        let [(squared, _)] = body.nearest::<1>(from + travelled * direction);
-        let distance = squared.sqrt();
-        if distance < tuning.ray_hit_distance_spacings * spacing {
-            return false;
-        }
-        if travelled > tuning.ray_length_spacings * spacing {
-            return true;
-        }
-        // Nothing is nearer than that.
-        let step = distance - tuning.ray_safe_distance_spacings * spacing;
-        travelled += step.max(tuning.ray_step_spacings * spacing);
-    }
-}
-
-/// Prior covariance of the anchors' normal displacements [m^2].
-fn covariance(anchors: &[Anchor], (spacing, tuning): (f64, &ShapeTuning)) -> DMatrix<f64> {
-    DMatrix::from_fn(anchors.len(), anchors.len(), |i, j| {
-        let (a, b) = (&anchors[i], &anchors[j]);
-        let near = (-0.5 * a.position.distance_squared(b.position)
-            / (tuning.correlation_length_spacings * spacing).powi(2))
-        .exp();
-        let alike = 0.5 * (1.0 + a.normal.dot(b.normal));
-        let common = tuning.common_deviation_spacings.powi(2)
-            + tuning.rounding_deviation_spacings.powi(2) * a.bluntness * b.bluntness;
-        a.deviation * b.deviation * near * alike + common * spacing.powi(2)
-    })
-}
-
-/// Values of the components at the anchors [m], those that vary most first.
-fn components(anchors: &[Anchor], up: DVec3, scale: (f64, &ShapeTuning)) -> Vec<Vec<f64>> {
-    let covariance = covariance(anchors, scale);
-    let mut functionals = functionals(anchors, up, scale);
-    let fields = &covariance * &functionals;
-    // Each functional in units of its own standard deviation.
-    for k in 0..functionals.ncols() {
-        let scale = functionals.column(k).dot(&fields.column(k)).sqrt().max(f64::MIN_POSITIVE).recip();
-        functionals.column_mut(k).scale_mut(scale);
-    }
-    let fields = covariance * &functionals;
-    let eigen = (functionals.transpose() * &fields).symmetric_eigen();
-    let mut order: Vec<usize> = (0..functionals.ncols()).collect();
-    order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
-    let least = scale.1.least_variance_share * eigen.eigenvalues.max();
-    let kept = order.into_iter().filter(|k| eigen.eigenvalues[*k] > least);
-    kept.map(|k| (&fields * eigen.eigenvectors.column(k) / eigen.eigenvalues[k].sqrt()).iter().copied().collect())
-        .collect()
-}
-
-/// What the motion depends on, as weights of the anchors' normal displacements: shape [anchors, functionals].
-fn functionals(anchors: &[Anchor], up: DVec3, (spacing, tuning): (f64, &ShapeTuning)) -> DMatrix<f64> {
-    let n = anchors.len();
-    let centre = anchors.iter().map(|a| a.position).sum::<DVec3>() / n as f64;
-    let lowest = anchors.iter().map(|a| a.position.dot(up)).fold(f64::INFINITY, f64::min);
-    let (east, north) = up.any_orthonormal_pair();
-    let rows: Vec<Vec<f64>> = anchors
-        .iter()
-        .map(|anchor| {
-            let d = anchor.position - centre;
-            let height = anchor.position.dot(up) - lowest;
-            let fade = |over: f64| (-height / (over * spacing)).exp();
-            let (tip, foot) = (fade(tuning.tip_height_spacings), fade(tuning.foot_height_spacings));
-            let frames = [d.x * d.x, d.y * d.y, d.z * d.z, d.x * d.y, d.y * d.z, d.x * d.z];
-            let contact = [tip, foot, foot * d.dot(east), foot * d.dot(north)];
-            let unseen = f64::from(u8::from(!anchor.seen));
-            [1.0, d.x, d.y, d.z].into_iter().chain(frames).chain(contact).chain([unseen, anchor.bluntness]).collect()
-        })
-        .collect();
-    DMatrix::from_fn(n, rows[0].len(), |i, k| rows[i][k])
 }
 
 /// Displacement of a point by each component: that of the anchors around it, along their normals.
@@ -269,6 +135,7 @@ fn displacement(
 
 #[cfg(test)]
 mod tests {
+    use super::components::{covariance, functionals};
     use super::*;
     use gic_scene::Camera;
     use glam::DMat3;
@@ -309,7 +176,6 @@ mod tests {
             volume_factors: Vec::new(),
             opacities: vec![0.9; n],
             scales: vec![0.005; n],
-            on_surface: vec![false; n],
             cameras: vec![camera],
             observations: Vec::new(),
             frame_rate_hz: 24.0,
