@@ -22,8 +22,8 @@ pub struct DensityField {
 }
 
 impl DensityField {
-    /// A field of zeros that covers the box `low`..`high` [m] with voxels of side `spacing` [m], the number of voxels along each
-    /// axis being a multiple of `multiple`.
+    /// A field of zeros that covers the box `low`..`high` [m] with voxels of side `spacing` [m], the number of voxels
+    /// along each axis being a multiple of `multiple`.
     pub fn covering(low: DVec3, high: DVec3, spacing: f64, multiple: usize) -> Result<DensityField, GeometryError> {
         let count = (high - low) / spacing;
         let voxels = count.to_array().iter().map(|c| c.max(1.0)).product::<f64>();
@@ -121,8 +121,8 @@ impl DensityField {
         DVec3::new(along(DVec3::X), along(DVec3::Y), along(DVec3::Z))
     }
 
-    /// Twice as many voxels along each axis, trilinearly interpolated (Algorithm 1, line 10); constant beyond the outermost
-    /// centres.
+    /// Twice as many voxels along each axis, trilinearly interpolated (Algorithm 1, line 10); constant beyond the
+    /// outermost centres.
     pub fn upsample(&self) -> DensityField {
         let size = self.size.map(|n| 2 * n);
         let clamp = |c: i64, n: usize| c.clamp(0, n as i64 - 1) as usize;
@@ -165,8 +165,8 @@ impl DensityField {
         DensityField { origin: self.origin, spacing: 2.0 * self.spacing, size, values }
     }
 
-    /// Weighted mean over the 3x3x3 neighbourhood, the weights along each axis being (side, 1 - 2 side, side): one third is the
-    /// mean filter of Algorithm 1, line 13; one quarter is gentler. Zero outside the grid.
+    /// Weighted mean over the 3x3x3 neighbourhood, the weights along each axis being (side, 1 - 2 side, side): one
+    /// third is the mean filter of Algorithm 1, line 13; one quarter is gentler. Zero outside the grid.
     pub fn mean_filter(&mut self, side: f32) {
         let [nx, ny, nz] = self.size;
         let middle = 1.0 - 2.0 * side;
@@ -231,7 +231,9 @@ mod tests {
 
     proptest! {
         #[test]
-        fn mean_filter_keeps_the_sum_away_from_the_border_and_the_bounds(seed in prop::collection::vec(0.0f32..1.0, 64)) {
+        fn mean_filter_keeps_bounds_and_away_from_the_border_the_sum(
+            seed in prop::collection::vec(0.0f32..1.0, 64),
+        ) {
             let mut field = DensityField::covering(DVec3::ZERO, DVec3::splat(0.6), 0.1, 1).unwrap();
             prop_assert_eq!(field.size, [6, 6, 6]);
             for (i, &v) in seed.iter().enumerate() {

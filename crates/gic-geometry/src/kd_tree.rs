@@ -35,8 +35,8 @@ impl KdTree {
         self.points.is_empty()
     }
 
-    /// Index (in the slice that the tree was built from) of the point nearest to `query` and the squared distance to it [m^2];
-    /// `None` if the tree is empty or the query is NaN.
+    /// Index (in the slice that the tree was built from) of the point nearest to `query` [m] and the squared distance
+    /// to it [m^2]; `None` if the tree is empty or the query is NaN.
     pub fn nearest(&self, query: [f32; 3]) -> Option<(usize, f32)> {
         let mut best = (usize::MAX, f32::INFINITY);
         self.search(query, 0, self.points.len(), &mut best);

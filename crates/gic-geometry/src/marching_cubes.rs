@@ -1,23 +1,25 @@
-//! The surface of a body as a triangle mesh: marching cubes (Lorensen and Cline 1987) on the density field, watertight by
-//! construction.
+//! The surface of a body as a triangle mesh: marching cubes (Lorensen and Cline 1987) on the density field,
+//! watertight by construction.
 //!
-//! The 256 cases of marching cubes are derived instead of tabulated. On every face of a cube of eight voxel centres the level set
-//! enters and leaves through edges whose ends lie on different sides; on a face with two inside corners across a diagonal, inside
-//! corners are kept apart. Both cubes that share a face see the same four values, so they agree on its segments, and the loops
-//! that the segments form close up into a surface where every edge belongs to exactly two triangles.
+//! The 256 cases of marching cubes are derived instead of tabulated. On every face of a cube of eight voxel centres
+//! the level set enters and leaves through edges whose ends lie on different sides; on a face with two inside corners
+//! across a diagonal, inside corners are kept apart. Both cubes that share a face see the same four values, so they
+//! agree on its segments, and the loops that the segments form close up into a surface where every edge belongs to
+//! exactly two triangles.
 
 use glam::DVec3;
 
 use crate::field::DensityField;
 use crate::triangle_mesh::TriangleMesh;
 
-/// Corners of a cube: bit 0 of the index is x, bit 1 is y, bit 2 is z. Faces as four corners, counter-clockwise seen from outside.
+/// Corners of a cube: bit 0 of the index is x, bit 1 is y, bit 2 is z. Faces as four corners, counter-clockwise seen
+/// from outside.
 const FACES: [[usize; 4]; 6] = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 /// Vertices stay this share of an edge away from its ends, so that no triangle collapses to a point.
 const CLEARANCE: f64 = 1e-3;
 
-/// The surface where the interpolated field is `level`, as a closed mesh [m]; the field is zero outside its grid, and inside
-/// is where it is at least `level`.
+/// The surface where the interpolated field is `level`, as a closed mesh [m]; the field is zero outside its grid, and
+/// inside is where it is at least `level`.
 pub fn marching_cubes(field: &DensityField, level: f64) -> TriangleMesh {
     // Nodes are voxel centres, with one layer of zeros around.
     let size = field.size.map(|n| n + 2);
@@ -89,8 +91,8 @@ pub fn marching_cubes(field: &DensityField, level: f64) -> TriangleMesh {
     mesh
 }
 
-/// Fills a loop of crossings with triangles: a fan around one of them, none of whose diagonals lies in a face of the cube (where
-/// the neighbouring cube might use the same one); around the loop's centre where there is no such fan.
+/// Fills a loop of crossings with triangles: a fan around one of them, none of whose diagonals lies in a face of the
+/// cube (where the neighbouring cube might use the same one); around the loop's centre where there is no such fan.
 fn close_loop(edges: &[(usize, usize)], corners: &[u32], field: &DensityField, mesh: &mut TriangleMesh) {
     let n = corners.len();
     let in_one_face = |i: usize, j: usize| {
@@ -115,9 +117,9 @@ fn close_loop(edges: &[(usize, usize)], corners: &[u32], field: &DensityField, m
     }
 }
 
-/// Links the crossings of one face of a cube: after the crossing where the boundary of the face, counter-clockwise seen from
-/// outside the cube, enters the inside comes the crossing where it leaves again. `next[in][out]` holds the following crossing of
-/// the loop as `8 * in + out + 1`.
+/// Links the crossings of one face of a cube: after the crossing where the boundary of the face, counter-clockwise
+/// seen from outside the cube, enters the inside comes the crossing where it leaves again. `next[in][out]` holds the
+/// following crossing of the loop as `8 * in + out + 1`.
 fn link_face(face: [usize; 4], inside: &[bool; 8], next: &mut [[usize; 8]; 8]) {
     for k in 0..4 {
         let (outer, inner) = (face[k], face[(k + 1) % 4]);

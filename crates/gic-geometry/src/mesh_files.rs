@@ -58,7 +58,8 @@ pub fn write_mesh_ply(path: &Path, mesh: &TriangleMesh) -> Result<(), WriteError
     write_ply(path, &layout, vertices.map(|(p, n)| [p.x, p.y, p.z, n.x, n.y, n.z].map(|v| v as f32)))
 }
 
-/// Writes tetrahedra as Gmsh MSH 2.2 in ASCII, which Gmsh, meshio and most FEM tools read; positions [m], one volume with tag 1.
+/// Writes tetrahedra as Gmsh MSH 2.2 in ASCII, which Gmsh, meshio and most FEM tools read; positions [m], one volume
+/// with tag 1.
 ///
 /// # Errors
 /// What the system says.

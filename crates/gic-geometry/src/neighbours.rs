@@ -1,6 +1,6 @@
-//! Points near a point, by a dense list of cells: all within a radius in lanes or one by one, or the K nearest.
+//! Points near a point, by a dense list of cells: all within a radius, or the K nearest.
 //!
-//! A place is where the list keeps a point, so that the points of a cell, and those of cells along z, follow each other.
+//! A place is where the list keeps a point: the points of a cell, and those of cells along z, follow each other.
 
 use std::ops::Range;
 
@@ -55,6 +55,11 @@ impl Neighbours {
     /// Number of points.
     pub fn len(&self) -> usize {
         self.points.len()
+    }
+
+    /// Whether there are no points.
+    pub fn is_empty(&self) -> bool {
+        self.points.is_empty()
     }
 
     /// The point at a place of the list [m].
@@ -122,7 +127,8 @@ impl Neighbours {
         let centre = self.cell_of(p);
         let reach = (centre - self.size + 1).abs().max(centre.abs()).max_element();
         for ring in 0..=reach {
-            // All cells at this Chebyshev distance are at least (ring - 1) cells and the way to the own cell's border away.
+            // All cells at this Chebyshev distance are at least (ring - 1) cells and the way to the own cell's border
+            // away.
             let border = f64::from(ring - 1) * self.cell + self.to_border(p, centre);
             if border > 0.0 && border * border > best[K - 1].0 {
                 break;

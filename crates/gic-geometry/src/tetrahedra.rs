@@ -1,8 +1,8 @@
 //! A tetrahedral mesh of the inside, for FEM tools: isosurface stuffing (Labelle and Shewchuk 2007).
 //!
-//! Space is tiled by the body-centred cubic lattice, whose tetrahedra all have dihedral angles of 60 and 90 degrees. Lattice points
-//! too near to the surface are moved onto it; what then sticks out of a tetrahedron is cut off. Moving first keeps the pieces that
-//! remain well shaped.
+//! Space is tiled by the body-centred cubic lattice, whose tetrahedra all have dihedral angles of 60 and 90 degrees.
+//! Lattice points too near to the surface are moved onto it; what then sticks out of a tetrahedron is cut off. Moving
+//! first keeps the pieces that remain well shaped.
 
 use std::collections::HashMap;
 
@@ -11,7 +11,8 @@ use glam::{DVec3, I64Vec3};
 use crate::error::GeometryError;
 use crate::field::{DensityField, MAX_VOXELS};
 
-/// A cut nearer to a lattice point than this share of a long edge moves the point (the paper's alpha_long for its safe mesh).
+/// A cut nearer to a lattice point than this share of a long edge moves the point (the paper's alpha_long for its
+/// safe mesh).
 const SNAP_LONG: f64 = 0.24999;
 /// The same for short edges.
 const SNAP_SHORT: f64 = 0.41189;
@@ -21,7 +22,8 @@ const SNAP_SHORT: f64 = 0.41189;
 pub struct TetMesh {
     /// Positions [m].
     pub vertices: Vec<DVec3>,
-    /// Corners of each tetrahedron; the last sees the first three counter-clockwise from inside, so volumes are positive.
+    /// Corners of each tetrahedron; the last sees the first three counter-clockwise from inside, so volumes are
+    /// positive.
     pub tetrahedra: Vec<[u32; 4]>,
 }
 
@@ -186,8 +188,8 @@ impl Builder<'_> {
         self.mesh.tetrahedra.push(t);
     }
 
-    /// The inside part of a lattice tetrahedron. Four-sided faces between tetrahedra are split from the inside corner of the smaller
-    /// index, a rule that both neighbours follow and that always leaves a prism that can be split.
+    /// The inside part of a lattice tetrahedron. Four-sided faces between tetrahedra are split from the inside corner
+    /// of the smaller index, a rule that both neighbours follow and that always leaves a prism that can be split.
     fn add(&mut self, corners: [usize; 4]) {
         let mut plus: Vec<usize> = corners.iter().copied().filter(|&i| self.lattice.values[i] > 0.0).collect();
         let zero: Vec<usize> = corners.iter().copied().filter(|&i| self.lattice.values[i] == 0.0).collect();

@@ -33,7 +33,8 @@ impl TriangleMesh {
         self.triangles.iter().map(|&t| self.corners(t)).map(|[a, b, c]| 0.5 * (b - a).cross(c - a).length()).sum()
     }
 
-    /// Whether every edge is passed exactly once in each direction: closed, consistently oriented, and manifold along edges.
+    /// Whether every edge is passed exactly once in each direction: closed, consistently oriented, and manifold along
+    /// edges.
     pub fn is_watertight(&self) -> bool {
         let mut edges: Vec<(u32, u32)> =
             self.triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]).collect();
@@ -42,7 +43,8 @@ impl TriangleMesh {
         distinct && edges.iter().all(|&(a, b)| edges.binary_search(&(b, a)).is_ok())
     }
 
-    /// One point per `spacing`^2 of area, at random with a fixed seed, uniform over the surface: what chamfer distances look at.
+    /// One point per `spacing`^2 of area, at random with a fixed seed, uniform over the surface: what chamfer
+    /// distances look at.
     pub fn sample(&self, spacing: f64, seed: u64) -> Vec<SurfacePoint> {
         use rand::{RngExt, SeedableRng};
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(seed);

@@ -5,14 +5,15 @@ use rayon::prelude::*;
 use crate::field::DensityField;
 
 impl DensityField {
-    /// Volume where the interpolated field is at least `threshold` [m^3]: each voxel counted at 2x2x2 interior points, with a
-    /// linear ramp across the threshold so that the value varies smoothly with it.
+    /// Volume where the interpolated field is at least `threshold` [m^3]: each voxel counted at 2x2x2 interior
+    /// points, with a linear ramp across the threshold so that the value varies smoothly with it.
     pub fn volume(&self, threshold: f64) -> f64 {
         let [nx, ny, nz] = self.size;
         let slice_volume = |z: usize| -> f64 {
             let (low, high) = self.bounds_around(z);
             let share = |i: usize| {
-                // The slope at no interior point of a voxel is more than this: further from the threshold, the ramp is saturated.
+                // The slope at no interior point of a voxel is more than this: further from the threshold, the ramp
+                // is saturated.
                 let steepest = 3f64.sqrt() * 0.5 * f64::from(high[i] - low[i]);
                 if f64::from(low[i]) - threshold > 0.5 * steepest {
                     1.0
