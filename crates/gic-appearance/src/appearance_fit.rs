@@ -33,7 +33,7 @@ pub struct LitGaussians {
 
 impl LitGaussians {
     /// The Gaussians to draw when they are at `positions` [m] with outward `normals`
-    /// ([`gic_geometry::outward_normals`]), both shape [n, 3].
+    /// (`gic_geometry::outward_normals`), both shape [n, 3].
     pub fn at(&self, positions: Vec<[f32; 3]>, normals: &[[f32; 3]]) -> Gaussians {
         let lit = |(sh, &normal): (&[f32; 3], &[f32; 3])| {
             let light = self.light.at(normal);

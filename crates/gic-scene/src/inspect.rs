@@ -61,7 +61,7 @@ pub struct Inspection {
 pub struct CameraReport {
     /// The camera's name.
     pub name: String,
-    /// Picture size [pixels].
+    /// Width and height of its pictures in pixels.
     pub size: [usize; 2],
     /// Number of pictures.
     pub views: usize,

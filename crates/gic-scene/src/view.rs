@@ -24,16 +24,16 @@ pub enum MaskSource {
     OverWhite(PathBuf),
     /// Made by comparing the picture with the empty background picture of its camera ([`crate::difference_matte`]).
     Difference,
-    /// Made by the matting network given in [`SceneSettings::matting`].
+    /// Made by the matting network given in [`crate::SceneSettings::matting`].
     Network,
 }
 
 /// One picture: which camera took it, and when.
 #[derive(Clone, Debug, PartialEq)]
 pub struct View {
-    /// Index into [`Scene::cameras`].
+    /// Index into [`crate::Scene::cameras`].
     pub camera: usize,
-    /// Index into [`Scene::times`].
+    /// Index into [`crate::Scene::times`].
     pub frame: usize,
     /// What the view is meant for.
     pub split: Split,

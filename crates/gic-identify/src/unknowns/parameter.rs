@@ -25,7 +25,7 @@ pub struct Parameter {
     pub bounds: (f64, f64),
     /// Smallest and largest value of the starts that are tried when none is given.
     pub starts: (f64, f64),
-    /// Widest half-width of the 95 % interval, in [`Parameter::error_unit`]s, that still counts as identified.
+    /// Widest half-width of the 95 % interval, in units of `error_unit`, that still counts as identified.
     pub widest: f64,
     /// Values of the grid of starts.
     pub(crate) grid: usize,
