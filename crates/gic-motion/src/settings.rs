@@ -8,8 +8,8 @@ use crate::Architecture;
 /// A moment has a visual hull of its own from this many views on.
 pub(crate) const MIN_SYNCHRONOUS: usize = 3;
 
-/// How to train; lengths are relative to the object, so that one set of defaults serves every scene that several cameras
-/// filmed. Fields with `arg(skip)` have no flag and are changed in a file.
+/// How to train; lengths are relative to the object, so that one set of defaults serves every scene that several
+/// cameras filmed. Fields with `arg(skip)` have no flag and are changed in a file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "cli", derive(clap::Args), group(skip), command(next_help_heading = "Reconstruction"))]
 #[serde(default, deny_unknown_fields)]
@@ -29,21 +29,22 @@ pub struct TrainSettings {
     /// Steps over which the training window grows from the first frame to the whole video after the warm-up.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub growth_steps: usize,
-    /// Steps that first fit each frame's affine map of the base motion to the pictures, each frame from the last; 0 leaves all
-    /// motion to the network.
+    /// Steps that first fit each frame's affine map of the base motion to the pictures, each frame from the last; 0
+    /// leaves all motion to the network.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub affine_steps: usize,
     /// Steps that then bend each frame that its map does not explain.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub bend_steps: usize,
-    /// Steps on the frames that those maps explain (an object in free flight), before the network starts: more views of the
-    /// same shape.
+    /// Steps on the frames that those maps explain (an object in free flight), before the network starts: more views of
+    /// the same shape.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub mapped_steps: usize,
     /// Steps on all frames with the base motion alone, which cost less than those with the network.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub bent_steps: usize,
-    /// Share of the steps in which pictures are shown at half their size: a quarter of the pixels while nothing fine is settled.
+    /// Share of the steps in which pictures are shown at half their size: a quarter of the pixels while nothing fine is
+    /// settled.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub half_size: f64,
     /// Views rendered per step, all of the same time; the network is evaluated once for all of them.
@@ -55,8 +56,8 @@ pub struct TrainSettings {
     /// Distance between the first points, as seen in the pictures [pixels].
     #[cfg_attr(feature = "cli", arg(skip))]
     pub initial_spacing_px: f64,
-    /// How far inside the hull's surface the first points lie, in their spacings. Gaussians reach beyond their centres, and
-    /// where no silhouette shows it, nothing but the start makes room for that.
+    /// How far inside the hull's surface the first points lie, in their spacings. Gaussians reach beyond their centres,
+    /// and where no silhouette shows it, nothing but the start makes room for that.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub initial_inset: f64,
     /// Whether Gaussians are round or ellipsoids. What follows a motion stays round (paper section 4.1).
@@ -68,7 +69,8 @@ pub struct TrainSettings {
     /// Opacity of the first Gaussians.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub first_opacity: f64,
-    /// Over how many spacings neighbours share the pull on their positions: in the first step, and from the network's first step on.
+    /// Over how many spacings neighbours share the pull on their positions: in the first step, and from the network's
+    /// first step on.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub smoothing: (f64, f64),
     /// At most this many Gaussians per pixel of the object's mean mask area.
@@ -78,8 +80,8 @@ pub struct TrainSettings {
     #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_gaussians: Option<usize>,
-    /// Degree of the spherical harmonics, 0 to 3; `None` takes what the number of viewpoints can tell: 3 from 50 cameras on, 1
-    /// from 20, else 0.
+    /// Degree of the spherical harmonics, 0 to 3; `None` takes what the number of viewpoints can tell: 3 from 50
+    /// cameras on, 1 from 20, else 0.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub sh_degree: Option<usize>,
     /// Steps between raising the degree of the spherical harmonics by one.
@@ -100,7 +102,8 @@ pub struct TrainSettings {
     /// Steps between evaluations on the held-out views.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub evaluate_every: usize,
-    /// Evaluations without a better score (or checks without a lower mean training loss) before training stops; 0 never stops early.
+    /// Evaluations without a better score (or checks without a lower mean training loss) before training stops; 0 never
+    /// stops early.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub patience: usize,
     /// Seconds between checkpoints.
@@ -134,8 +137,8 @@ pub enum GaussianShape {
 
 /// Weights of the loss terms (paper eq. 5, with the release's mask term).
 ///
-/// Picture terms are sums over pixels divided by the object's area in the mask [pixels], so their size does not depend on how
-/// much of the picture the object fills.
+/// Picture terms are sums over pixels divided by the object's area in the mask [pixels], so their size does not depend
+/// on how much of the picture the object fills.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LossWeights {
@@ -147,8 +150,8 @@ pub struct LossWeights {
     pub mask: f64,
     /// Weight of the mean scale s(t), measured in initial point spacings.
     pub scale: f64,
-    /// Weight of the mean squared distance of neighbours, in spacings: shrinks what no picture holds, such as the ridges of a
-    /// visual hull. Only where positions are smoothed.
+    /// Weight of the mean squared distance of neighbours, in spacings: shrinks what no picture holds, such as the
+    /// ridges of a visual hull. Only where positions are smoothed.
     pub tension: f64,
 }
 
@@ -205,8 +208,8 @@ pub struct DensitySettings {
     pub until: f64,
     /// Steps between.
     pub every: usize,
-    /// Mean gradient of the projected centre above which a Gaussian is cloned or split, in the units of 3DGS (loss averaged over
-    /// the picture, centre in half picture widths).
+    /// Mean gradient of the projected centre above which a Gaussian is cloned or split, in the units of 3DGS (loss
+    /// averaged over the picture, centre in half picture widths).
     pub gradient_threshold: f64,
     /// Gaussians wider than this fraction of the object are split, smaller ones cloned.
     pub split_above: f64,
@@ -302,7 +305,8 @@ impl TrainSettings {
         }
     }
 
-    /// For what stands still, as 3DGS has it: ellipsoids, one picture per step, as many Gaussians as the pictures ask for.
+    /// For what stands still, as 3DGS has it: ellipsoids, one picture per step, as many Gaussians as the pictures ask
+    /// for.
     pub fn still() -> Self {
         TrainSettings {
             steps: 3_500,
@@ -326,15 +330,16 @@ impl TrainSettings {
         }
     }
 
-    /// For photographs of an object at rest that a video shows elsewhere: round Gaussians, as those of a video's first frame, for the
-    /// sake of the filling, and colours that may be turned with the object.
+    /// For photographs of an object at rest that a video shows elsewhere: round Gaussians, as those of a video's first
+    /// frame, for the sake of the filling, and colours that may be turned with the object.
     pub fn scan() -> Self {
         TrainSettings { steps: 800, half_size: 0.25, sh_degree: Some(0), ..TrainSettings::default() }
     }
 
-    /// For what moves before one camera: no moment has a shape of its own to start from, so there is no base motion. The network
-    /// starts from Gaussians trained on all pictures, as if nothing moved, is half as wide as the paper's, and is asked at nodes
-    /// a 48th of the object apart: as good step by step, and otherwise most of the time would be spent in it.
+    /// For what moves before one camera: no moment has a shape of its own to start from, so there is no base motion.
+    /// The network starts from Gaussians trained on all pictures, as if nothing moved, is half as wide as the paper's,
+    /// and is asked at nodes a 48th of the object apart: as good step by step, and otherwise most of the time would be
+    /// spent in it.
     pub fn one_camera() -> Self {
         let still = TrainSettings::still();
         TrainSettings {
@@ -362,7 +367,8 @@ impl TrainSettings {
         }
     }
 
-    /// The schedule that the paper prints: 40,000 steps of one picture, 3,000 of warm-up, points drawn in the object's box.
+    /// The schedule that the paper prints: 40,000 steps of one picture, 3,000 of warm-up, points drawn in the object's
+    /// box.
     pub fn paper() -> Self {
         TrainSettings {
             steps: 40_000,

@@ -1,8 +1,9 @@
 //! Every setting of a run: one tree, stored as `config.toml`, changed by flags and `--set`.
 //!
 //! The settings of a stage are one structure in the library that does the stage. Its fields are the keys of the stage's
-//! table, their documents the help, its [`Default`] the defaults; a field with a flag has one of its own name, with dashes
-//! for underscores. A run's settings are made of layers, each of which changes only the keys that it names:
+//! table, their documents the help, its [`Default`] the defaults; a field with a flag has one of its own name, with
+//! dashes for underscores (but for `--density` and `--scene-set`). A run's settings are made of layers, each of which
+//! changes only the keys that it names:
 //! 1. the defaults, and of the reconstruction those for how the scene was filmed; where the run folder has a
 //!    `config.toml`, that file takes their place;
 //! 2. `--schedule`, then the file of `--config`;
@@ -90,7 +91,8 @@ impl Layer {
         Ok(Self { origin: path.to_owned(), table: text.parse::<Table>().map_err(syntax)? })
     }
 
-    /// Settings from `KEY=VALUE` texts, KEY being a path such as `reconstruct.loss.scale` and VALUE TOML or a bare word.
+    /// Settings from `KEY=VALUE` texts, KEY being a path such as `reconstruct.loss.scale` and VALUE TOML or a bare
+    /// word.
     pub fn from_assignments<'a>(assignments: impl IntoIterator<Item = &'a str>) -> Result<Self> {
         let mut table = Table::new();
         for text in assignments {
@@ -142,7 +144,8 @@ impl Config {
             format: "a configuration",
             source: source.into(),
         })?;
-        let head = "# Every setting of this run. Feed it back with --config, or change single ones with --set section.key=value.\n\n";
+        let head = "# Every setting of this run. Feed it back with --config, or change single ones with \
+                    --set section.key=value.\n\n";
         Ok(atomic::write(path, (head.to_owned() + &text).as_bytes())?)
     }
 }

@@ -14,8 +14,8 @@ use super::values::{Pad, coefficient, length, positive, refinement, size, slowne
 /// Video in, physical digital twin out.
 ///
 /// gic watches an object fall, bounce, flow or crumble in videos from a few calibrated cameras and finds out what it is
-/// made of: its shape, its velocity and the parameters of its material, with error bars. The result, `twin.json`, can be
-/// simulated into new futures.
+/// made of: its shape, its velocity and the parameters of its material, with error bars. The result, `twin.json`, can
+/// be simulated into new futures.
 #[derive(Debug, Parser)]
 #[command(
     name = "gic",
@@ -34,7 +34,8 @@ pub(crate) struct Cli {
 }
 
 const EXIT_CODES: &str = "\
-Exit codes: 0 done, 1 failed, 2 bad usage, 130 interrupted (what was finished is kept; run the same command again to go on).
+Exit codes: 0 done, 1 failed, 2 bad usage, 130 interrupted (what was finished is kept; run the same command \
+again to go on).
 Results go to stdout, everything else to stderr.";
 
 #[derive(Debug, Args)]
@@ -158,9 +159,9 @@ pub(crate) struct BenchArgs {
 
 /// Make a twin from videos: reconstruct, fill, identify, predict, dress, report
 ///
-/// Runs what is missing in the run folder, so a run that was stopped goes on with the same command, and a changed setting
-/// reruns only what depends on it. Results: twin.json (the twin), report.html (open it in a browser), prediction/ (the
-/// twin's motion), appearance/ (its colours).
+/// Runs what is missing in the run folder, so a run that was stopped goes on with the same command, and a changed
+/// setting reruns only what depends on it. Results: twin.json (the twin), report.html (open it in a browser),
+/// prediction/ (the twin's motion), appearance/ (its colours).
 #[derive(Debug, Args)]
 #[command(after_help = "Example: gic run SCENE --material elastic -o RUN")]
 pub(crate) struct RunArgs {
@@ -327,7 +328,8 @@ pub(crate) struct SimulateArgs {
     /// Further obstacles, at rest or moving: a TOML or JSON file with a list `colliders` as in a twin
     #[arg(long, value_name = "FILE")]
     pub(crate) colliders: Option<PathBuf>,
-    /// Another twin or run folder in the same world, moved by X,Y,Z metres; may be repeated, also for copies of the same
+    /// Another twin or run folder in the same world, moved by X,Y,Z metres; may be repeated, also for copies of the
+    /// same
     #[arg(long = "with", value_name = "TWIN@X,Y,Z")]
     pub(crate) companions: Vec<gic_twin::simulate::Companion>,
     /// Start anew, even if the folder holds frames of another twin or other settings
@@ -337,8 +339,8 @@ pub(crate) struct SimulateArgs {
 
 /// Make pictures and films of a simulated motion
 ///
-/// Writes frame_NNNN.png for every frame of a folder that `gic simulate` wrote, or of a run's prediction; with --film also
-/// a .gif, or where the program ffmpeg is installed an .mp4 (H.264) or an animated .webp.
+/// Writes frame_NNNN.png for every frame of a folder that `gic simulate` wrote, or of a run's prediction; with --film
+/// also a .gif, or where the program ffmpeg is installed an .mp4 (H.264) or an animated .webp.
 #[derive(Debug, Args)]
 #[command(after_help = "Example: gic render /tmp/elastic -o /tmp/pictures --film /tmp/elastic.gif")]
 pub(crate) struct RenderArgs {
@@ -386,15 +388,16 @@ pub(crate) struct ViewArgs {
     /// The page [default: view.html in the folder]
     #[arg(short, long, value_name = "FILE.html")]
     pub(crate) out: Option<PathBuf>,
-    /// Write a recording for the Rerun viewer instead, and open it where that is installed; needs a gic built with --features rerun
+    /// Write a recording for the Rerun viewer instead, and open it where that is installed; needs a gic built with
+    /// --features rerun
     #[arg(long, value_name = "FILE.rrd", conflicts_with = "out")]
     pub(crate) rerun: Option<PathBuf>,
 }
 
 /// Grip a twin with two rigid pads, as a robot would: force, stress, slip
 ///
-/// The pads close on the twin to each width, hold it, and lift it from a table. Widths are those of the object between the
-/// pads. Prints a table; writes grasp.json, a picture per width (stress from blue to red) and a film.
+/// The pads close on the twin to each width, hold it, and lift it from a table. Widths are those of the object between
+/// the pads. Prints a table; writes grasp.json, a picture per width (stress from blue to red) and a film.
 #[derive(Debug, Args)]
 #[command(after_help = "Example: gic grasp RUN --width-m 0.055,0.045,0.035")]
 pub(crate) struct GraspArgs {
@@ -404,8 +407,8 @@ pub(crate) struct GraspArgs {
     /// Widths to close to [m]
     #[arg(long, value_name = "W,...", value_delimiter = ',', required = true, allow_hyphen_values = true)]
     pub(crate) width_m: Vec<f64>,
-    /// Which way to close: along x, y or z of the world through the centre of mass, or between the two places of the surface
-    /// that face each other best
+    /// Which way to close: along x, y or z of the world through the centre of mass, or between the two places of the
+    /// surface that face each other best
     #[arg(long, value_name = "auto|x|y|z", default_value = "auto")]
     pub(crate) axis: gic::grasp::AxisChoice,
     /// A pad's sides, across and along the finger [m]
