@@ -10,8 +10,7 @@ use crate::{ContinuumError, Tuning};
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Unseen {
-    /// A smooth surface inside the largest body that agrees with all views, at which the body keeps its volume (see
-    /// [`FillSettings::volume`] and [`crate::UnseenTuning`]).
+    /// A smooth surface inside the largest body that agrees with all views, at which the body keeps its volume.
     #[default]
     Smooth,
     /// The boundary of the largest body that agrees with all views, as in the paper.
