@@ -52,6 +52,8 @@ pub(crate) struct Global {
     pub(crate) threads: Option<usize>,
 }
 
+// One value in a process: its size does not matter.
+#[allow(clippy::large_enum_variant)]
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     Demo(DemoArgs),
