@@ -8,7 +8,7 @@
 use std::error::Error;
 use std::path::PathBuf;
 
-use gic_continuum::{ContinuumError, Filling, ParticleTuning, Placement, sample_particles, write_particles_ply};
+use gic_continuum::{ContinuumError, Filling, ParticleTuning, sample_particles, write_particles_ply};
 use gic_geometry::{write_mesh_ply, write_msh, write_obj, write_stl};
 use glam::DVec3;
 
@@ -20,10 +20,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     write_obj(&folder.join("surface.obj"), &surface)?;
     write_stl(&folder.join("surface.stl"), &surface)?;
     write_mesh_ply(&folder.join("surface.ply"), &surface)?;
-    write_particles_ply(
-        &folder.join("particles.ply"),
-        &sample_particles(&ring, 0.01, Placement::Layered, &ParticleTuning::default())?,
-    )?;
+    write_particles_ply(&folder.join("particles.ply"), &sample_particles(&ring, 0.01, &ParticleTuning::default())?)?;
     write_msh(&folder.join("body.msh"), &ring.tetrahedra(0.015)?)?;
     println!("{} vertices, {:.6} m^3, in {}", surface.vertices.len(), surface.volume(), folder.display());
     Ok(())

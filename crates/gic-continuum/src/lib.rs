@@ -1,5 +1,17 @@
-//! From Gaussians to matter (paper section 4.2): the density field by coarse-to-fine filling, particles for simulation,
-//! the Gaussian-informed continuum, surfaces and meshes.
+//! From Gaussians to matter (paper section 4.2).
+//!
+//! Filling makes a body of one frame's Gaussians and masks: a [`gic_geometry::DensityField`] whose level of one half is
+//! the surface. In the order of the data:
+//!
+//! | folder | step | equation or paper |
+//! |---|---|---|
+//! | `evidence` | what a view's pixels say of a place: mask `M(u)` and depth `D(u) / A(u)`; bounds of it over boxes | Algorithm 1, lines 2 and 3; pyramids as in Greene, Kass & Miller 1993 |
+//! | `fill` | from particles inside all masks and behind all depths to a field, level by level; the boundary that no view sees | Algorithm 1; mean curvature motion: Merriman, Bence & Osher 1992 |
+//! | `symmetry` | mirror planes of the surface or of outlines; the body averaged with its images | point-to-plane fits: Chen & Medioni 1992; silhouette coherence: Hernandez, Schmitt & Cipolla 2007 |
+//! | `carve` | what colours contradict goes; the surface settles where they agree best | space carving: Kutulakos & Seitz 2000; plane sweep: Collins 1996 |
+//! | `particles` | particles for simulation, drawn as Gaussians | eq. 7 |
+//!
+//! [`ShapeFrom`] tells which bodies are made by depths and which by outlines. All tuned numbers stand in [`Tuning`].
 
 mod carve;
 mod choices;
@@ -22,7 +34,7 @@ pub use evidence::MaskedView;
 pub use export::write_particles_ply;
 pub use fill::{Filling, fill, fill_outlines};
 pub use particles::{
-    Agreement, Appearance, Drawing, Particles, Placement, agreement, calibrate, compare_with_masks, informed_gaussians,
+    Agreement, Appearance, Drawing, Particles, agreement, calibrate, compare_with_masks, informed_gaussians,
     sample_particles, sample_points,
 };
 pub use settings::{FillSettings, Unseen};

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use gic_continuum::{Filling, ParticleTuning, Placement, sample_particles, write_particles_ply};
+use gic_continuum::{Filling, ParticleTuning, sample_particles, write_particles_ply};
 use gic_geometry::{TriangleMesh, write_mesh_ply, write_msh, write_obj, write_stl};
 use glam::DVec3;
 
@@ -153,7 +153,7 @@ fn mesh_ply_is_read_back() {
 
 #[test]
 fn particles_ply_is_read_back() {
-    let particles = sample_particles(&filling(), 0.02, Placement::Lattice, &ParticleTuning::default()).unwrap();
+    let particles = sample_particles(&filling(), 0.02, &ParticleTuning::default()).unwrap();
     let folder = Folder::new("particles");
     write_particles_ply(&folder.0.join("a.ply"), &particles).unwrap();
     let bytes = folder.read("a.ply");

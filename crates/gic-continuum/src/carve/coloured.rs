@@ -1,11 +1,24 @@
 //! A picture ready to be compared with others, and which places of the surface it shows.
 
+use gic_scene::{Camera, Picture};
 use glam::{DVec2, DVec3, Vec3};
 
-use super::ColouredView;
-use super::solid::Place;
+use super::place::Place;
 use crate::evidence::pixel_index;
 use crate::tuning::CarvingTuning;
+
+/// A camera and its picture of the body in one moment.
+#[derive(Clone, Copy, Debug)]
+pub struct ColouredView<'a> {
+    /// The camera; of another moment, moved to where it would have seen the body as it lies.
+    pub camera: &'a Camera,
+    /// Its picture.
+    pub picture: &'a Picture,
+    /// Coverage of the object in [0, 1], row-major, shape [height * width].
+    pub mask: &'a [f32],
+    /// Colours of different moments are not compared: the light is another one.
+    pub moment: usize,
+}
 
 /// A picture ready to be compared with others.
 pub(super) struct Coloured<'a> {

@@ -6,7 +6,7 @@
 use glam::Vec3;
 
 use super::coloured::{Coloured, Visibility};
-use super::solid::Place;
+use super::place::Place;
 
 /// How much colours differ at each of several depths, over what is expected, and by how many that is judged.
 #[derive(Clone, Copy)]

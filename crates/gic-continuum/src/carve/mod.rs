@@ -13,29 +13,19 @@
 
 mod coloured;
 mod difference;
+mod place;
 mod settle;
 mod solid;
 
-use gic_scene::{Camera, Picture};
 use rayon::prelude::*;
 
 use self::coloured::Coloured;
 use self::solid::Solid;
 use crate::fill::smooth;
+use crate::tuning::CarvingTuning;
 use crate::{Filling, Symmetry, Tuning};
 
-/// A camera and its picture of the body in one moment.
-#[derive(Clone, Copy, Debug)]
-pub struct ColouredView<'a> {
-    /// The camera; of another moment, moved to where it would have seen the body as it lies.
-    pub camera: &'a Camera,
-    /// Its picture.
-    pub picture: &'a Picture,
-    /// Coverage of the object in [0, 1], row-major, shape [height * width].
-    pub mask: &'a [f32],
-    /// Colours of different moments are not compared: the light is another one.
-    pub moment: usize,
-}
+pub use self::coloured::ColouredView;
 
 impl Filling {
     /// Takes away of a body what the colours of `views` contradict at a place and at its images by `symmetry`, and
@@ -46,18 +36,10 @@ impl Filling {
         let mut body = Solid::new(&self.field, self.th_min);
         let whole = body.inside.clone();
         let filled = body.filled(&views, carving);
-        let first = Some(carving.first_tolerance);
-        let tolerances = std::iter::successors(first, |tolerance| Some(carving.tolerance_factor * tolerance));
-        for tolerance in tolerances.take_while(|tolerance| *tolerance >= carving.last_tolerance) {
+        for tolerance in tolerances(carving) {
             let before = body.inside.clone();
-            let ended = body.carve(&views, symmetry, tolerance, carving);
-            if !ended
-                || body
-                    .filled(&views, carving)
-                    .iter()
-                    .zip(&filled)
-                    .any(|(now, first)| *now < first - carving.lost_outline)
-            {
+            let ended = body.carve_layers(&views, symmetry, tolerance, carving);
+            if !ended || body.loses_outlines(&views, &filled, carving.lost_outline, carving) {
                 body.inside = before;
                 break;
             }
@@ -89,8 +71,16 @@ impl Filling {
     }
 }
 
+/// The tolerances with which a body is carved, one after the other.
+fn tolerances(tuning: &CarvingTuning) -> impl Iterator<Item = f32> {
+    let (factor, last) = (tuning.tolerance_factor, tuning.last_tolerance);
+    let all = std::iter::successors(Some(tuning.first_tolerance), move |tolerance| Some(factor * tolerance));
+    all.take_while(move |tolerance| *tolerance >= last)
+}
+
 #[cfg(test)]
 mod tests {
+    use gic_scene::{Camera, Picture};
     use glam::{DVec2, DVec3};
 
     use super::*;

@@ -6,15 +6,16 @@
 //! minimum: a fraction of a voxel, shared with its neighbours as far as the minimum is flat. With it, the field is
 //! carried along, so that edges stay as they are.
 
+use gic_geometry::DensityField;
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::coloured::Coloured;
 use super::difference::Difference;
-use super::solid::{Place, Solid};
+use super::place::Place;
+use super::solid::Solid;
 use crate::tuning::{SWEEP_DEPTHS, SWEEP_SURFACE, SettlingTuning, Tuning};
 use crate::{Filling, Symmetry};
-use gic_geometry::DensityField;
 
 impl Filling {
     /// Moves the surface to where the colours of `views` agree best at its places and at their images by `symmetry`.
@@ -26,12 +27,12 @@ impl Filling {
         for _ in 0..settling.rounds {
             let body = Solid::new(&self.field, self.th_min);
             let mut surface = body.surface(carving);
-            surface.par_iter_mut().for_each(|place| self.put_on_level(place, &body));
+            surface.par_iter_mut().for_each(|place| self.put_on_level(place, &body, settling));
             let outward = body.normal_displacements(views, symmetry, &surface, tuning);
             moved = moved.then(&Displacement::of(&first, &surface, &outward, body.grid.spacing, settling));
             let before = std::mem::replace(&mut self.field.values, moved.carry(&first));
-            let still = Solid::new(&self.field, self.th_min).filled(views, carving);
-            if still.iter().zip(&filled).any(|(now, first)| *now < first - settling.lost_outline) {
+            let moved_body = Solid::new(&self.field, self.th_min);
+            if moved_body.loses_outlines(views, &filled, settling.lost_outline, carving) {
                 self.field.values = before;
                 return;
             }
@@ -43,14 +44,14 @@ impl Filling {
     }
 
     /// Puts a place onto the field's level set, along its normal.
-    fn put_on_level(&self, place: &mut Place, body: &Solid) {
+    fn put_on_level(&self, place: &mut Place, body: &Solid, tuning: &SettlingTuning) {
         let centre = body.grid.centre(body.grid.voxel(place.voxel));
         let along = |t: f64| centre + t * body.grid.spacing * place.normal;
-        let (mut inside, mut outside) = (0.0, 2.0);
+        let (mut inside, mut outside) = (0.0, tuning.level_within);
         if self.field.sample(along(outside)) >= self.th_min {
             return;
         }
-        for _ in 0..8 {
+        for _ in 0..tuning.level_halvings {
             let middle = 0.5 * (inside + outside);
             let side = if self.field.sample(along(middle)) >= self.th_min { &mut inside } else { &mut outside };
             *side = middle;

@@ -1,23 +1,15 @@
 //! A body as voxels, from which layers are carved.
 
+use gic_geometry::DensityField;
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::coloured::{Coloured, Visibility};
 use super::difference::{Difference, SumsAround, difference};
+use super::place::Place;
 use crate::Symmetry;
 use crate::symmetry::Images;
 use crate::tuning::CarvingTuning;
-use gic_geometry::DensityField;
-
-/// A place of the surface.
-pub(super) struct Place {
-    pub(super) voxel: usize,
-    /// On the surface of its voxel [m].
-    pub(super) point: DVec3,
-    /// Outward.
-    pub(super) normal: DVec3,
-}
 
 /// A body of voxels half as large as those of the field that it comes from.
 pub(super) struct Solid {
@@ -88,8 +80,13 @@ impl Solid {
         views.iter().zip(&depths).map(share).collect()
     }
 
+    /// Whether some view's mask is less filled than the shares `filled` say, by more than `lost`.
+    pub(super) fn loses_outlines(&self, views: &[Coloured], filled: &[f64], lost: f64, tuning: &CarvingTuning) -> bool {
+        self.filled(views, tuning).iter().zip(filled).any(|(now, first)| *now < first - lost)
+    }
+
     /// Carves layer by layer what colours contradict; whether that comes to an end.
-    pub(super) fn carve(
+    pub(super) fn carve_layers(
         &mut self,
         views: &[Coloured],
         symmetry: &Symmetry,

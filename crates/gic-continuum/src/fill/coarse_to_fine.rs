@@ -1,5 +1,6 @@
 //! Lines 8 to 15 of Algorithm 1: the density field from the coarsest to the finest level.
 
+use gic_geometry::DensityField;
 use gic_splat::Gaussians;
 use rayon::prelude::*;
 
@@ -7,7 +8,6 @@ use super::gaussians::centre;
 use super::internal::InternalParticles;
 use crate::FillSettings;
 use crate::tuning::FillingTuning;
-use gic_geometry::DensityField;
 
 /// Lines 8 to 15: from the coarsest to the finest level, upsample, mean-filter and reassign.
 pub(super) fn coarse_to_fine(

@@ -15,12 +15,8 @@ pub struct Filling {
     pub doubt: Vec<f32>,
     /// The level of the body's boundary in the field, the paper's th_min.
     pub th_min: f64,
-    /// Upper density of the surface, the paper's th_max.
-    pub th_max: f64,
     /// Gaussians that counted.
     pub gaussians_used: usize,
-    /// Gaussians given.
-    pub gaussians_given: usize,
     /// Views that had a mask.
     pub views_used: usize,
 }
@@ -43,7 +39,7 @@ impl Filling {
             field.values[i] = (0.5 - distance(field.centre(field.voxel(i))) / ramp).clamp(0.0, 1.0) as f32;
         }
         let doubt = Vec::new();
-        Ok(Filling { field, doubt, th_min: 0.5, th_max: 0.8, gaussians_used: 0, gaussians_given: 0, views_used: 0 })
+        Ok(Filling { field, doubt, th_min: 0.5, gaussians_used: 0, views_used: 0 })
     }
 
     /// Volume of the body [m^3]: where the interpolated field is at least th_min.
@@ -64,30 +60,11 @@ impl Filling {
         Ok(gic_geometry::tetrahedra(&self.field, self.th_min, edge)?)
     }
 
-    /// P~(t) of Algorithm 1, line 16: centres of the voxels of at least th_min [m].
-    pub fn continuum_voxels(&self) -> Vec<DVec3> {
-        self.positions(self.th_min, f64::INFINITY)
-    }
-
-    /// S~(t) of Algorithm 1, line 17: centres of the voxels between th_min and th_max [m].
-    pub fn surface_voxels(&self) -> Vec<DVec3> {
-        self.positions(self.th_min, self.th_max)
-    }
-
     /// How much the body's boundary at a point of it [m] is in doubt, in [0, 1]: 1 where no view sees it, falling to 0
     /// some voxels away from there.
     pub fn doubt_of_surface(&self, point: DVec3) -> f32 {
         // The voxel that holds the point may lie outside, where nothing is in doubt.
         let voxels = self.field.discretize(point).into_iter().flat_map(|i| self.field.around(i));
         voxels.filter_map(|i| self.doubt.get(i)).copied().fold(0.0, f32::max)
-    }
-
-    /// GetPosition of the paper.
-    fn positions(&self, low: f64, high: f64) -> Vec<DVec3> {
-        let inside = |v: f32| f64::from(v) >= low && f64::from(v) <= high;
-        (0..self.field.len())
-            .filter(|&i| inside(self.field.values[i]))
-            .map(|i| self.field.centre(self.field.voxel(i)))
-            .collect()
     }
 }

@@ -1,5 +1,6 @@
 //! Which of the Gaussians count, and the box around them.
 
+use gic_geometry::DensityField;
 use gic_splat::{Gaussians, Shape};
 use glam::DVec3;
 use rayon::prelude::*;
@@ -7,7 +8,6 @@ use rayon::prelude::*;
 use crate::evidence::Evidence;
 use crate::tuning::GaussianTuning;
 use crate::{ContinuumError, FillSettings};
-use gic_geometry::DensityField;
 
 /// The Gaussians that count: finite, opaque enough, outside no mask, and no flecks.
 pub(super) fn usable_gaussians(

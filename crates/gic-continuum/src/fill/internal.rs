@@ -1,11 +1,11 @@
 //! Lines 1 to 6 of Algorithm 1: which share of each voxel is inside every mask and behind every rendered depth.
 
+use gic_geometry::DensityField;
 use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::FillSettings;
 use crate::evidence::{BoxBounds, Evidence, EvidencePyramid};
-use gic_geometry::DensityField;
 
 /// Side of the boxes that the views are asked about first [voxels], a power of two; each is halved as long as some view
 /// is undecided about it. No result depends on it.
@@ -89,7 +89,7 @@ struct Sampling<'a> {
     width: f64,
     /// Views that must see in front of the surface where a point is certainly empty although another one sees matter
     /// there.
-    votes: usize,
+    votes_needed: usize,
     /// Behind its surface by less than this a view sees matter [m].
     matter_within: f64,
 }
@@ -97,13 +97,13 @@ struct Sampling<'a> {
 impl Sampling<'_> {
     fn new<'a>(grid: &'a DensityField, inset: f64, settings: &'a FillSettings, views: usize) -> Sampling<'a> {
         let tuning = &settings.tuning.filling;
-        let votes = tuning.empty_votes.clamp(1, MOST_VOTES).min(views.div_ceil(tuning.views_per_vote));
+        let votes_needed = tuning.empty_votes.clamp(1, MOST_VOTES).min(views.div_ceil(tuning.views_per_vote));
         let matter_within = tuning.matter_within * settings.grid_spacing;
-        Sampling { grid, inset, settings, width: 0.5 * grid.spacing, votes, matter_within }
+        Sampling { grid, inset, settings, width: 0.5 * grid.spacing, votes_needed, matter_within }
     }
 
-    /// Fills the voxels of a box, which `views` are undecided about; others said what is in `votes_so_far`.
-    fn fill_box(&self, block: Block, views: &[&EvidencePyramid], mut votes_so_far: BoxVotes, shares: &mut Slab) {
+    /// Fills the voxels of a box, which `views` are undecided about; others said what is in `votes`.
+    fn fill_box(&self, block: Block, views: &[&EvidencePyramid], mut votes: BoxVotes, shares: &mut Slab) {
         let size = self.grid.size;
         if (0..3).any(|axis| block.low[axis] >= size[axis]) {
             return;
@@ -124,28 +124,28 @@ impl Sampling<'_> {
                 BoxBounds::Seen { coverage, .. } if coverage[1] <= 0.0 => return,
                 BoxBounds::Seen { coverage, behind, .. } if coverage[0] >= 1.0 && self.is_hidden(behind) => {}
                 BoxBounds::Seen { coverage, behind, .. } if coverage[0] >= 1.0 && self.is_matter(behind) => {
-                    votes_so_far.matter = true
+                    votes.matter = true
                 }
                 BoxBounds::Seen { coverage, behind, through_hole } if coverage[0] >= 1.0 && self.is_empty(behind) => {
-                    votes_so_far.empty += 1;
-                    votes_so_far.clear |= !through_hole;
+                    votes.empty += 1;
+                    votes.clear |= !through_hole;
                 }
                 _ => undecided.push(*view),
             }
         }
         let decided = undecided.is_empty();
-        if votes_so_far.empty >= self.votes || decided && votes_so_far.clear && !votes_so_far.matter {
+        if votes.empty >= self.votes_needed || decided && votes.clear && !votes.matter {
             return;
         }
         if decided && height - radius >= 0.5 * self.width {
-            self.set(block, if votes_so_far.empty == 0 { (1.0, 0.0) } else { (0.0, 1.0) }, shares);
+            self.set(block, if votes.empty == 0 { (1.0, 0.0) } else { (0.0, 1.0) }, shares);
         } else if block.side == 1 {
-            self.set(block, self.sample(centre, &undecided, votes_so_far), shares);
+            self.set(block, self.sample(centre, &undecided, votes), shares);
         } else {
             let half = block.side / 2;
             for k in 0..8 {
                 let low = [0, 1, 2].map(|axis| block.low[axis] + half * (k >> axis & 1));
-                self.fill_box(Block { low, side: half }, &undecided, votes_so_far, shares);
+                self.fill_box(Block { low, side: half }, &undecided, votes, shares);
             }
         }
     }
@@ -179,11 +179,11 @@ impl Sampling<'_> {
     }
 
     /// The shares (inside, in doubt) of the voxel around `centre`: means over its particles.
-    fn sample(&self, centre: DVec3, views: &[&EvidencePyramid], votes_so_far: BoxVotes) -> (f32, f32) {
+    fn sample(&self, centre: DVec3, views: &[&EvidencePyramid], votes: BoxVotes) -> (f32, f32) {
         let (mut inside, mut doubtful) = (0.0, 0.0);
         for k in 0..8u32 {
             let corner = DVec3::new(f64::from(k & 1), f64::from(k >> 1 & 1), f64::from(k >> 2)) - 0.5;
-            let weight = self.filter_by_views(centre + self.width * corner, views, votes_so_far);
+            let weight = self.filter_by_views(centre + self.width * corner, views, votes);
             inside += weight.0 / 8.0;
             doubtful += weight.1 / 8.0;
         }
@@ -191,16 +191,16 @@ impl Sampling<'_> {
     }
 
     /// Line 5 for one particle: its weights (inside, doubtful). Views that are not given said what is in
-    /// `votes_so_far`.
-    fn filter_by_views(&self, point: DVec3, views: &[&EvidencePyramid], votes_so_far: BoxVotes) -> (f32, f32) {
+    /// `votes`.
+    fn filter_by_views(&self, point: DVec3, views: &[&EvidencePyramid], votes: BoxVotes) -> (f32, f32) {
         let mut covered = match self.settings.ground {
             Some(ground) => (0.5 + ground.height(point) / self.width).clamp(0.0, 1.0) as f32,
             None => 1.0,
         };
         // The emptiest few views, emptiest first.
         let mut emptiest = [0.0f32; MOST_VOTES];
-        emptiest[..votes_so_far.empty].fill(1.0);
-        let (mut matter, mut clear) = (votes_so_far.matter, f32::from(u8::from(votes_so_far.clear)));
+        emptiest[..votes.empty].fill(1.0);
+        let (mut matter, mut clear) = (votes.matter, f32::from(u8::from(votes.clear)));
         for pyramid in views {
             if covered <= 0.0 {
                 return (0.0, 0.0);
@@ -221,7 +221,7 @@ impl Sampling<'_> {
         }
         let inside = covered.min(1.0 - emptiest[0]);
         let alone = if matter { 0.0 } else { clear };
-        let empty = (1.0 - covered).max(emptiest[self.votes - 1]).max(alone);
+        let empty = (1.0 - covered).max(emptiest[self.votes_needed - 1]).max(alone);
         (inside, (1.0 - inside - empty).max(0.0))
     }
 }

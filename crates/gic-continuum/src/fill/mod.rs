@@ -46,15 +46,7 @@ pub fn fill(gaussians: &Gaussians, views: &[MaskedView], settings: &FillSettings
     let evidence = Evidence::gather(views, Some((&usable, scale)), depth)?;
     let inset = depth.inset * small + settings.size / depth.inset_size_divisor;
     let (field, doubt) = density_field(&usable, &evidence, inset, settings)?;
-    Ok(Filling {
-        field,
-        doubt,
-        th_min: settings.th_min,
-        th_max: settings.th_max,
-        gaussians_used: usable.len(),
-        gaussians_given: gaussians.len(),
-        views_used: evidence.len(),
-    })
+    Ok(Filling { field, doubt, th_min: settings.th_min, gaussians_used: usable.len(), views_used: evidence.len() })
 }
 
 /// What outlines alone leave of a body whose mirror planes they show: the mirror images of all views see it, too, and
@@ -73,15 +65,7 @@ pub fn fill_outlines(
     let evidence = with_mirror_images(outlines, &mirrored);
     let usable = usable_gaussians(gaussians, &evidence, settings)?;
     let (field, doubt) = density_field(&usable, &evidence, 0.0, settings)?;
-    Ok(Filling {
-        field,
-        doubt,
-        th_min: settings.th_min,
-        th_max: settings.th_max,
-        gaussians_used: usable.len(),
-        gaussians_given: gaussians.len(),
-        views_used,
-    })
+    Ok(Filling { field, doubt, th_min: settings.th_min, gaussians_used: usable.len(), views_used })
 }
 
 /// The views and all that their `mirrored` cameras see: the same pictures.

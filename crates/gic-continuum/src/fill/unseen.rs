@@ -12,12 +12,12 @@
 //!    above the relaxed surface.
 //! 3. What lies close to where the boundary ends up is in doubt ([`crate::Filling::doubt`]).
 
+use gic_geometry::DensityField;
 use rayon::prelude::*;
 
 use crate::evidence::Evidence;
 use crate::tuning::UnseenTuning;
 use crate::{FillSettings, Unseen};
-use gic_geometry::DensityField;
 
 /// Half of the neighbours of a voxel: one of each pair of opposite directions.
 const DIRECTIONS: [[i64; 3]; 13] = [

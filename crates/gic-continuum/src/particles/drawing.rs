@@ -3,7 +3,7 @@
 use gic_geometry::KdTree;
 use glam::DVec3;
 
-use super::{Particles, Placement, sample_particles};
+use super::sample::{Particles, sample_particles};
 use crate::tuning::ParticleTuning;
 use crate::{ContinuumError, Filling};
 
@@ -31,7 +31,7 @@ impl Drawing {
         spacing: f64,
         tuning: &ParticleTuning,
     ) -> Result<Drawing, ContinuumError> {
-        let particles = sample_particles(filling, spacing, Placement::Layered, tuning)?;
+        let particles = sample_particles(filling, spacing, tuning)?;
         let anchors: Vec<[f32; 3]> = simulated.positions.iter().map(|p| p.as_vec3().to_array()).collect();
         let tree = KdTree::new(&anchors);
         let parents: Vec<u32> = particles

@@ -3,7 +3,7 @@
 use gic_splat::{Gaussians, RenderSettings, Shape, render};
 use glam::DVec3;
 
-use super::Particles;
+use super::sample::Particles;
 use crate::tuning::ParticleTuning;
 use crate::{ContinuumError, MaskedView};
 
@@ -14,13 +14,6 @@ pub struct Appearance {
     pub scale: f64,
     /// Opacity of a particle of density 1.
     pub opacity: f32,
-}
-
-impl Default for Appearance {
-    /// About right for particles on a cubic lattice that is many layers thick.
-    fn default() -> Appearance {
-        Appearance { scale: 0.55, opacity: 0.9 }
-    }
 }
 
 /// Agreement of drawn alpha with a mask.

@@ -1,6 +1,7 @@
 //! Completing a body by its mirror images: signed distances from the surface at a place and at all its images are
 //! averaged, each by how well the views know the surface there.
 
+use gic_geometry::DensityField;
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -9,7 +10,6 @@ use super::surface::KnownSurface;
 use crate::shape_from::FEWEST_VIEWS;
 use crate::tuning::{CompletionTuning, Tuning};
 use crate::{Filling, MaskedView};
-use gic_geometry::DensityField;
 
 /// Completes a body by its symmetry in the frames of a video, as long as it keeps the shape that it has in the first.
 #[derive(Debug, Default)]

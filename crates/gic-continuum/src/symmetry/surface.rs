@@ -4,6 +4,7 @@
 //!    surface; the best are fitted by iterated least squares (point-to-plane distances: Chen & Medioni 1992).
 //! 2. Up to three at right angles to each other are kept, and fitted together.
 
+use gic_geometry::DensityField;
 use gic_geometry::KdTree;
 use gic_optimize::damped_step;
 use glam::DVec3;
@@ -13,7 +14,6 @@ use rayon::prelude::*;
 use super::planes::{MirrorPlane, Symmetry, normals_beside};
 use crate::Filling;
 use crate::tuning::{CompletionTuning, SurfaceSymmetryTuning};
-use gic_geometry::DensityField;
 
 /// The surface of a body as points.
 pub(super) struct KnownSurface<'a> {

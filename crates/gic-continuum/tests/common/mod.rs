@@ -191,16 +191,23 @@ pub fn surface_points(body: &Body, spacing: f64) -> Vec<DVec3> {
     points
 }
 
-/// How far the centres of [`perfect_gaussians`] lie below the surface, in standard deviations.
-pub const INSET: f64 = 0.5;
+/// Standard deviation of the Gaussians over the body's size: about half of the finest voxels.
+const SCALE: f64 = 1.0 / 150.0;
+/// Their distance from each other, in standard deviations.
+const SPACING: f64 = 1.15;
+/// How far their centres lie below the surface, in standard deviations: less than those of trained ones, for which the
+/// settings are made, because depth maps of Gaussians that lie in one layer are rippled and the emptiest view counts.
+const INSET: f64 = 1.75;
+/// ... and over the body's size.
+const INSET_OF_SIZE: f64 = 1.0 / 200.0;
 
 /// Opaque Gaussians all over the surface.
 pub fn perfect_gaussians(body: &Body) -> Gaussians {
-    let spacing = 0.008;
-    let scale = 0.007;
-    let positions: Vec<[f32; 3]> = surface_points(body, spacing)
+    let scale = SCALE * body.size;
+    let depth = INSET * scale + INSET_OF_SIZE * body.size;
+    let positions: Vec<[f32; 3]> = surface_points(body, SPACING * scale)
         .into_iter()
-        .map(|p| (p - INSET * scale * normal(body, p)).as_vec3().to_array())
+        .map(|p| (p - depth * normal(body, p)).as_vec3().to_array())
         .collect();
     let n = positions.len();
     Gaussians {
@@ -212,10 +219,11 @@ pub fn perfect_gaussians(body: &Body) -> Gaussians {
     }
 }
 
-/// Noisy Gaussians: 30 % missing, centres off by 1.5 mm, and one in twenty an outlier anywhere in the box, half of them
-/// faint.
+/// Noisy Gaussians: 30 % missing, centres off by a fifth of a standard deviation, and one in twenty an outlier anywhere
+/// in the box, half of them faint.
 pub fn noisy_gaussians(body: &Body, seed: u64) -> Gaussians {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let scale = (SCALE * body.size) as f32;
     let perfect = perfect_gaussians(body);
     let Shape::Isotropic { scales } = &perfect.shape else { unreachable!("perfect Gaussians are isotropic") };
     let mut noisy = Gaussians { positions: vec![], opacities: vec![], sh: vec![], ..perfect.clone() };
@@ -227,7 +235,11 @@ pub fn noisy_gaussians(body: &Body, seed: u64) -> Gaussians {
         let outlier = random.random::<f64>() < 0.05;
         let mut u = || random.random::<f32>() * 2.0 - 1.0;
         let p = perfect.positions[i];
-        noisy.positions.push(if outlier { [u(), u(), u()].map(|c| 0.25 * c) } else { p.map(|c| c + 0.0025 * u()) });
+        noisy.positions.push(if outlier {
+            [u(), u(), u()].map(|c| 0.25 * c)
+        } else {
+            p.map(|c| c + 0.36 * scale * u())
+        });
         noisy.opacities.push(if outlier && i % 2 == 0 { 0.01 } else { 0.9 });
         noisy.sh.push([0.0; 3]);
         kept.push(scales[i]);

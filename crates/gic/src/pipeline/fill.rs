@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use gic_continuum::{
-    Agreement, Appearance, Drawing, FillSettings, Filling, MirrorPlane, ParticleTuning, Particles, Placement,
-    calibrate, compare_with_masks, sample_particles, sample_points,
+    Agreement, Appearance, Drawing, FillSettings, Filling, MirrorPlane, ParticleTuning, Particles, calibrate,
+    compare_with_masks, sample_particles, sample_points,
 };
 use gic_scene::{Hull, HullSettings, HullView, Mask};
 use gic_twin::atomic;
@@ -123,9 +123,9 @@ impl Run<'_> {
             // Only the first frame's particles are simulated and need volumes of their own.
             let place = if frame == 0 { sample_particles } else { sample_points };
             let tuning = &settings.tuning.particles;
-            let particles = place(&filling, spacing, Placement::Layered, tuning).map_err(Error::filling(frame))?;
+            let particles = place(&filling, spacing, tuning).map_err(Error::filling(frame))?;
             let finer = tuning.drawing_spacing * spacing;
-            let points = place(&filling, finer, Placement::Layered, tuning).map_err(Error::filling(frame))?;
+            let points = place(&filling, finer, tuning).map_err(Error::filling(frame))?;
             let surface_points = self.write_frame(frame, &filling, &particles)?;
             let drawn = match &first {
                 Some((_, _, drawn, _)) => *drawn,
