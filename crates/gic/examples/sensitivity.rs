@@ -4,11 +4,11 @@
 //! cargo run --release -p gic --example sensitivity -- [--fill] [--only PREFIX] -o OUT RUN...
 //! ```
 //!
-//! Every RUN keeps its reconstruction; filling and identification are made anew in a copy, with one number changed. What moved is
-//! told against the same run with today's numbers: volume and overlap with the masks, parameters (log10 of moduli, viscosities and
-//! yield stresses), velocity, and the path of the centre of mass. The scatter to compare with is what other seeds move. `--fill` stops
-//! after filling; `--only` takes the numbers whose key begins with PREFIX. A line per change is appended to `OUT/effects.jsonl`;
-//! what stands there already is not measured again.
+//! Every RUN keeps its reconstruction; filling and identification are made anew in a copy, with one number changed.
+//! What moved is told against the same run with today's numbers: volume and overlap with the masks, parameters (log10
+//! of moduli, viscosities and yield stresses), velocity, and the path of the centre of mass. The scatter to compare
+//! with is what other seeds move. `--fill` stops after filling; `--only` takes the numbers whose key begins with
+//! PREFIX. A line per change is appended to `OUT/effects.jsonl`; what stands there already is not measured again.
 
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -169,7 +169,8 @@ impl Results {
     }
 }
 
-/// Copies the reconstruction of `run` into `folder`, makes the later stages anew with `changes`, and reads their results.
+/// Copies the reconstruction of `run` into `folder`, makes the later stages anew with `changes`, and reads their
+/// results.
 fn measure(run: &Path, folder: &Path, changes: &[String], last: Stage) -> Result<Results> {
     let _ = fs::remove_dir_all(folder);
     copy(&run.join("gaussians"), &folder.join("gaussians"))?;
