@@ -379,8 +379,8 @@ tuned! {
     SettlingTuning {
         /// Distance between two depths of the sweep [voxels]. Derived: half a voxel.
         depth_step: f64 = 0.5,
-        /// The field's level is looked for within this of a surface voxel's centre, outward [voxels]. Derived: the voxel
-        /// and the next one.
+        /// The field's level is looked for within this of a surface voxel's centre, outward [voxels]. Derived: the
+        /// voxel and the next one.
         level_within: f64 = 2.0,
         /// Halvings of that range. Budget.
         level_halvings: usize = 8,

@@ -22,8 +22,8 @@ pub struct MirrorPlane {
     /// Distance of the plane from the origin along its normal [m].
     #[serde(rename = "offset_m")]
     pub offset: f64,
-    /// How far mirrored points of the surface lie from it, in the mean [m]; where the plane was found by outlines, by how
-    /// much rays along them miss their mirror images.
+    /// How far mirrored points of the surface lie from it, in the mean [m]; where the plane was found by outlines, by
+    /// how much rays along them miss their mirror images.
     #[serde(rename = "misfit_m")]
     pub misfit: f64,
 }
