@@ -1,11 +1,12 @@
 //! Eight f32 with AVX2 and FMA.
 //!
-//! SAFETY of all intrinsics here: see [`f32_vector`](crate::vector::f32_vector).
+//! SAFETY of all intrinsics here: see [`f32_vector`](crate::f32_vector).
 
 use core::arch::x86_64::*;
 
+use crate::f32_vector::{f32_vector, refined_rsqrt};
 use crate::polynomial::{Bits, SQRT_HALF};
-use crate::vector::{Vector, f32_vector, refined_rsqrt};
+use crate::vector::Vector;
 
 f32_vector! {
     __m256, lanes: 8, mask: __m256, features: "avx2,fma",

@@ -17,6 +17,8 @@
 //! parallel iterator (closures that another crate calls are compiled on their own, without the instructions). For the
 //! same reason keep lanes out of closures handed to std, as in `array.map`.
 
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+mod f32_vector;
 mod lanes;
 mod level;
 mod packed;

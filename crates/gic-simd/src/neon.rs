@@ -1,11 +1,12 @@
 //! Four f32 with NEON.
 //!
-//! SAFETY of all intrinsics here: see [`f32_vector`](crate::vector::f32_vector).
+//! SAFETY of all intrinsics here: see [`f32_vector`](crate::f32_vector).
 
 use core::arch::aarch64::*;
 
+use crate::f32_vector::f32_vector;
 use crate::polynomial::{Bits, SQRT_HALF};
-use crate::vector::{Vector, f32_vector};
+use crate::vector::Vector;
 
 f32_vector! {
     float32x4_t, lanes: 4, mask: uint32x4_t, features: "neon",
