@@ -25,9 +25,6 @@ pub struct Settings {
     /// Density from which a voxel belongs to the body, the paper's th_min.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub th_min: f64,
-    /// Density up to which a voxel of the body belongs to its surface, the paper's th_max.
-    #[cfg_attr(feature = "cli", arg(skip))]
-    pub th_max: f64,
     /// Gaussians with less opacity do not count.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub min_opacity: f32,
@@ -48,13 +45,12 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Settings {
-        let FillSettings { levels, th_min, th_max, min_opacity, unseen, tuning, .. } = FillSettings::for_size(1.0);
+        let FillSettings { levels, th_min, min_opacity, unseen, tuning, .. } = FillSettings::for_size(1.0);
         Settings {
             particle_spacing_m: None,
             voxel_spacing_m: None,
             levels,
             th_min,
-            th_max,
             min_opacity,
             unseen,
             symmetry: true,
@@ -71,7 +67,6 @@ impl Settings {
             grid_spacing: self.voxel_spacing_m.unwrap_or(defaults.grid_spacing),
             levels: self.levels,
             th_min: self.th_min,
-            th_max: self.th_max,
             min_opacity: self.min_opacity,
             unseen: self.unseen,
             ground,

@@ -28,8 +28,6 @@ pub struct FillSettings {
     pub levels: usize,
     /// Density from which a voxel belongs to the body, the paper's th_min.
     pub th_min: f64,
-    /// Density up to which a voxel of the body belongs to its surface, the paper's th_max.
-    pub th_max: f64,
     /// Gaussians with less opacity do not count.
     pub min_opacity: f32,
     /// What to do where no view sees the boundary.
@@ -56,7 +54,6 @@ impl FillSettings {
             grid_spacing: size / tuning.filling.first_level_divisor,
             levels: 4,
             th_min: 0.5,
-            th_max: 0.8,
             min_opacity: 0.02,
             unseen: Unseen::Smooth,
             volume: None,
@@ -82,7 +79,6 @@ impl FillSettings {
             "above 0 m",
         )?;
         check("levels", self.levels as f64, (1..=10).contains(&self.levels), "from 1 to 10")?;
-        check("th_min", self.th_min, self.th_min > 0.0 && self.th_min < 1.0, "between 0 and 1")?;
-        check("th_max", self.th_max, self.th_max > self.th_min && self.th_max <= 1.0, "above th_min and at most 1")
+        check("th_min", self.th_min, self.th_min > 0.0 && self.th_min < 1.0, "between 0 and 1")
     }
 }

@@ -136,12 +136,12 @@ fn every_flag_is_accepted_and_those_of_settings_arrive() {
 fn flags_win_over_files_which_win_over_defaults_that_are_shown() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("config.toml");
-    std::fs::write(&file, "[fill]\nlevels = 3\nsymmetry = false\nth_max = 0.9\n").expect("written");
+    std::fs::write(&file, "[fill]\nlevels = 3\nsymmetry = false\nth_min = 0.4\n").expect("written");
     let file = file.to_str().expect("a path");
-    let words = ["gic", "fill", "run", "--config", file, "--levels", "5", "--set", "fill.th_max=0.7"].map(String::from);
+    let words = ["gic", "fill", "run", "--config", file, "--levels", "5", "--set", "fill.th_min=0.7"].map(String::from);
     let (command, given) = parse(&words);
     let fill = &settings(&command, &given).expect("settings")["fill"];
-    assert_eq!((&fill["levels"], &fill["th_max"]), (&Value::Integer(5), &Value::Float(0.7)));
+    assert_eq!((&fill["levels"], &fill["th_min"]), (&Value::Integer(5), &Value::Float(0.7)));
     assert_eq!(fill["symmetry"], Value::Boolean(false), "a flag that is not given leaves what the file says");
 }
 
