@@ -41,11 +41,13 @@ impl DensityField {
     }
 
     /// Number of voxels.
+    #[inline]
     pub fn len(&self) -> usize {
         self.values.len()
     }
 
     /// Whether there are no voxels.
+    #[inline]
     pub fn is_empty(&self) -> bool {
         self.values.is_empty()
     }
@@ -69,6 +71,7 @@ impl DensityField {
     }
 
     /// The voxel that holds a point [m] (the paper's Discretize); `None` outside the grid.
+    #[inline]
     pub fn discretize(&self, point: DVec3) -> Option<usize> {
         let p = ((point - self.origin) / self.spacing).floor();
         let inside = |c: f64, n: usize| c >= 0.0 && c < n as f64;
@@ -77,11 +80,13 @@ impl DensityField {
     }
 
     /// Indices of the 3x3x3 voxels around one, those in the grid.
+    #[inline]
     pub fn around(&self, index: usize) -> impl Iterator<Item = usize> + '_ {
         self.within(index, 1)
     }
 
     /// Indices of the voxels no more than `reach` voxels from one along each axis, those in the grid.
+    #[inline]
     pub fn within(&self, index: usize, reach: usize) -> impl Iterator<Item = usize> + '_ {
         let [x, y, z] = self.voxel(index);
         let range = |c: usize, n: usize| c.saturating_sub(reach)..(c + reach + 1).min(n);
@@ -104,6 +109,7 @@ impl DensityField {
     }
 
     /// Trilinear interpolation of the field at a point [m]; falls to zero outside the grid.
+    #[inline]
     pub fn sample(&self, point: DVec3) -> f64 {
         let p = (point - self.origin) / self.spacing - 0.5;
         let cell = p.floor();
@@ -115,6 +121,7 @@ impl DensityField {
     }
 
     /// Gradient of the interpolated field at a point [1/m], by central differences over one voxel.
+    #[inline]
     pub fn gradient(&self, point: DVec3) -> DVec3 {
         let h = 0.5 * self.spacing;
         let along = |axis: DVec3| (self.sample(point + h * axis) - self.sample(point - h * axis)) / (2.0 * h);

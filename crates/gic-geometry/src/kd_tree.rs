@@ -37,6 +37,7 @@ impl KdTree {
 
     /// Index (in the slice that the tree was built from) of the point nearest to `query` [m] and the squared distance
     /// to it [m^2]; `None` if the tree is empty or the query is NaN.
+    #[inline]
     pub fn nearest(&self, query: [f32; 3]) -> Option<(usize, f32)> {
         let mut best = (usize::MAX, f32::INFINITY);
         self.search(query, 0, self.points.len(), &mut best);

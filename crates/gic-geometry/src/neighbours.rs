@@ -53,31 +53,37 @@ impl Neighbours {
     }
 
     /// Number of points.
+    #[inline]
     pub fn len(&self) -> usize {
         self.points.len()
     }
 
     /// Whether there are no points.
+    #[inline]
     pub fn is_empty(&self) -> bool {
         self.points.is_empty()
     }
 
     /// The point at a place of the list [m].
+    #[inline]
     pub fn point(&self, place: usize) -> DVec3 {
         self.points[place]
     }
 
     /// Index of the point at a place of the list in the slice that was given.
+    #[inline]
     pub fn id(&self, place: usize) -> usize {
         self.ids[place] as usize
     }
 
     /// The cells that have points.
+    #[inline]
     pub fn occupied(&self) -> impl Iterator<Item = usize> {
         (0..self.starts.len() - 1).filter(|cell| self.starts[*cell] < self.starts[cell + 1])
     }
 
     /// The corner of a cell at which its coordinates are lowest [m].
+    #[inline]
     pub fn corner(&self, cell: usize) -> DVec3 {
         self.low + self.cell * self.index(cell).as_dvec3()
     }
@@ -88,11 +94,13 @@ impl Neighbours {
     }
 
     /// Places of a cell's points.
+    #[inline]
     pub fn in_cell(&self, cell: usize) -> Range<usize> {
         self.starts[cell] as usize..self.starts[cell + 1] as usize
     }
 
     /// Places of the points in a cell and those around it, as runs: cells along z follow each other.
+    #[inline]
     pub fn around(&self, cell: usize) -> [Range<usize>; 9] {
         let centre = self.index(cell);
         let (low, high) = ((centre.z - 1).max(0), (centre.z + 1).min(self.size.z - 1));
@@ -119,6 +127,7 @@ impl Neighbours {
     }
 
     /// The `K` nearest points as (distance squared, index), nearest first; fewer points give infinite distances.
+    #[inline]
     pub fn nearest<const K: usize>(&self, p: DVec3) -> [(f64, usize); K] {
         let mut best = [(f64::INFINITY, usize::MAX); K];
         if self.points.is_empty() {
@@ -176,6 +185,7 @@ impl Neighbours {
     }
 
     /// Calls `visit` with every point within `radius` of `p`, as (distance squared, index, position).
+    #[inline]
     pub fn within(&self, p: DVec3, radius: f64, mut visit: impl FnMut(f64, usize, DVec3)) {
         if self.points.is_empty() {
             return;

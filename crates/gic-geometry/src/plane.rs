@@ -13,6 +13,7 @@ pub struct Plane {
 
 impl Plane {
     /// Height of a point [m] above the plane, normal . (x - point) [m]: positive on the free side.
+    #[inline]
     pub fn height(&self, x: DVec3) -> f64 {
         self.normal.dot(x - self.point)
     }

@@ -4,21 +4,25 @@
 use crate::sh::C0;
 
 /// The logit of an opacity in (0, 1).
+#[inline]
 pub fn logit(opacity: f64) -> f64 {
     (opacity / (1.0 - opacity)).ln()
 }
 
 /// The opacity of a logit.
+#[inline]
 pub fn sigmoid(logit: f32) -> f32 {
     1.0 / (1.0 + (-logit).exp())
 }
 
 /// The colour in [0, 1] of a Gaussian whose only harmonic, that of degree 0, has this coefficient.
+#[inline]
 pub fn color_of_coefficient(coefficient: f32) -> f32 {
     0.5 + C0 as f32 * coefficient
 }
 
 /// The degree-0 coefficient of a colour in [0, 1].
+#[inline]
 pub fn coefficient_of_color(color: f32) -> f32 {
     (color - 0.5) / C0 as f32
 }

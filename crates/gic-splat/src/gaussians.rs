@@ -24,6 +24,7 @@ pub enum Shape {
 
 impl Shape {
     /// How many Gaussians it describes.
+    #[inline]
     pub fn len(&self) -> usize {
         match self {
             Shape::Isotropic { scales } => scales.len(),
@@ -78,6 +79,7 @@ impl Gaussians {
     }
 
     /// How many Gaussians.
+    #[inline]
     pub fn len(&self) -> usize {
         self.positions.len()
     }
@@ -88,6 +90,7 @@ impl Gaussians {
     }
 
     /// Standard deviation of a Gaussian [m]; of an anisotropic one the geometric mean.
+    #[inline]
     pub fn scale(&self, i: usize) -> f32 {
         match &self.shape {
             Shape::Isotropic { scales } => scales[i],
@@ -96,6 +99,7 @@ impl Gaussians {
     }
 
     /// Spherical-harmonics coefficients per Gaussian and channel: (degree + 1)^2.
+    #[inline]
     pub fn sh_per_gaussian(&self) -> usize {
         (self.sh_degree + 1) * (self.sh_degree + 1)
     }
