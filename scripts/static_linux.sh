@@ -11,6 +11,10 @@ if ! rustup target list --installed 2>/dev/null | grep -qx "$target" && ! rustup
   flags="-C target-feature=+crt-static"
   echo "static_linux: the musl target cannot be had here; glibc is linked statically instead" >&2
 fi
+if [ -z "$flags" ] && ! command -v "$machine-linux-musl-gcc" >/dev/null; then
+  echo "static_linux: $machine-linux-musl-gcc is missing; on Debian: apt-get install musl-tools" >&2
+  exit 1
+fi
 RUSTFLAGS="$flags" cargo build --release --locked -p gic --target "$target" --config 'profile.release.strip=true'
 mkdir -p dist
 cp "target/$target/release/gic" dist/gic
