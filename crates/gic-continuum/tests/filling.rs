@@ -11,7 +11,7 @@ use gic_continuum::{
     ContinuumError, Drawing, FillSettings, Filling, MaskedView, ParticleTuning, Particles, Unseen, calibrate,
     compare_with_masks, fill, sample_particles,
 };
-use gic_geometry::{KdTree, Plane, SurfacePoint};
+use gic_geometry::{GeometryError, KdTree, Plane, SurfacePoint};
 use gic_scene::Camera;
 use gic_splat::{Gaussians, Shape};
 use glam::{DMat3, DVec3};
@@ -263,7 +263,10 @@ fn unusable_input_is_an_error() {
     let negative = FillSettings { grid_spacing: -1.0, ..settings.clone() };
     assert!(matches!(fill(&good, &views(cameras, &masks), &negative), Err(ContinuumError::Setting { .. })));
     let fine = FillSettings { grid_spacing: 1e-4, ..settings };
-    assert!(matches!(fill(&good, &views(cameras, &masks), &fine), Err(ContinuumError::Geometry(_))));
+    assert!(matches!(
+        fill(&good, &views(cameras, &masks), &fine),
+        Err(ContinuumError::Geometry(GeometryError::TooManyVoxels { .. }))
+    ));
 }
 
 #[test]
