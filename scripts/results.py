@@ -56,7 +56,8 @@ def paragraph(text, indent=""):
 
 
 def source_text(source):
-    parts = [f"`{source['command']}`"] if source.get("command") else []
+    commands = source["command"].split("; ") if source.get("command") else []
+    parts = [f"`{command}`" for command in commands]
     return "; ".join(parts + [source[key] for key in ("commit", "machine") if source.get(key)]) + "."
 
 
