@@ -1,8 +1,12 @@
-//! Files appear whole or not at all: each is written beside its place and then renamed.
+//! Files appear whole or not at all: each is written beside its place and then renamed. Numbers in them are finite.
 //!
 //! A reader sees the old content or all of the new one, and a program that is stopped half-way leaves the old. What the
 //! system loses when the machine itself fails is not guarded against: nothing waits for the disk.
 
+mod finite;
+pub mod input;
+mod lock;
+mod places;
 mod ply;
 
 use std::fs::File;
@@ -11,6 +15,9 @@ use std::path::{Path, PathBuf};
 
 use tempfile::{Builder, NamedTempFile};
 
+pub use finite::{NotFinite, require_finite_numbers};
+pub use lock::{FolderLock, LockError};
+pub use places::{relative_path, resolved};
 pub use ply::{PlyLayout, PlyProperty, write_ply};
 
 /// A file could not be written.

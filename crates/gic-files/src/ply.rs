@@ -3,6 +3,7 @@
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
+use crate::finite::require_finite_numbers;
 use crate::{WriteError, write_with};
 
 /// A property of the vertices by its name, and how its numbers are stored.
@@ -12,6 +13,13 @@ pub enum PlyProperty<'a> {
     Float(&'a str),
     /// As one byte, for whole numbers from 0 to 255.
     Byte(&'a str),
+}
+
+impl PlyProperty<'_> {
+    fn name(&self) -> &str {
+        let (Self::Float(name) | Self::Byte(name)) = self;
+        name
+    }
 }
 
 /// What a PLY file is to hold.
@@ -28,7 +36,7 @@ pub struct PlyLayout<'a> {
 /// Writes a PLY file; each vertex has as many numbers as there are properties, shape [n, p].
 ///
 /// # Errors
-/// What the system says; then the file is as it was.
+/// A number that is not finite, and what the system says; then the file is as it was.
 pub fn write_ply<V: AsRef<[f32]>>(
     path: &Path,
     layout: &PlyLayout,
@@ -36,8 +44,8 @@ pub fn write_ply<V: AsRef<[f32]>>(
 ) -> Result<(), WriteError> {
     write_with(path, |out| {
         write_header(out, layout, vertices.len())?;
-        for vertex in vertices {
-            write_vertex(out, layout.properties, vertex.as_ref())?;
+        for (index, vertex) in vertices.enumerate() {
+            write_vertex(out, layout.properties, index, vertex.as_ref())?;
         }
         for triangle in layout.triangles.unwrap_or_default() {
             out.write_all(&[3])?;
@@ -65,8 +73,14 @@ fn write_header(out: &mut impl Write, layout: &PlyLayout, vertices: usize) -> io
     writeln!(out, "end_header")
 }
 
-fn write_vertex<W: Write>(out: &mut BufWriter<W>, properties: &[PlyProperty], numbers: &[f32]) -> io::Result<()> {
+fn write_vertex<W: Write>(
+    out: &mut BufWriter<W>,
+    properties: &[PlyProperty],
+    index: usize,
+    numbers: &[f32],
+) -> io::Result<()> {
     assert_eq!(numbers.len(), properties.len(), "one number per property");
+    require_finite_numbers(numbers, |i| format!("{} of vertex {index}", properties[i].name()))?;
     properties.iter().zip(numbers).try_for_each(|(property, number)| match property {
         PlyProperty::Float(_) => out.write_all(&number.to_le_bytes()),
         PlyProperty::Byte(_) => out.write_all(&[*number as u8]),
@@ -91,6 +105,15 @@ mod tests {
         expected.extend([0, 0, 0, 0x3f, 1, 0, 0, 0, 0xc0, 200]);
         expected.extend([3, 0, 0, 0, 0, 1, 0, 0, 0, 2, 1, 0, 0]);
         assert_eq!(std::fs::read(&path).unwrap(), expected);
+    }
+
+    #[test]
+    fn a_vertex_that_is_nowhere_is_not_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.ply");
+        let layout = PlyLayout { comment: None, properties: &[PlyProperty::Float("x")], triangles: None };
+        let failed = write_ply(&path, &layout, [[0.5], [f32::NAN]].into_iter()).unwrap_err();
+        assert!(failed.to_string().contains("`x of vertex 1` is NaN") && !path.exists(), "{failed}");
     }
 
     #[test]

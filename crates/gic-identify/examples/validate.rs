@@ -71,7 +71,7 @@ fn main() {
     }
     let mean_factor = found.volume_factors.iter().sum::<f64>() / found.volume_factors.len().max(1) as f64;
     println!(
-        "| velocity | {:.4} +- {:.4} | error {:+.4} | volume x {:.4} splat {:.3} free {} | {:?} | {:?} |",
+        "| velocity | {:.4} +- {:.4?} | error {:+.4} | volume x {:.4} splat {:.3} free {} | {:?} | {:?} |",
         found.velocity_m_s,
         found.velocity_interval_95,
         found.velocity_m_s - truth.velocity_m_s,

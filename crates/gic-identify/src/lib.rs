@@ -44,8 +44,7 @@ pub use result::{Estimate, Estimates, Loss, Stage, Step};
 pub use settings::{MaterialChoice, Optimizer, Settings, Target};
 pub use stages::identify;
 pub use tuning::{
-    AdamTuning, CoordinateTuning, DescentTuning, FreeFlightTuning, JointTuning, MaskTuning, MaterialTuning,
-    MembershipTuning, NoiseTuning, ResolutionTuning, SearchTuning, ShapeTuning, SplatTuning, Steps, SurfaceTuning,
-    Tuning, VerdictTuning,
+    AdamTuning, DescentTuning, FreeFlightTuning, JointTuning, MaskTuning, MaterialTuning, NoiseTuning,
+    ResolutionTuning, SearchTuning, ShapeTuning, SurfaceTuning, Tuning, VerdictTuning,
 };
 pub use unknowns::parameter::{Parameter, material_of, sought, sought_values};

@@ -13,7 +13,7 @@ pub struct Estimate {
     pub parameter: Parameter,
     /// Its value, in the unit of its name.
     pub value: f64,
-    /// 95 % interval.
+    /// 95 % interval, finite; the whole range that is searched where the video does not narrow it.
     pub interval_95: (f64, f64),
     /// Whether the video determines it: its interval is narrow and the model explains the video.
     pub identifiable: bool,
@@ -79,8 +79,8 @@ pub struct Estimates {
     pub estimates: Vec<Estimate>,
     /// Initial velocity of the centre of mass [m/s].
     pub velocity_m_s: DVec3,
-    /// Half-width of its 95 % interval [m/s].
-    pub velocity_interval_95: DVec3,
+    /// Half-width of its 95 % interval [m/s], finite; `None` where it could not be measured.
+    pub velocity_interval_95: Option<DVec3>,
     /// Initial angular velocity [rad/s]; zero where the data show none.
     pub angular_velocity_rad_s: DVec3,
     /// Leading frames in which nothing is touched.

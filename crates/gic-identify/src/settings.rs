@@ -141,7 +141,7 @@ pub struct Settings {
     /// Whether an initial rotation may be estimated; it still has to show in the data.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub rotation: bool,
-    /// Most Jacobians of the joint stage.
+    /// Most steps of a fit that goes on to its end.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub iterations: usize,
     /// Frames used, from the first; all by default.
@@ -218,8 +218,7 @@ impl Settings {
     /// Side of a cell of the simulation grid [m] and substeps per frame, for particles `particle_spacing_m` apart [m].
     pub fn resolution(&self, particle_spacing_m: f64) -> (f64, usize) {
         let grid_spacing_m = self.grid_spacing_m.unwrap_or(2.0 * particle_spacing_m);
-        let reference = &self.tuning.resolution;
-        let wanted = reference.substeps_per_frame * reference.grid_spacing_m / grid_spacing_m;
+        let wanted = self.tuning.resolution.substeps_times_spacing_m / grid_spacing_m;
         (grid_spacing_m, self.substeps_per_frame.unwrap_or((wanted * (1.0 - 1e-9)).ceil() as usize))
     }
 }

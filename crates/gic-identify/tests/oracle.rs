@@ -204,8 +204,12 @@ fn an_object_that_touches_nothing_keeps_its_velocity_only() {
     .expect("the velocity is found");
     assert!(found.velocity_m_s.distance(velocity) < 2e-3, "{:?}", found.velocity_m_s);
     assert!(found.warnings.iter().any(|w| w.contains("never touches")), "{:?}", found.warnings);
-    assert!(found.estimates.iter().all(|e| !e.identifiable));
     assert_eq!(found.rollouts, 0);
+    for estimate in &found.estimates {
+        assert!(!estimate.identifiable && estimate.interval_95 == estimate.parameter.bounds, "{estimate:?}");
+    }
+    let half_width = found.velocity_interval_95.expect("the velocity's interval is known");
+    assert!(half_width.min_element() > 0.0 && half_width.max_element() < 0.05, "{half_width}");
 }
 
 #[test]

@@ -18,6 +18,11 @@ pub(crate) fn write<T: Serialize>(
     text: &T,
 ) -> Result<(), MotionError> {
     let text = serde_json::to_vec(text).map_err(|e| MotionError::content(path, e))?;
+    for (name, columns, data) in tensors {
+        let columns = (*columns).max(1);
+        let place = |i: usize| format!("{name}[{}][{}]", i / columns, i % columns);
+        gic_files::require_finite_numbers(data, place).map_err(|e| MotionError::content(path, e))?;
+    }
     let bytes: Vec<Vec<u8>> =
         tensors.iter().map(|(_, _, data)| data.iter().flat_map(|x| x.to_le_bytes()).collect()).collect();
     let mut views = Vec::new();
@@ -41,7 +46,7 @@ pub(crate) struct TensorFile {
 
 impl TensorFile {
     pub(crate) fn open(path: &Path) -> Result<TensorFile, MotionError> {
-        let bytes = std::fs::read(path).map_err(MotionError::file(path))?;
+        let bytes = gic_files::input::read(path).map_err(MotionError::file(path))?;
         SafeTensors::deserialize(&bytes)
             .map_err(|e| MotionError::content(path, format!("no safetensors file: {e}")))?;
         Ok(TensorFile { path: path.to_owned(), bytes })

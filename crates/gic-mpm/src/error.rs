@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use crate::MaterialError;
+use crate::forecast::{Budget, Forecast};
 use crate::options::Precision;
 
 /// Why a simulation could not be set up or continued.
@@ -29,6 +30,39 @@ pub enum SimulationError {
     /// There is nothing to simulate.
     #[error("the world has no particles: give at least one body with at least one position")]
     Empty,
+    /// Particles are too light, too heavy, or too different to be computed together.
+    #[error(
+        "the particles weigh from {lightest_kg:e} to {heaviest_kg:e} kg, which cannot be computed with: \
+         check density_kg_m3, particle_volume_m3 and volume_factors, and the unit of lengths"
+    )]
+    Masses {
+        /// The lightest [kg].
+        lightest_kg: f64,
+        /// The heaviest [kg].
+        heaviest_kg: f64,
+    },
+    /// A body is smaller than a cell.
+    #[error("bodies[{body}] is {cells:.2} cells across, so the grid does not see its shape: lower `grid_spacing_m`")]
+    Unresolved {
+        /// Number of the body.
+        body: usize,
+        /// Cells along its largest side.
+        cells: f64,
+    },
+    /// The simulation would take more memory or time than it may.
+    #[error(
+        "{} particles, {} frames of {} substeps: about {:.3} GB and {:.3} hours on one core, more than the budget of \
+         {:.3} GB and {:.3} hours: raise `grid_spacing_m` and the particles' spacing, simulate fewer frames or substeps, \
+         or raise the budget",
+        forecast.particles, forecast.frames, forecast.substeps_per_frame,
+        forecast.memory_bytes / 1e9, forecast.seconds / 3600.0, budget.memory_bytes / 1e9, budget.seconds / 3600.0
+    )]
+    OverBudget {
+        /// What it would take.
+        forecast: Forecast,
+        /// What it may take.
+        budget: Budget,
+    },
     /// A particle starts inside an obstacle.
     #[error(
         "particle {particle} at {position} m starts {depth_m:.4} m inside colliders[{collider}]: \
@@ -78,6 +112,68 @@ pub enum SimulationError {
         grid_spacing_m: f64,
         /// Most substeps that are tried.
         limit: usize,
+    },
+    /// An obstacle moves too fast for any substep.
+    #[error(
+        "frame {frame}: colliders[{collider}] moves at {speed_m_s:.3e} m/s, a cell in less than the shortest of {limit} \
+         substeps: lower its velocity, set its keyframes farther apart in time, or raise `grid_spacing_m`"
+    )]
+    ColliderTooFast {
+        /// The frame that was to be computed.
+        frame: usize,
+        /// Number of the obstacle.
+        collider: usize,
+        /// Speed of its surface [m/s].
+        speed_m_s: f64,
+        /// Most substeps that are tried.
+        limit: usize,
+    },
+    /// Momentum came from nowhere or went there.
+    #[error(
+        "frame {frame}: of the momentum at work {share:.1e} comes neither from gravity nor from obstacles; \
+         {substeps} substeps a frame are too short for single precision: take fewer or a higher frame rate"
+    )]
+    MomentumLost {
+        /// The frame that was being computed.
+        frame: usize,
+        /// Share of the momentum that has no cause.
+        share: f64,
+        /// Substeps of the frame.
+        substeps: usize,
+    },
+    /// Substeps are so short that positions round them away.
+    #[error(
+        "frame {frame}: rounding in {substeps} substeps may move particle {particle} at {position} m by {drift_m:.1e} m, \
+         over a tenth of a cell: take fewer substeps or a higher frame rate, or move the world nearer to its origin"
+    )]
+    Rounded {
+        /// The frame that was being computed.
+        frame: usize,
+        /// Number of the first particle to which that happens.
+        particle: usize,
+        /// Where it is [m].
+        position: DVec3,
+        /// Substeps of the frame.
+        substeps: usize,
+        /// How far it may be moved [m].
+        drift_m: f64,
+    },
+    /// A particle was pressed into an obstacle farther than contact allows.
+    #[error(
+        "frame {frame}: particle {particle} at {position} m is {depth_m:.4} m inside colliders[{collider}], \
+         through which it was pressed: move the obstacles less far into each other, or lower `grid_spacing_m`"
+    )]
+    ThroughCollider {
+        /// The frame that was being computed.
+        frame: usize,
+        /// Number of the particle.
+        particle: usize,
+        /// Where it is [m].
+        position: DVec3,
+        /// Number of the obstacle.
+        collider: usize,
+        /// How deep [m].
+        depth_m: f64,
     },
     /// A particle went too far from the others or from the origin.
     #[error(

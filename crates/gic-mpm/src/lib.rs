@@ -10,7 +10,9 @@
 //! | `math` | 3x3 matrices and their eigenvectors over any number |
 
 mod colliders;
+mod doubt;
 mod error;
+mod forecast;
 mod laws;
 mod math;
 mod options;
@@ -23,7 +25,9 @@ pub use colliders::collider::Collider;
 pub use colliders::contact::Contact;
 pub use colliders::path::ColliderPath;
 pub use colliders::shape::Primitive;
+pub use doubt::Doubt;
 pub use error::{LossGradientError, SimulationError, StateMismatch};
+pub use forecast::{Budget, Forecast};
 pub use gic_simd::Level;
 pub use laws::kind::MaterialKind;
 pub use laws::law::Rules;
@@ -34,4 +38,5 @@ pub use rollouts::gradcheck::{GRADCHECK_TOLERANCE, GradcheckRow, gradcheck, grad
 pub use rollouts::gradient::{BodyGradient, Gradient, gradient};
 pub use rollouts::simulator::{Simulator, rollout};
 pub use rollouts::snapshot::Snapshot;
+pub use substep::stencil::STENCIL_REACH_CELLS;
 pub use world::{Body, Stepping, World};

@@ -3,7 +3,7 @@
 use gic_simd::Level;
 use serde::{Deserialize, Serialize};
 
-use crate::Rules;
+use crate::{Budget, Rules};
 
 /// The numbers that a simulation computes with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -29,6 +29,8 @@ pub struct Options {
     pub rules: Rules,
     /// Most memory [bytes] that the states kept for a gradient may take.
     pub gradient_memory_bytes: usize,
+    /// Most that a simulation may take; one that is forecast to take more is refused.
+    pub budget: Budget,
     /// Whether a single rollout may use more than one thread. The result does not depend on it.
     pub parallel: bool,
 }
@@ -41,6 +43,7 @@ impl Default for Options {
             twin: false,
             rules: Rules::default(),
             gradient_memory_bytes: 1 << 30,
+            budget: Budget::default(),
             parallel: true,
         }
     }

@@ -7,9 +7,18 @@ use crate::colliders::contact::Contact;
 use crate::colliders::path::ColliderPath;
 use crate::colliders::shape::Primitive;
 use crate::error::SimulationError;
-use crate::world::{Body, Stepping, World};
+use crate::rollouts::timestep_bound::MAX_SUBSTEPS;
+use crate::world::{Body, MassRange, Stepping, World};
 
 type Check = Result<(), SimulationError>;
+
+/// Fewest cells across a body's largest side. Derived: a smaller body moves as one piece, whatever it is made of.
+const FEWEST_CELLS: f64 = 1.0;
+/// Least mass of a particle [kg]. Derived: f64 holds it and its inverse as normal numbers.
+const MIN_PARTICLE_MASS_KG: f64 = 1e-300;
+/// How many times the mass of the lightest particle the heaviest may have. Derived: it takes half of the exponents of
+/// f32, and leaves the others to weights and velocities.
+const MAX_MASS_RATIO: f64 = (1u64 << 63) as f64;
 
 /// Depth, in cells, to which a collider may hold particles at the start: an object that rests on the ground touches it.
 const MAX_INITIAL_DEPTH_CELLS: f64 = 0.5;
@@ -27,6 +36,9 @@ impl World {
             Stepping::Fixed { substeps_per_frame: 0 } => {
                 return invalid("stepping.substeps_per_frame".into(), 0, "must be at least 1");
             }
+            Stepping::Fixed { substeps_per_frame } if substeps_per_frame > MAX_SUBSTEPS => {
+                return invalid("stepping.substeps_per_frame".into(), substeps_per_frame, "must be at most 200000");
+            }
             Stepping::Bound { courant } if !(courant > 0.0 && courant < 1.0) => {
                 return invalid("stepping.courant".into(), courant, "must be above 0 and below 1");
             }
@@ -41,7 +53,25 @@ impl World {
         if self.bodies.is_empty() {
             return Err(SimulationError::Empty);
         }
+        self.check_masses()?;
+        self.check_resolution()?;
         self.check_overlap()
+    }
+
+    fn check_resolution(&self) -> Check {
+        let cells = |body: &Body| body.largest_side_m() / self.grid_spacing_m;
+        match self.bodies.iter().map(cells).enumerate().find(|(_, cells)| *cells < FEWEST_CELLS) {
+            None => Ok(()),
+            Some((body, cells)) => Err(SimulationError::Unresolved { body, cells }),
+        }
+    }
+
+    fn check_masses(&self) -> Check {
+        let MassRange { lightest_kg, heaviest_kg } = MassRange::of(self);
+        let can_be_computed = lightest_kg >= MIN_PARTICLE_MASS_KG
+            && heaviest_kg.is_finite()
+            && heaviest_kg <= MAX_MASS_RATIO * lightest_kg;
+        if can_be_computed { Ok(()) } else { Err(SimulationError::Masses { lightest_kg, heaviest_kg }) }
     }
 
     fn check_overlap(&self) -> Check {

@@ -25,11 +25,42 @@ pub struct Body {
 }
 
 impl Body {
+    /// Largest side of the box around its matter [m].
+    pub(crate) fn largest_side_m(&self) -> f64 {
+        let low = self.positions.iter().fold(DVec3::INFINITY, |low, p| low.min(*p));
+        let high = self.positions.iter().fold(DVec3::NEG_INFINITY, |high, p| high.max(*p));
+        (high - low).max_element() + self.particle_volume_m3.cbrt()
+    }
+
     /// Mass of each particle [kg], shape [n].
     pub fn masses_kg(&self) -> Vec<f64> {
         let of = |p: usize| self.volume_factors.get(p).copied().unwrap_or(1.0);
         let one = self.density_kg_m3 * self.particle_volume_m3;
         (0..self.positions.len()).map(|p| one * of(p)).collect()
+    }
+}
+
+/// The lightest and the heaviest particle of a world.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct MassRange {
+    pub(crate) lightest_kg: f64,
+    pub(crate) heaviest_kg: f64,
+}
+
+impl MassRange {
+    /// Of all bodies.
+    pub(crate) fn of(world: &World) -> Self {
+        let mut range = Self { lightest_kg: f64::INFINITY, heaviest_kg: 0.0 };
+        for body in &world.bodies {
+            let one = body.density_kg_m3 * body.particle_volume_m3;
+            let [least, most] = match &body.volume_factors[..] {
+                [] => [1.0; 2],
+                factors => factors.iter().fold([f64::INFINITY, 0.0], |[l, m], &f| [l.min(f), m.max(f)]),
+            };
+            range.lightest_kg = range.lightest_kg.min(one * least);
+            range.heaviest_kg = range.heaviest_kg.max(one * most);
+        }
+        range
     }
 }
 

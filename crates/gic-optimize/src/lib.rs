@@ -2,6 +2,8 @@
 
 mod adam;
 mod damped_step;
+mod least_squares;
 
 pub use adam::{Adam, Moments, decayed};
 pub use damped_step::damped_step;
+pub use least_squares::{Minimum, least_squares};

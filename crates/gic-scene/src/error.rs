@@ -85,6 +85,33 @@ pub enum Problem {
         /// What is wrong.
         reason: String,
     },
+    /// A number outside the range in which it can be worked with.
+    #[error("{}: {entry}: {field} is {value}, and must lie from {low} to {high}; correct it", path.display())]
+    OutOfRange {
+        /// The file.
+        path: PathBuf,
+        /// The camera, picture or point.
+        entry: String,
+        /// Which number of it, with its unit.
+        field: &'static str,
+        /// The number.
+        value: f64,
+        /// The least that it may be.
+        low: f64,
+        /// The most that it may be.
+        high: f64,
+    },
+    /// A file outside the scene's folder.
+    #[error(
+        "{}: lies outside the scene; copy it into the scene's folder and correct its name in {}",
+        path.display(), list.display()
+    )]
+    OutsideScene {
+        /// The file.
+        path: PathBuf,
+        /// The file that names it.
+        list: PathBuf,
+    },
     /// Two pictures claim the same camera and frame.
     #[error("{}: {} shows the same camera and frame; remove one", path.display(), other.display())]
     Duplicate {

@@ -10,6 +10,7 @@ use serde::Serialize;
 use crate::camera::Camera;
 use crate::contact_sheet;
 use crate::error::{Problem, SceneError};
+use crate::flight::FreeFlight;
 use crate::hull::{Hull, HullSettings, HullView};
 use crate::picture::{Mask, Picture};
 use crate::scene::Scene;
@@ -47,6 +48,8 @@ pub struct Inspection {
     pub up: Option<([f64; 3], GroundSource)>,
     /// The ground: a point [m], the unit normal, and where this comes from.
     pub ground: Option<([f64; 3], [f64; 3], GroundSource)>,
+    /// The motion of the first frames in which the object keeps its shape; `None` where its outlines show none.
+    pub flight: Option<FlightReport>,
     /// Number of photographs of the object at rest, in a world frame of their own.
     pub rest_views: usize,
     /// Everything that looks wrong, worst first.
@@ -84,6 +87,21 @@ pub struct HullReport {
     pub volume_m3: f64,
     /// Mean overlap of the silhouettes with the masks.
     pub mean_iou: f64,
+}
+
+/// The motion of the object before it touches anything, by its outlines alone.
+#[derive(Clone, Debug, Serialize)]
+pub struct FlightReport {
+    /// Number of frames.
+    pub frames: usize,
+    /// Velocity at the first of them [m/s].
+    pub velocity_m_s: [f64; 3],
+    /// Acceleration [m/s^2]: gravity, if lengths are metres and the frame rate is right.
+    pub acceleration_m_s2: [f64; 3],
+    /// Angular velocity [rad/s].
+    pub angular_velocity_rad_s: [f64; 3],
+    /// How far outlines are from touching common tangents, root mean square in pixels.
+    pub miss_px: f64,
 }
 
 /// Where knowledge about up and the ground comes from.
@@ -169,6 +187,7 @@ pub fn inspect(scene: &Scene) -> Result<Inspection, SceneError> {
     }
     let up = scene.world.up.map(|up| (up, GroundSource::Format)).or_else(|| mean_up(scene));
     let ground = find_ground(scene, &masks, &ground_frames, hull.as_ref(), up, &mut warnings);
+    let flight = if moving { None } else { find_flight(scene)? };
     warnings.extend(scene.warnings.iter().chain(&problems).map(Problem::to_string));
 
     Ok(Inspection {
@@ -187,6 +206,7 @@ pub fn inspect(scene: &Scene) -> Result<Inspection, SceneError> {
         hull: hull.as_ref().map(|hull| hull_report(hull, &overlaps)),
         up: up.map(|(up, source)| (up.to_array(), source)),
         ground,
+        flight,
         rest_views: scene.rest.as_ref().map_or(0, |rest| rest.views.len()),
         warnings,
         contact_sheet: contact_sheet::assemble(&layout, &tiles),
@@ -221,6 +241,24 @@ fn hull_report(hull: &Hull, overlaps: &[f64]) -> HullReport {
         volume_m3: hull.volume(),
         mean_iou: mean(overlaps),
     }
+}
+
+/// Three frames tell velocity and acceleration.
+const FEWEST_FLIGHT_FRAMES: usize = 3;
+
+fn find_flight(scene: &Scene) -> Result<Option<FlightReport>, SceneError> {
+    let views = |frame: usize| {
+        let cameras = scene.views_at(frame).iter().map(|view| scene.camera_of(view).clone());
+        Ok::<_, SceneError>(cameras.zip(scene.load_masks(scene.views_at(frame))?).collect())
+    };
+    let flight = FreeFlight::find(&scene.times, views)?.filter(|flight| flight.frames() >= FEWEST_FLIGHT_FRAMES);
+    Ok(flight.map(|flight| FlightReport {
+        frames: flight.frames(),
+        velocity_m_s: flight.velocity.to_array(),
+        acceleration_m_s2: flight.acceleration.to_array(),
+        angular_velocity_rad_s: flight.angular_velocity.to_array(),
+        miss_px: flight.miss_px,
+    }))
 }
 
 fn camera_reports(
@@ -455,6 +493,17 @@ impl fmt::Display for Inspection {
                 )?;
             }
             None => writeln!(f, "  hull        none: no point of space projects into all masks")?,
+        }
+        if let Some(flight) = &self.flight {
+            writeln!(
+                f,
+                "  flight      {} frames, outlines agree to {:.2} pixels: velocity {} {unit}/s, acceleration {} {unit}/s^2,",
+                flight.frames,
+                flight.miss_px,
+                vector(flight.velocity_m_s),
+                vector(flight.acceleration_m_s2)
+            )?;
+            writeln!(f, "              angular velocity {} rad/s", vector(flight.angular_velocity_rad_s))?;
         }
         self.write_cameras(f)?;
         for warning in &self.warnings {

@@ -6,9 +6,11 @@
 mod camera;
 mod contact_sheet;
 mod error;
+mod flight;
 mod format;
 mod hull;
 mod inspect;
+mod jpeg;
 mod lens;
 mod load;
 mod matting;
@@ -24,9 +26,10 @@ mod world;
 
 pub use camera::Camera;
 pub use error::{Problem, SceneError, Severity};
+pub use flight::FreeFlight;
 pub use format::Format;
 pub use hull::{Hull, HullSettings, HullView};
-pub use inspect::{CameraReport, GroundSource, HullReport, Inspection, inspect};
+pub use inspect::{CameraReport, FlightReport, GroundSource, HullReport, Inspection, inspect};
 pub use matting::difference_matte;
 pub use picture::{Mask, Picture, PixelBox, touches_border};
 pub use scene::Scene;

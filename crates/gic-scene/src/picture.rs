@@ -1,11 +1,13 @@
 //! Pictures and masks in memory, and how they are decoded from PNG and JPEG files.
 
+use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::Path;
 
 use image::codecs::png::PngEncoder;
 use image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageEncoder, ImageReader};
 
 use crate::error::{Problem, SceneError};
+use crate::jpeg;
 
 /// A colour picture: straight (not premultiplied) RGB as stored on disk, sRGB-encoded, row-major from the top left.
 #[derive(Clone, Debug, PartialEq)]
@@ -152,26 +154,31 @@ pub(crate) struct Decoded {
     pub(crate) alpha: Option<Vec<f32>>,
 }
 
-fn reader(path: &Path) -> Result<ImageReader<std::io::BufReader<std::fs::File>>, Problem> {
-    let unreadable = |reason: String| Problem::Unreadable { path: path.to_owned(), reason };
-    // The content decides, not the name: photographs with the wrong extension are common.
-    ImageReader::open(path).and_then(ImageReader::with_guessed_format).map_err(|error| unreadable(error.to_string()))
+/// The reader of a picture file. The content decides on the format, not the name: photographs with the wrong extension
+/// are common.
+fn reader<R: BufRead + Seek>(source: R, path: &Path) -> Result<ImageReader<R>, Problem> {
+    ImageReader::new(source).with_guessed_format().map_err(unreadable(path))
+}
+
+fn unreadable<E: std::fmt::Display>(path: &Path) -> impl FnOnce(E) -> Problem {
+    move |error| Problem::Unreadable { path: path.to_owned(), reason: error.to_string() }
 }
 
 /// Width and height [pixels], and whether there is an alpha channel, from the header of a picture file.
 pub(crate) fn header(path: &Path) -> Result<((usize, usize), bool), Problem> {
-    let decoder = reader(path)?
-        .into_decoder()
-        .map_err(|error| Problem::Unreadable { path: path.to_owned(), reason: error.to_string() })?;
+    let file = gic_files::input::open(path).map_err(unreadable(path))?;
+    let decoder = reader(BufReader::new(file), path)?.into_decoder().map_err(unreadable(path))?;
     let (width, height) = decoder.dimensions();
     Ok(((width as usize, height as usize), decoder.color_type().has_alpha()))
 }
 
 /// Decodes a PNG or JPEG file: 8 or 16 bits a channel, grey, palette or RGB, with or without alpha.
 pub(crate) fn decode(path: &Path) -> Result<Decoded, Problem> {
-    let decoded = reader(path)?
-        .decode()
-        .map_err(|error| Problem::Unreadable { path: path.to_owned(), reason: error.to_string() })?;
+    let bytes = gic_files::input::read(path).map_err(unreadable(path))?;
+    if jpeg::is_jpeg(&bytes) && !jpeg::is_whole(&bytes) {
+        return Err(unreadable(path)("the JPEG file is cut off"));
+    }
+    let decoded = reader(Cursor::new(bytes), path)?.decode().map_err(unreadable(path))?;
     let (width, height) = (decoded.width() as usize, decoded.height() as usize);
     let (rgb, alpha) = match decoded {
         DynamicImage::ImageLuma8(image) => (image.iter().flat_map(|&v| [unit8(v); 3]).collect(), None),

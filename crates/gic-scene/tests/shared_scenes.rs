@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::{BufReader, Write};
 use std::path::{Path, PathBuf};
 
-use gic_scene::{Camera, Format, Hull, HullSettings, HullView, Mask, Scene};
+use gic_scene::{Camera, Format, Hull, HullSettings, HullView, Mask, Scene, inspect};
 use glam::DVec3;
 
 fn shared(relative: &str) -> Option<PathBuf> {
@@ -104,6 +104,26 @@ fn the_hull_holds_the_object_and_projects_onto_the_masks() {
     for view in &views {
         let iou = hull.reprojection_iou(view);
         assert!(iou > 0.97, "{iou}");
+    }
+}
+
+/// Three cameras, none of which sees what another one does.
+#[test]
+fn outlines_tell_how_a_body_falls() {
+    for name in ["bunny_elastic", "bear_sand", "elastic_2", "sand_1"] {
+        let Some(root) = shared(&format!("scenes/{name}")) else { return };
+        let scene = Scene::open(&root).and_then(|scene| scene.with_cameras(&[0, 4, 8]));
+        let flight = inspect(&scene.unwrap_or_else(|error| panic!("{error}"))).expect("a report").flight;
+        let flight = flight.unwrap_or_else(|| panic!("{name} flies"));
+        let truth = std::fs::read_to_string(root.join("gt/params.json")).expect("the truth");
+        let truth: serde_json::Value = serde_json::from_str(&truth).expect("the truth");
+        let off = |found: [f64; 3], key: &str| {
+            let truth = |axis: usize| truth[key][axis].as_f64().expect("a number");
+            (0..3).map(|axis| (found[axis] - truth(axis)).powi(2)).sum::<f64>().sqrt()
+        };
+        let (v, g) = (off(flight.velocity_m_s, "initial_velocity"), off(flight.acceleration_m_s2, "gravity"));
+        println!("{name}: {} frames, {v:.4} m/s and {g:.3} m/s^2 off, {:.3} pixels", flight.frames, flight.miss_px);
+        assert!(flight.frames >= 4 && v < 0.03 && g < 0.4, "{name}: {v} {g}");
     }
 }
 

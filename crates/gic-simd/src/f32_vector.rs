@@ -24,31 +24,37 @@ macro_rules! f32_vector {
 
             #[inline(always)]
             fn of(value: f32) -> Self {
+                // SAFETY: only code below `dispatch` comes here, which has checked for the instructions.
                 unsafe { $of(value) }
             }
             #[inline(always)]
             unsafe fn load(from: *const f32) -> Self {
+                // SAFETY: the machine has the instructions, and the caller vouches for the pointer.
                 unsafe { $load(from) }
             }
             #[inline(always)]
             unsafe fn store(self, to: *mut f32) {
+                // SAFETY: the machine has the instructions, and the caller vouches for the pointer.
                 unsafe { $store(to, self) }
             }
             $(
                 #[inline(always)]
                 fn $unary(self) -> Self {
+                    // SAFETY: a value of this type exists only where the machine has the instructions.
                     unsafe { $unary_op(self) }
                 }
             )*
             $(
                 #[inline(always)]
                 fn $binary(self, b: Self) -> Self {
+                    // SAFETY: a value of this type exists only where the machine has the instructions.
                     unsafe { $binary_op(self, b) }
                 }
             )*
             $(
                 #[inline(always)]
                 fn $compare(self, b: Self) -> $mask {
+                    // SAFETY: a value of this type exists only where the machine has the instructions.
                     unsafe { $compare_op(self, b) }
                 }
             )*
@@ -71,6 +77,7 @@ macro_rules! f32_vector {
                 fn outlined<C: $crate::Call>(call: C) -> C::Output {
                     call.run()
                 }
+                // SAFETY: only code below `dispatch` comes here, which has checked for the instructions.
                 unsafe { outlined(call) }
             }
             $($others)*

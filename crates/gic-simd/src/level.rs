@@ -135,11 +135,13 @@ pub trait Kernel<T = f32> {
 pub fn dispatch<K: Kernel>(level: Level, kernel: K) -> K::Output {
     assert!(level.is_supported(), "this machine does not have {level}");
     match level {
-        // SAFETY, for all three: the machine has the instructions, as was just asserted.
+        // SAFETY: the machine has the instructions, as was just asserted.
         #[cfg(target_arch = "aarch64")]
         Level::Neon => unsafe { with_neon(kernel) },
+        // SAFETY: the machine has the instructions, as was just asserted.
         #[cfg(target_arch = "x86_64")]
         Level::Avx2 => unsafe { with_avx2(kernel) },
+        // SAFETY: the machine has the instructions, as was just asserted.
         #[cfg(target_arch = "x86_64")]
         Level::Avx512 => unsafe { with_avx512(kernel) },
         _ => kernel.run::<Packed<[f32; 4]>>(),

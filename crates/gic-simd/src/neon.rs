@@ -17,10 +17,12 @@ f32_vector! {
     others: {
         #[inline(always)]
         fn mul_add(self, a: Self, b: Self) -> Self {
+            // SAFETY: a value of this type exists only where the machine has the instructions.
             unsafe { vfmaq_f32(b, self, a) }
         }
         #[inline(always)]
         fn copysign(self, sign: Self) -> Self {
+            // SAFETY: a value of this type exists only where the machine has the instructions.
             unsafe { vbslq_f32(vdupq_n_u32(0x8000_0000), sign, self) }
         }
         #[inline(always)]
@@ -38,22 +40,27 @@ f32_vector! {
         }
         #[inline(always)]
         fn select(mask: uint32x4_t, yes: Self, no: Self) -> Self {
+            // SAFETY: a value of this type exists only where the machine has the instructions.
             unsafe { vbslq_f32(mask, yes, no) }
         }
         #[inline(always)]
         fn and(a: uint32x4_t, b: uint32x4_t) -> uint32x4_t {
+            // SAFETY: a value of this type exists only where the machine has the instructions.
             unsafe { vandq_u32(a, b) }
         }
         #[inline(always)]
         fn or(a: uint32x4_t, b: uint32x4_t) -> uint32x4_t {
+            // SAFETY: a value of this type exists only where the machine has the instructions.
             unsafe { vorrq_u32(a, b) }
         }
         #[inline(always)]
         fn not(a: uint32x4_t) -> uint32x4_t {
+            // SAFETY: a value of this type exists only where the machine has the instructions.
             unsafe { vmvnq_u32(a) }
         }
         #[inline(always)]
         fn bits(mask: uint32x4_t) -> u32 {
+            // SAFETY: a value of this type exists only where the machine has the instructions.
             unsafe {
                 let weights = vld1q_u32([1, 2, 4, 8].as_ptr());
                 vaddvq_u32(vandq_u32(mask, weights))
@@ -61,18 +68,22 @@ f32_vector! {
         }
         #[inline(always)]
         unsafe fn quad(from: *const f32) -> Self {
+            // SAFETY: the machine has the instructions, and the caller vouches for the pointer.
             unsafe { vld1q_f32(from) }
         }
         #[inline(always)]
         unsafe fn spread(from: *const f32) -> Self {
+            // SAFETY: the machine has the instructions, and the caller vouches for the pointer.
             unsafe { vld1q_dup_f32(from) }
         }
         #[inline(always)]
         unsafe fn strided_quads(from: *const f32, _stride: usize) -> Self {
+            // SAFETY: the machine has the instructions, and the caller vouches for the pointer.
             unsafe { vld1q_f32(from) }
         }
         #[inline(always)]
         fn transpose([a, b, c, d]: [Self; 4]) -> [Self; 4] {
+            // SAFETY: a value of this type exists only where the machine has the instructions.
             unsafe {
                 // (a0, c0, a1, c1), (a2, c2, a3, c3), likewise b and d; then interleave those.
                 let (ac_low, ac_high) = (vzip1q_f32(a, c), vzip2q_f32(a, c));
@@ -87,6 +98,7 @@ f32_vector! {
         }
         #[inline(always)]
         unsafe fn store_group_sums([a, b, c, d]: [Self; 4], to: *mut f32) {
+            // SAFETY: the machine has the instructions, and the caller vouches for the pointer.
             unsafe {
                 a.store(to);
                 b.store(to.add(4));
@@ -100,6 +112,7 @@ f32_vector! {
 impl Bits for float32x4_t {
     #[inline(always)]
     fn split(self) -> (Self, Self) {
+        // SAFETY: a value of this type exists only where the machine has the instructions.
         unsafe {
             let bits = vreinterpretq_s32_f32(self);
             let e = vshrq_n_s32::<23>(vsubq_s32(bits, vdupq_n_s32(SQRT_HALF)));
@@ -109,6 +122,7 @@ impl Bits for float32x4_t {
     }
     #[inline(always)]
     fn scale(self, n: Self) -> Self {
+        // SAFETY: a value of this type exists only where the machine has the instructions.
         unsafe {
             let shift = vshlq_n_s32::<23>(vcvtnq_s32_f32(n));
             vreinterpretq_f32_s32(vaddq_s32(vreinterpretq_s32_f32(self), shift))

@@ -5,7 +5,6 @@
 //! `scale` the natural logarithm of a standard deviation [m], `rot` a quaternion (w, x, y, z). Isotropic Gaussians are
 //! written with three equal scales and no rotation, and recognised by the equal scales when read.
 
-use std::fs::File;
 use std::io::{BufReader, ErrorKind};
 use std::path::{Path, PathBuf};
 
@@ -64,6 +63,22 @@ pub enum PlyError {
         path: PathBuf,
         /// What is missing.
         detail: String,
+    },
+    /// A Gaussian that cannot be drawn.
+    #[error(
+        "{}: `{field}` of vertex {index} is {value}, which is no usable number; remove that vertex or write the file \
+         again",
+        path.display()
+    )]
+    Unusable {
+        /// Which file.
+        path: PathBuf,
+        /// Its number, from 0.
+        index: usize,
+        /// The property, or the kind of it.
+        field: &'static str,
+        /// Its value.
+        value: f32,
     },
     /// The Gaussians to be written are not valid.
     #[error("{}: not written: {source}", path.display())]
@@ -131,13 +146,13 @@ impl PropertyAccess for Row {
 
 /// Reads Gaussians.
 ///
-/// Vertices with a value that is not finite are left out, and so are properties and elements outside the convention;
-/// the result says so.
+/// Properties and elements outside the convention are left out; the result says so.
 ///
 /// # Errors
-/// A [`PlyError`] that names the file, when it cannot be read, is truncated or damaged, or holds no Gaussians.
+/// A [`PlyError`] that names the file, when it cannot be read, is truncated or damaged, holds no Gaussians, or one with
+/// a value that is not finite.
 pub fn read_ply(path: &Path) -> Result<Imported, PlyError> {
-    let file = File::open(path).map_err(|source| PlyError::Io { path: path.into(), source })?;
+    let file = gic_files::input::open(path).map_err(|source| PlyError::Io { path: path.into(), source })?;
     read(BufReader::new(file), path)
 }
 
@@ -171,10 +186,8 @@ fn read(source: impl std::io::BufRead, path: &Path) -> Result<Imported, PlyError
     if rows.iter().any(|r| r.values[NORMAL..].iter().any(|&v| v != 0.0)) {
         dropped.push("normals".to_owned());
     }
-    let count = rows.len();
-    rows.retain(is_usable);
-    if rows.len() < count {
-        dropped.push(format!("{} Gaussians with values that are not finite", count - rows.len()));
+    if let Some((index, (field, value))) = rows.iter().enumerate().find_map(|(i, row)| Some((i, unusable(row)?))) {
+        return Err(PlyError::Unusable { path: path.into(), index, field, value });
     }
     Ok(Imported { gaussians: from_rows(&rows, rest), dropped })
 }
@@ -209,13 +222,28 @@ fn check_header(header: &Header, path: &Path) -> Result<usize, PlyError> {
     }
 }
 
-/// Whether all values are finite, as they are in the file and as they are meant, and the rotation is one.
-fn is_usable(row: &Row) -> bool {
+/// The kind of property and the value that make a Gaussian unusable: not finite, in the file or as it is meant, or a
+/// rotation that is none.
+fn unusable(row: &Row) -> Option<(&'static str, f32)> {
     let rotation: f32 = row.values[ROTATION..ROTATION + 4].iter().map(|v| v * v).sum();
-    row.values.iter().all(|v| v.is_finite())
-        && row.values[SCALE..SCALE + 3].iter().all(|s| s.exp().is_finite())
-        && rotation > 0.0
-        && rotation.is_finite()
+    let values = row.values.iter().enumerate().map(|(column, &value)| (kind(column), value));
+    let scales = row.values[SCALE..SCALE + 3].iter().map(|&scale| ("scale_*", scale, scale.exp()));
+    let mut wrong = values.map(|(field, value)| (field, value, value)).chain(scales);
+    let not_finite = wrong.find(|(_, _, meant)| !meant.is_finite()).map(|(field, value, _)| (field, value));
+    not_finite.or_else(|| (!(rotation > 0.0 && rotation.is_finite())).then_some(("rot_*", rotation)))
+}
+
+/// What a column of [`Row::values`] holds.
+fn kind(column: usize) -> &'static str {
+    match column {
+        ..OPACITY => "x, y, z",
+        OPACITY..SCALE => "opacity",
+        SCALE..ROTATION => "scale_*",
+        ROTATION..CONSTANT => "rot_*",
+        CONSTANT..REST => "f_dc_*",
+        REST..NORMAL => "f_rest_*",
+        NORMAL.. => "nx, ny, nz",
+    }
 }
 
 fn from_rows(rows: &[Row], rest: usize) -> Gaussians {

@@ -166,15 +166,46 @@ fn file(properties: &str, rows: &[&str]) -> String {
 
 #[test]
 fn what_is_dropped_is_said() {
-    let rows = ["1 2 3 0 0 1 0 0 0 0 -1 -2 -1 1 0 0 0 5", "1 2 1e99 0 0 0 0 0 0 0 -1 -1 -1 1 0 0 0 5"];
-    let (_folder, path) = ascii("mixed.ply", &file(PROPERTIES, &rows));
+    let (_folder, path) = ascii("mixed.ply", &file(PROPERTIES, &["1 2 3 0 0 1 0 0 0 0 -1 -2 -1 1 0 0 0 5"]));
     let read = read_ply(&path).expect("it reads");
     assert_eq!(read.gaussians.len(), 1);
     assert_eq!(read.gaussians.opacities, [0.5]);
     assert_eq!(read.gaussians.validate(), Ok(()));
     let said = read.dropped.join("; ");
-    for part in ["confidence", "1 elements `face`", "normals", "1 Gaussians"] {
+    for part in ["confidence", "1 elements `face`", "normals"] {
         assert!(said.contains(part), "`{part}` is not in: {said}");
+    }
+}
+
+#[test]
+fn numbers_that_cannot_be_drawn_are_named() {
+    let whole = "1 2 3 0 0 1 0 0 0 0 -1 -2 -1 1 0 0 0 5";
+    for (row, field) in [
+        ("1 2 1e99 0 0 0 0 0 0 0 -1 -1 -1 1 0 0 0 5", "x, y, z"),
+        ("1 2 3 0 0 0 0 0 0 0 -1 1000 -1 1 0 0 0 5", "scale_*"),
+        ("1 2 3 0 0 0 0 0 0 0 -1 -1 -1 0 0 0 0 5", "rot_*"),
+    ] {
+        let (_folder, path) = ascii("damaged.ply", &file(PROPERTIES, &[whole, row]));
+        let refused = read_ply(&path).expect_err("read").to_string();
+        for part in ["damaged.ply", field, "vertex 1"] {
+            assert!(refused.contains(part), "`{part}` is not in: {refused}");
+        }
+    }
+}
+
+/// Text has no word for it, bytes have.
+#[test]
+fn an_opacity_that_is_no_number_is_named() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("damaged.ply");
+    let properties: String = PROPERTIES.split_whitespace().map(|p| format!("property float {p}\n")).collect();
+    let head = format!("ply\nformat binary_little_endian 1.0\nelement vertex 1\n{properties}end_header\n");
+    let row = [1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, f32::NAN, -1.0, -1.0, -1.0, 1.0, 0.0, 0.0, 0.0, 5.0];
+    let bytes = row.into_iter().flat_map(f32::to_le_bytes);
+    fs::write(&path, head.into_bytes().into_iter().chain(bytes).collect::<Vec<u8>>()).expect("it writes");
+    let refused = read_ply(&path).expect_err("read").to_string();
+    for part in ["damaged.ply", "opacity", "vertex 0"] {
+        assert!(refused.contains(part), "`{part}` is not in: {refused}");
     }
 }
 

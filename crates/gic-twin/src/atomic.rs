@@ -1,7 +1,7 @@
 //! Folders, and files that appear whole or not at all, with the errors of a twin.
 
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter};
 use std::path::Path;
 
 use crate::error::{Result, TwinError};
@@ -33,12 +33,9 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
 /// Writes `value` as indented JSON with a final newline.
 ///
 /// # Errors
-/// [`TwinError::Write`]; the file is then as it was.
+/// [`TwinError::Write`], also where a number is not finite; the file is then as it was.
 pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
-    write_with(path, |w| {
-        serde_json::to_writer_pretty(&mut *w, value)?;
-        w.write_all(b"\n")
-    })
+    Ok(crate::json::write(path, value)?)
 }
 
 /// Reads a JSON file that a stage wrote.
@@ -46,7 +43,7 @@ pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
 /// # Errors
 /// A missing or damaged file.
 pub fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
-    let text = fs::read_to_string(path).map_err(|source| match source.kind() {
+    let text = gic_files::input::read_to_string(path).map_err(|source| match source.kind() {
         io::ErrorKind::NotFound => TwinError::Content {
             path: path.to_owned(),
             problem: "is missing: the stage that writes it has not finished".into(),

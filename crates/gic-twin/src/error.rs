@@ -3,7 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use gic_files::WriteError;
+use gic_files::{LockError, WriteError};
 use gic_mpm::SimulationError;
 
 /// A failure around a twin.
@@ -24,6 +24,14 @@ pub enum TwinError {
         path: PathBuf,
         /// The cause.
         source: io::Error,
+    },
+    /// Another process writes into the folder.
+    #[error("{} is being written by {holder}", folder.display())]
+    Locked {
+        /// The folder.
+        folder: PathBuf,
+        /// Process and host.
+        holder: String,
     },
     /// A text file does not parse.
     #[error("{} is not valid {format}", path.display())]
@@ -120,6 +128,15 @@ impl From<WriteError> for TwinError {
     }
 }
 
+impl From<LockError> for TwinError {
+    fn from(error: LockError) -> Self {
+        match error {
+            LockError::Held { folder, holder } => Self::Locked { folder, holder },
+            LockError::Write(error) => error.into(),
+        }
+    }
+}
+
 impl TwinError {
     /// The way out, in one sentence, where there is one.
     pub fn hint(&self) -> Option<String> {
@@ -128,10 +145,15 @@ impl TwinError {
                 Some("check the path; relative paths inside a twin are relative to the twin's own folder".into())
             }
             Self::Read { .. } | Self::Syntax { .. } => None,
+            Self::Locked { .. } => {
+                Some("wait until it ends or stop it; commands that only read the folder need not wait".into())
+            }
             Self::Write { source, .. } => match source.kind() {
                 io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
                     Some("choose a folder that you may write to with -o".into())
                 }
+                // What was to be written is at fault, and says so.
+                io::ErrorKind::InvalidData => None,
                 io::ErrorKind::StorageFull => Some("free some disk space and run the same command again".into()),
                 _ => Some("check that the parent is a folder and not a file, or choose another one with -o".into()),
             },

@@ -7,6 +7,7 @@ mod error;
 pub mod events;
 pub mod interchange;
 mod interrupt;
+pub mod json;
 mod json_difference;
 pub mod matter;
 mod resource_usage;
@@ -17,7 +18,7 @@ pub mod twin;
 pub use error::{Result, TwinError};
 pub use interrupt::Interrupt;
 pub use json_difference::first_difference;
-pub use resource_usage::ResourceMeter;
+pub use resource_usage::{ResourceMeter, available_memory_bytes};
 pub use rotation::rotation;
 
 /// Version of gic.

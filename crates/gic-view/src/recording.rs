@@ -95,7 +95,7 @@ fn check(interrupt: &Interrupt) -> Result<()> {
 /// Particles in the colours of their stress, and in their own where the twin has some.
 fn twin(stream: &RecordingStream, motion: &SimulatedMotion, events: &Events, interrupt: &Interrupt) -> Result<()> {
     let stress = ColorScale::new(Coloring::Stress, &motion.trajectory);
-    let skins = particle_splats::skins(motion).ok();
+    let skins = particle_splats::skins_or_warning(motion, STAGE, events);
     let count = motion.trajectory.frames.len();
     let mut radius = None;
     for (index, frame) in motion.trajectory.frames.iter().enumerate() {

@@ -53,6 +53,12 @@ impl SkinnedGaussians {
         Ok(atomic::write_json(&light, &file)?)
     }
 
+    /// Whether there are colours beside a file of matter.
+    pub(crate) fn beside(matter: &Path) -> bool {
+        let run = matter.parent().unwrap_or(Path::new(""));
+        FILES.iter().all(|file| run.join(file).exists())
+    }
+
     /// Reads the colours of a run and skins them to the particles `rest` [m] that its simulations start from; `None`
     /// where the run has no colours.
     ///

@@ -17,7 +17,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use gic::config::Layer;
-use gic::pipeline::{FillSummary, IdentifyRecord, Run, Stage};
+use gic::pipeline::{Access, FillSummary, IdentifyRecord, Run, Stage};
 use gic_twin::Interrupt;
 use gic_twin::events::Events;
 use gic_twin::simulate::Trajectory;
@@ -180,7 +180,7 @@ fn measure(run: &Path, folder: &Path, changes: &[String], last: Stage) -> Result
     }
     let layers = vec![Layer::from_assignments(changes.iter().map(String::as_str))?];
     let (events, interrupt) = (Events::default(), Interrupt::default());
-    Run::open(folder, layers, &events, &interrupt)?.bring_up_to_date(last)?;
+    Run::open(folder, Access::GoOn, layers, &events, &interrupt)?.bring_up_to_date(last)?;
     let filling: FillSummary = read(&folder.join("fill.json"))?;
     let mut numbers = BTreeMap::new();
     let count = filling.frames.len() as f64;

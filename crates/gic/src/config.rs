@@ -16,6 +16,7 @@
 use std::path::{Path, PathBuf};
 
 use gic_appearance::{AppearanceFitSettings, RegisterSettings};
+use gic_files::{relative_path, resolved};
 use gic_motion::TrainSettings;
 use gic_scene::SceneSettings;
 use gic_twin::atomic;
@@ -83,12 +84,15 @@ impl Layer {
         Ok(Self { origin: origin.into(), table })
     }
 
-    /// The settings of a TOML file.
+    /// The settings of a TOML file; relative paths start at its folder.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(Error::read(path))?;
+        let text = gic_files::input::read_to_string(path).map_err(Error::read(path))?;
         let syntax =
             |source: toml::de::Error| Error::Syntax { path: path.to_owned(), format: "TOML", source: source.into() };
-        Ok(Self { origin: path.to_owned(), table: text.parse::<Table>().map_err(syntax)? })
+        let mut table = text.parse::<Table>().map_err(syntax)?;
+        let folder = path.parent().unwrap_or(Path::new(""));
+        change_paths(&mut table, |way| folder.join(way));
+        Ok(Self { origin: path.to_owned(), table })
     }
 
     /// Settings from `KEY=VALUE` texts, KEY being a path such as `reconstruct.loss.scale` and VALUE TOML or a bare
@@ -137,16 +141,42 @@ impl Config {
         Ok(config)
     }
 
-    /// Writes all settings, defaults included, atomically.
+    /// Takes the file of obstacles into the run folder, which then can be moved without it.
+    pub(crate) fn keep_colliders(&mut self, run: &Path) -> Result<()> {
+        let Some(given) = &self.identify.colliders else { return Ok(()) };
+        let kept = run.join("colliders").with_extension(given.extension().unwrap_or_default());
+        if resolved(given) != resolved(&kept) {
+            atomic::write(&kept, &gic_files::input::read(given).map_err(Error::read(given))?)?;
+        }
+        self.identify.colliders = Some(kept);
+        Ok(())
+    }
+
+    /// Writes all settings, defaults included, atomically. Paths inside the file's folder start there, others at the
+    /// root, so that the folder can be moved.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let text = toml::to_string(self).map_err(|source| Error::Syntax {
-            path: path.to_owned(),
-            format: "a configuration",
-            source: source.into(),
-        })?;
+        let unwritable = |source| Error::Syntax { path: path.to_owned(), format: "a configuration", source };
+        gic_twin::json::require_finite(self).map_err(|reason| unwritable(reason.into()))?;
+        let syntax = |source: toml::ser::Error| unwritable(source.into());
+        let mut table = Table::try_from(self).map_err(syntax)?;
+        let folder = resolved(path.parent().unwrap_or(Path::new("")));
+        change_paths(&mut table, |place| match resolved(place) {
+            inside if inside.starts_with(&folder) => relative_path(&folder, &inside),
+            outside => outside,
+        });
+        let text = toml::to_string(&table).map_err(syntax)?;
         let head = "# Every setting of this run. Feed it back with --config, or change single ones with \
                     --set section.key=value.\n\n";
         Ok(atomic::write(path, (head.to_owned() + &text).as_bytes())?)
+    }
+}
+
+/// Changes every setting that is a path.
+fn change_paths(table: &mut Table, change: impl Fn(&Path) -> PathBuf) {
+    for (stage, key) in [("scene", "path"), ("scene", "matting"), ("identify", "colliders")] {
+        if let Some(Value::String(path)) = table.get_mut(stage).and_then(|stage| stage.get_mut(key)) {
+            *path = change(Path::new(path)).to_string_lossy().into_owned();
+        }
     }
 }
 

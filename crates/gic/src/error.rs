@@ -3,6 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use gic_files::LockError;
 use gic_twin::TwinError;
 use gic_view::ViewError;
 
@@ -30,6 +31,20 @@ pub enum Error {
         path: PathBuf,
         /// The cause.
         source: io::Error,
+    },
+    /// The results could not be printed.
+    #[error("cannot write the results to standard output")]
+    Print {
+        /// The cause.
+        source: io::Error,
+    },
+    /// An output would take the place of an input.
+    #[error("{} is {what}; nothing is written over it", path.display())]
+    Overwrite {
+        /// The output.
+        path: PathBuf,
+        /// What it is.
+        what: &'static str,
     },
     /// A text file does not parse.
     #[error("{} is not valid {format}", path.display())]
@@ -94,6 +109,12 @@ pub enum Error {
 /// Result of the pipeline.
 pub type Result<T> = std::result::Result<T, Error>;
 
+impl From<LockError> for Error {
+    fn from(error: LockError) -> Self {
+        Self::Twin(error.into())
+    }
+}
+
 impl Error {
     /// The way out, in one sentence, where there is one.
     pub fn hint(&self) -> Option<String> {
@@ -104,10 +125,14 @@ impl Error {
                 Some("check the path; relative paths inside a twin are relative to the twin's own folder".into())
             }
             Self::Read { .. } | Self::Syntax { .. } => None,
+            Self::Print { .. } => Some("send the output to a file or a terminal that can take it".into()),
+            Self::Overwrite { .. } => Some("choose another place for the output".into()),
             Self::Write { source, .. } => match source.kind() {
                 io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
                     Some("choose a folder that you may write to with -o".into())
                 }
+                // What was to be written is at fault, and says so.
+                io::ErrorKind::InvalidData => None,
                 io::ErrorKind::StorageFull => Some("free some disk space and run the same command again".into()),
                 _ => Some("check that the parent is a folder and not a file, or choose another one with -o".into()),
             },

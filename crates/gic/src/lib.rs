@@ -6,6 +6,7 @@ pub mod demo;
 mod error;
 pub mod eval;
 pub mod grasp;
+pub mod outputs;
 pub mod pipeline;
 pub mod recording;
 pub mod report;

@@ -17,7 +17,7 @@ pub fn record(frames: &Path, file: &Path, events: &Events, interrupt: &Interrupt
     use gic_view::recording::RunEvidence;
     let motion = gic_view::render::SimulatedMotion::open(frames)?;
     let background = motion.run.as_deref().map(|run| -> Result<RunEvidence> {
-        let scene = crate::pipeline::scene_of_run(run)?;
+        let scene = crate::pipeline::scene_of_run(run, None)?;
         let surfaces = (0..scene.times.len()).map(|frame| run.join(crate::pipeline::surface_file(frame))).collect();
         let curves = curves(&gic_twin::atomic::read_json(&run.join("identify.json"))?);
         Ok(RunEvidence { scene, surfaces, curves })

@@ -181,10 +181,46 @@ fn a_run_goes_from_video_to_report_and_reruns_only_what_changed() {
     let truth = Path::new(&demo()).join("gt");
     let table = gic(&["eval", run.to_str().unwrap(), "--truth", truth.to_str().unwrap()]);
     assert!(text(&table.stdout).contains("youngs_modulus_pa"), "{table:?}");
-    // The filled body of another frame has another number of particles than the twin.
+    // The filled body of another frame is no frame of the prediction.
     fs::copy(run.join("filling/0003.ply"), run.join("prediction/particles_0003.ply")).unwrap();
     let stale = gic(&["eval", run.to_str().unwrap(), "--truth", truth.to_str().unwrap()]);
-    assert!(text(&stale.stderr).contains("an earlier twin's motion"), "{stale:?}");
+    assert!(text(&stale.stderr).contains("particles_0003.ply: is not the file that `predict` wrote"), "{stale:?}");
+}
+
+/// In the first four frames the object flies. What is known of it is its velocity, and that is a whole twin. Takes
+/// minutes, so run it with `cargo test -p gic --test pipeline -- --ignored`.
+#[test]
+#[ignore = "takes minutes"]
+fn an_object_that_touches_nothing_gives_a_twin_that_every_command_reads() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run");
+    let run = path.to_str().unwrap();
+    let start = ["run", &demo(), "-o", run, "--material", "elastic", "--steps", "400", "--frames", "4"];
+    let output = gic(&start);
+    assert!(output.status.success(), "{output:?}");
+    let printed = text(&output.stdout);
+    assert!(printed.matches("NOT DETERMINED").count() == 2, "{printed}");
+    for file in ["twin.json", "identify.json", "prediction/trajectory.json", "fill.json"] {
+        let content = fs::read_to_string(path.join(file)).unwrap();
+        assert!(file == "identify.json" || !content.contains("null"), "{file}: {content}");
+    }
+    let twin: Value = serde_json::from_slice(&fs::read(path.join("twin.json")).unwrap()).unwrap();
+    assert_eq!(twin["identifiable"]["youngs_modulus_pa"], false);
+    assert_eq!(twin["intervals_95"]["youngs_modulus_pa"], serde_json::json!([1e3, 3e7]));
+    assert!(twin["intervals_95"]["initial_velocity_y_m_s"][0].is_f64(), "{twin}");
+    let again = text(&gic(&["identify", run]).stderr);
+    assert!(again.contains("identify: up to date"), "{again}");
+    let out = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let truth = Path::new(&demo()).join("gt");
+    for command in [
+        &["simulate", run, "-o", &out("future"), "--frames", "3"][..],
+        &["report", run],
+        &["eval", run, "--truth", truth.to_str().unwrap()],
+        &["export", run, "--format", "particles", "-o", &out("set.npz")],
+    ] {
+        let output = gic(command);
+        assert!(output.status.success(), "{command:?}: {output:?}");
+    }
 }
 
 /// Killed, without a chance to tidy up, at several moments of its work, and started again each time. Takes minutes, so
@@ -199,15 +235,7 @@ fn an_identification_killed_at_any_moment_ends_at_the_same_twin() {
     assert!(output.status.success(), "{output:?}");
     assert!(gic(&["fill", path]).status.success());
     let identify = ["identify", path, "--material", "elastic"];
-    let killed = |after: Duration| {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_gic")).args(identify).stderr(Stdio::null()).spawn().unwrap();
-        std::thread::sleep(after);
-        let early = child.try_wait().unwrap().is_none();
-        child.kill().unwrap();
-        child.wait().unwrap();
-        early
-    };
-    let early = [3, 8, 20, 40].map(|seconds| killed(Duration::from_secs(seconds)));
+    let early = [3, 8, 20, 40].map(|seconds| killed(&identify, Duration::from_secs(seconds)));
     assert!(early[0] && early[1], "it was never killed at work: {early:?}");
     let output = gic(&identify);
     assert!(output.status.success(), "{output:?}");
@@ -223,4 +251,75 @@ fn an_identification_killed_at_any_moment_ends_at_the_same_twin() {
     }
     assert!(gic(&identify).status.success());
     assert!(pieces == result(), "{:?}\n{:?}", pieces.0, result().0);
+}
+
+/// Starts a command and kills it after a while; whether it was still at work.
+fn killed(args: &[&str], after: Duration) -> bool {
+    let mut child =
+        Command::new(env!("CARGO_BIN_EXE_gic")).args(args).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+    std::thread::sleep(after);
+    let early = child.try_wait().unwrap().is_none();
+    child.kill().unwrap();
+    child.wait().unwrap();
+    early
+}
+
+/// What a run holds, without what differs between two runs: clock times, the log, and what is only kept on the way.
+fn results(run: &Path) -> Vec<(String, Vec<u8>)> {
+    let mut found = Vec::new();
+    let mut folders = vec![run.to_owned()];
+    while let Some(folder) = folders.pop() {
+        for path in fs::read_dir(&folder).unwrap().map(|entry| entry.unwrap().path()) {
+            let name = path.strip_prefix(run).unwrap().to_str().unwrap().to_owned();
+            let passing = ["stamps", "log.jsonl", "report.html"].contains(&name.as_str()) || name.contains("/.");
+            match path.is_dir() {
+                _ if passing || name.starts_with('.') => (),
+                true => folders.push(path),
+                false => found.push((name, without_seconds(fs::read(&path).unwrap()))),
+            }
+        }
+    }
+    found.sort();
+    found
+}
+
+fn without_seconds(bytes: Vec<u8>) -> Vec<u8> {
+    match serde_json::from_slice::<Value>(&bytes) {
+        Ok(Value::Object(mut map)) => {
+            map.remove("seconds");
+            Value::Object(map).to_string().into_bytes()
+        }
+        _ => bytes,
+    }
+}
+
+/// The whole road, killed at random moments through all stages until it is through. Takes minutes, so run it with
+/// `cargo test --release -p gic --test pipeline -- --ignored`.
+#[test]
+#[ignore = "takes minutes"]
+fn a_run_killed_at_random_moments_of_all_stages_ends_at_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let [whole, pieces] = ["whole", "pieces"].map(|name| folder.path().join(name).to_str().unwrap().to_owned());
+    let demo = demo();
+    let few = ["--material", "elastic", "--steps", "400", "--cameras", "0,2,4,6,8,10"];
+    let start = |out: &str| [&["run", &demo, "-o"], &[out][..], &few].concat().iter().map(|s| s.to_string()).collect();
+    let clock = std::time::Instant::now();
+    let args: Vec<String> = start(&whole);
+    let output = gic(&args.iter().map(String::as_str).collect::<Vec<_>>());
+    assert!(output.status.success(), "{output:?}");
+    let seconds = clock.elapsed().as_secs_f64();
+    let args: Vec<String> = start(&pieces);
+    let args: Vec<&str> = args.iter().map(String::as_str).collect();
+    // A fixed sequence of moments (the golden ratio's multiples), each a part of a sixth of the whole.
+    let moment = |kill: u32| Duration::from_secs_f64((f64::from(kill) * 0.618_033_988_75).fract() * seconds / 6.0);
+    let kills = (1..=24).filter(|&kill| killed(&args, moment(kill))).count();
+    assert!(kills >= 6, "it was killed only {kills} times");
+    let output = gic(&args);
+    assert!(output.status.success(), "{output:?}");
+    let [whole, pieces] = [whole, pieces].map(|run| results(Path::new(&run)));
+    let names = |run: &[(String, Vec<u8>)]| run.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>();
+    assert_eq!(names(&whole), names(&pieces));
+    for ((name, whole), (_, pieces)) in whole.iter().zip(&pieces) {
+        assert!(whole == pieces, "{name} differs");
+    }
 }

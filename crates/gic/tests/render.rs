@@ -99,3 +99,43 @@ fn ffmpeg_makes_the_other_films_where_it_is_installed() {
         }
     }
 }
+
+/// A folder like a run's: matter with colours beside it, and its motion in `prediction`.
+fn run_like(folder: &Path, height_m: f64) {
+    use gic_appearance::{Light, LitGaussians};
+    let motion = falling_box(height_m);
+    fs::create_dir_all(folder).unwrap();
+    fs::copy(motion.path().join("frames/particles_0000.ply"), folder.join("twin.ply")).unwrap();
+    let twin = fs::read_to_string(motion.path().join("twin.json")).unwrap();
+    let mut twin: serde_json::Value = serde_json::from_str(&twin).unwrap();
+    twin["continuum"] = "twin.ply".into();
+    fs::write(folder.join("twin.json"), twin.to_string()).unwrap();
+    let positions = gic_twin::matter::read_particles(&folder.join("twin.ply")).unwrap().positions;
+    let points: Vec<[f32; 3]> = positions.iter().map(|p| p.as_vec3().to_array()).collect();
+    let count = points.len();
+    let gaussians = gic_splat::Gaussians::colorless(points, vec![0.9; count], vec![0.01; count]);
+    let lit = LitGaussians { gaussians, light: Light::default() };
+    gic_view::skinned_gaussians::SkinnedGaussians::save(&lit, 0.02, folder).unwrap();
+    let (twin, out) = (folder.join("twin.json"), folder.join("prediction"));
+    let output = gic(&["simulate", twin.to_str().unwrap(), "-o", out.to_str().unwrap()]);
+    assert!(output.status.success(), "{output:?}");
+}
+
+#[test]
+fn a_moved_run_is_drawn_in_its_own_colours_and_never_in_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let [made, moved, other] = ["made", "moved", "other"].map(|name| folder.path().join(name));
+    run_like(&made, 0.2);
+    run_like(&other, 0.4);
+    fs::rename(&made, &moved).unwrap();
+    let pictures = folder.path().join("pictures");
+    let render = ["render", moved.to_str().unwrap(), "-o", pictures.to_str().unwrap(), "--color", "appearance"];
+    let output = gic(&render);
+    assert!(output.status.success(), "{output:?}");
+    // Matter of the same size at another place is not what was simulated.
+    fs::copy(other.join("twin.ply"), moved.join("twin.ply")).unwrap();
+    let output = gic(&render);
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(message.contains("twin.ply is not the matter that was simulated"), "{message}");
+}

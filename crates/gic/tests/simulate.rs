@@ -78,6 +78,41 @@ fn files(folder: &Path) -> Vec<(String, u64)> {
 }
 
 #[test]
+fn a_simulation_over_its_budget_is_refused_before_it_starts() {
+    let case = Case::new();
+    let refused = |set: &[&str], parts: &[&str]| {
+        let output = case.simulate(&box_twin(), "out", set);
+        assert_eq!(output.status.code(), Some(1), "{output:?}");
+        assert_says(&String::from_utf8(output.stderr).unwrap(), parts);
+        assert!(!case.path("out").exists());
+    };
+    for substeps in ["18446744073709551615", "1000000000"] {
+        refused(&["--set", &format!("substeps_per_frame={substeps}")], &["substeps_per_frame", substeps, "200000"]);
+    }
+    refused(&["--frames", "2000000000"], &["2000000000 frames", "hours", "--budget-hours"]);
+    refused(&["--budget-gb", "0.00001"], &["GB", "--budget-gb"]);
+    refused(&["--set", "particle_spacing_m=1e-6"], &["particle_spacing_m"]);
+}
+
+#[test]
+fn a_world_that_the_grid_does_not_see_is_refused_or_doubted() {
+    let case = Case::new();
+    let with = |key: &str, value: Value| {
+        let mut twin = box_twin();
+        twin[key] = value;
+        twin
+    };
+    assert_says(&case.refusal(&with("grid_spacing_m", json!(0.5))), &["bodies[0]", "cells", "grid_spacing_m"]);
+    let thin = json!([{"shape": "box", "centre_m": [0, -0.1, 0], "size_m": [1, 0.02, 1], "contact": "sticky"}]);
+    let output = case.simulate(&with("colliders", thin), "thin", &[]);
+    assert!(output.status.success(), "{output:?}");
+    assert_says(&String::from_utf8(output.stderr).unwrap(), &["warning", "colliders[0]", "cells thick"]);
+    let jump = json!([{"shape": "half_space", "normal": [1, 0, 0], "point_m": [-1, 0, 0], "contact": "sticky",
+        "keyframes": [{"time_s": 0, "position_m": [-1, 0, 0]}, {"time_s": 1e-9, "position_m": [1, 0, 0]}]}]);
+    assert_says(&case.refusal(&with("colliders", jump)), &["colliders[0]", "m/s", "keyframes"]);
+}
+
+#[test]
 fn writes_every_frame_from_the_initial_state() {
     let case = Case::new();
     let output = case.simulate(&box_twin(), "out", &[]);

@@ -6,15 +6,10 @@ use gic_simd::{Kernel, Lanes, Level, dispatch};
 use crate::forward::footprint::{IsotropicGaussians, Projection};
 use crate::observe::mask_view::{MaskView, Window};
 
-/// The pixels that the particles or the mask of `view` cover, with a `margin` for small moves, in whole blocks of
-/// `block` pixels.
-pub(crate) fn outline_window(
-    view: &MaskView,
-    gaussians: IsotropicGaussians,
-    (margin, block): (usize, usize),
-) -> Window {
+/// The pixels that the particles or the mask of `view` cover, in whole blocks of `block` pixels.
+pub(crate) fn outline_window(view: &MaskView, gaussians: IsotropicGaussians, block: usize) -> Window {
     let drawn = dispatch(Level::active(), Extent { gaussians, camera: &view.camera, known: view.covered });
-    drawn.aligned(margin, block, (view.camera.width, view.camera.height))
+    drawn.aligned(block, (view.camera.width, view.camera.height))
 }
 
 /// The pixels that particles cover, besides those known.

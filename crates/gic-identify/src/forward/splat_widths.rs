@@ -9,13 +9,12 @@
 use gic_geometry::densities;
 use glam::DVec3;
 
-use crate::tuning::SplatTuning;
+use crate::tuning::SurfaceTuning;
 
 /// How dense matter is around each particle at rest.
 #[derive(Clone, Debug)]
 pub(crate) struct SplatWidths {
     radius: f64,
-    limits: (f32, f32),
     rest: Vec<f32>,
     /// Standard deviations at rest [m].
     scales: Vec<f32>,
@@ -23,14 +22,9 @@ pub(crate) struct SplatWidths {
 
 impl SplatWidths {
     /// `spacing` is the particles' mean distance at rest [m].
-    pub(crate) fn new(positions: &[DVec3], scales: &[f32], spacing: f64, tuning: &SplatTuning) -> SplatWidths {
-        let radius = tuning.density_radius_spacings * spacing;
-        SplatWidths {
-            radius,
-            limits: tuning.width_factors,
-            rest: densities(positions, radius),
-            scales: scales.to_vec(),
-        }
+    pub(crate) fn new(positions: &[DVec3], scales: &[f32], spacing: f64, tuning: &SurfaceTuning) -> SplatWidths {
+        let radius = tuning.neighbourhood_spacings * spacing;
+        SplatWidths { radius, rest: densities(positions, radius), scales: scales.to_vec() }
     }
 
     /// Standard deviations at rest [m], shape [n].
@@ -44,7 +38,7 @@ impl SplatWidths {
             .iter()
             .zip(&self.rest)
             .zip(&self.scales)
-            .map(|((now, rest), scale)| scale * (rest / now).cbrt().clamp(self.limits.0, self.limits.1))
+            .map(|((now, rest), scale)| scale * (rest / now).cbrt())
             .collect()
     }
 }
@@ -58,7 +52,7 @@ mod tests {
         let points: Vec<DVec3> = (0..1000)
             .map(|i| DVec3::new(f64::from(i % 10), f64::from(i / 10 % 10), f64::from(i / 100)) * 0.01)
             .collect();
-        let splat_widths = SplatWidths::new(&points, &vec![0.005; 1000], 0.01, &SplatTuning::default());
+        let splat_widths = SplatWidths::new(&points, &vec![0.005; 1000], 0.01, &SurfaceTuning::default());
         let moved: Vec<DVec3> = points.iter().map(|p| *p + DVec3::new(0.3, -0.1, 0.2)).collect();
         assert!(splat_widths.scales(&moved).iter().all(|s| (s - 0.005).abs() < 1e-6));
         let grown: Vec<DVec3> = points.iter().map(|p| *p * 1.1).collect();

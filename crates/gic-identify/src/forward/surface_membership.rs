@@ -3,11 +3,12 @@
 use gic_geometry::{Surroundings, offsets};
 use glam::DVec3;
 
-use crate::tuning::MembershipTuning;
+use crate::tuning::SurfaceTuning;
 
-/// From 0 at the first of two values to 1 at the second, with a continuous derivative.
-pub(crate) fn smoothstep(x: f64, (low, high): (f64, f64)) -> f64 {
-    let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
+/// From 0 below a threshold to 1 above it, with a continuous derivative; it takes the share `fade` of the threshold to
+/// both sides.
+pub(crate) fn faded(x: f64, threshold: f64, fade: f64) -> f64 {
+    let t = (0.5 + 0.5 * (x / threshold - 1.0) / fade).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
@@ -28,13 +29,13 @@ impl SurfaceMembership {
 }
 
 /// The membership of each particle, from its neighbours within `radius` [m]. It changes smoothly as particles move.
-pub(crate) fn memberships(positions: &[[f32; 3]], radius: f64, tuning: &MembershipTuning) -> Vec<SurfaceMembership> {
+pub(crate) fn memberships(positions: &[[f32; 3]], radius: f64, tuning: &SurfaceTuning) -> Vec<SurfaceMembership> {
     let points: Vec<DVec3> = positions.iter().map(|p| glam::Vec3::from_array(*p).as_dvec3()).collect();
     let membership = |around: Surroundings| {
         let asymmetry = around.offset / around.weight;
         SurfaceMembership {
             outward: asymmetry.normalize_or(DVec3::Y),
-            share: smoothstep(asymmetry.length(), tuning.asymmetry),
+            share: faded(asymmetry.length(), tuning.asymmetry, tuning.fade),
         }
     };
     offsets(&points, radius).into_iter().map(membership).collect()
@@ -52,7 +53,7 @@ mod tests {
         let memberships = memberships(
             &positions.iter().map(|p| p.as_vec3().to_array()).collect::<Vec<_>>(),
             0.022,
-            &MembershipTuning::default(),
+            &SurfaceTuning::default(),
         );
         for (p, membership) in positions.iter().zip(memberships) {
             let from_face = p.min(DVec3::new(0.19, 0.15, 0.11) - *p).min_element();

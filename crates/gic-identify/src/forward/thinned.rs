@@ -29,14 +29,14 @@ impl ThinnedContinuum {
         let mut ids: Vec<usize> = cells
             .values()
             // A corner of the body that barely enters a cell would count as a whole one.
-            .filter(|members| members.len() as f64 >= tuning.least_filled_share * full)
+            .filter(|members| (members.len() as f64 / full).round() > 0.0)
             .map(|members| {
                 let mean = members.iter().map(|i| input.positions[*i]).sum::<glam::DVec3>() / members.len() as f64;
                 let distance = |i: &usize| input.positions[*i].distance_squared(mean);
                 *members.iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).expect("a cell has members")
             })
             .collect();
-        if ids.len() < tuning.least_particles {
+        if ids.is_empty() {
             ids = (0..input.positions.len()).collect();
         }
         let growth = (input.positions.len() as f64 / ids.len() as f64).cbrt() as f32;

@@ -23,17 +23,11 @@ pub(crate) struct ObservedSurface {
 impl ObservedSurface {
     /// Normals from the neighbours by principal components.
     pub(crate) fn new(points: &[DVec3], grid_spacing_m: f64, tuning: &SurfaceTuning) -> ObservedSurface {
-        let radius = tuning.normal_radius_cells * grid_spacing_m;
+        let radius = tuning.plane_radius_cells * grid_spacing_m;
         let tree = Neighbours::new(points, radius);
         let normals = points.iter().map(|p| normal(&tree, *p, radius)).collect();
         let confidences = vec![1.0; points.len()];
-        ObservedSurface {
-            points: points.to_vec(),
-            normals,
-            confidences,
-            tree,
-            far: tuning.plane_reach_cells * grid_spacing_m,
-        }
+        ObservedSurface { points: points.to_vec(), normals, confidences, tree, far: radius }
     }
 
     /// From here on each point counts the less the more it is in doubt; without `doubts` nothing changes.

@@ -31,14 +31,14 @@ impl Window {
         self.rows = (self.rows.0.min(rows.0), self.rows.1.max(rows.1));
     }
 
-    /// The window grown by `margin` and to whole blocks of `block` pixels, inside a picture of `size`.
-    pub(crate) fn aligned(self, margin: usize, block: usize, size: (usize, usize)) -> Window {
+    /// The window grown to whole blocks of `block` pixels, inside a picture of `size`.
+    pub(crate) fn aligned(self, block: usize, size: (usize, usize)) -> Window {
         let grow = |(low, high): (usize, usize), length: usize| {
             if low >= high {
                 return (0, 0);
             }
             let last = length / block * block;
-            (low.saturating_sub(margin) / block * block, ((high + margin).div_ceil(block) * block).min(last))
+            (low / block * block, (high.div_ceil(block) * block).min(last))
         };
         Window { columns: grow(self.columns, size.0), rows: grow(self.rows, size.1) }
     }

@@ -29,7 +29,7 @@ pub(crate) struct ObservedVideo {
 impl ObservedVideo {
     /// Prepares what `target` uses, without the cameras in `excluded`.
     pub(crate) fn new(input: &Input, target: Target, excluded: &[usize], tuning: &Tuning) -> ObservedVideo {
-        let pooling = working_pooling(input, tuning.masks.most_pooling);
+        let pooling = working_pooling(input);
         let frames = input
             .observations
             .iter()
@@ -62,7 +62,7 @@ impl ObservedVideo {
 
 /// Pixels are pooled until the Gaussians' standard deviation is about one pixel: finer pixels only cost time, because
 /// the rendered outline is no sharper than that.
-fn working_pooling(input: &Input, most: usize) -> usize {
+fn working_pooling(input: &Input) -> usize {
     let centre = input.centre();
     let used: BTreeSet<usize> = input.observations.iter().flat_map(|o| &o.views).map(|view| view.camera).collect();
     let mut sizes: Vec<f64> =
@@ -74,5 +74,5 @@ fn working_pooling(input: &Input, most: usize) -> usize {
     sizes.sort_by(f64::total_cmp);
     scales.sort_by(f32::total_cmp);
     let ratio = f64::from(scales[scales.len() / 2]) / sizes[sizes.len() / 2];
-    (ratio.round() as usize).clamp(1, most)
+    (ratio.round() as usize).max(1)
 }

@@ -23,9 +23,7 @@ use crate::unknowns::state::State;
 pub(crate) struct Limits {
     /// Most steps.
     pub iterations: usize,
-    /// Converged when every unknown moves by less than this many finite-difference steps.
-    pub step_tolerance: f64,
-    /// Converged when the cost falls by less than this share, or cannot fall by a tenth of it.
+    /// Converged when the cost falls by less than this share.
     pub gain_tolerance: f64,
     /// Converged when the cost falls by less than this, or cannot fall by more.
     pub least_gain: f64,
@@ -37,16 +35,18 @@ pub(crate) struct Limits {
 impl Limits {
     /// Of a fit that only has to hand over a good start.
     pub(crate) fn rough(iterations: usize, tuning: &DescentTuning) -> Limits {
-        let (step_tolerance, gain_tolerance) = (tuning.rough_step_tolerance, tuning.rough_gain_tolerance);
-        Limits { iterations, step_tolerance, gain_tolerance, least_gain: 0.0, secants: true }
+        Limits { iterations, gain_tolerance: tuning.gain_tolerance, least_gain: 0.0, secants: true }
+    }
+
+    /// The least gain that counts at a cost.
+    fn least_gain_at(&self, cost: f64) -> f64 {
+        self.least_gain.max(self.gain_tolerance * cost)
     }
 }
 
 /// One accepted step, for traces.
 #[derive(Clone, Debug)]
 pub(crate) struct Iterate {
-    /// How many steps led here.
-    pub steps: usize,
     pub state: State,
     pub cost: f64,
 }
@@ -84,12 +84,12 @@ pub(crate) fn minimise(
     while steps < limits.iterations {
         let normal = problem.normal(fit.linearisation.blocks(problem), &fit.state);
         let largest_decrease = normal.largest_predicted_decrease();
-        if largest_decrease < limits.least_gain.max(tuning.least_predicted_share * limits.gain_tolerance * fit.cost) {
+        if largest_decrease < limits.least_gain {
             break;
         }
-        let worth_measuring = largest_decrease >= tuning.remeasure_gain_ratio * limits.least_gain;
+        let worth_measuring = tuning.trusted_gain_share * largest_decrease >= limits.least_gain;
         let was_fresh = fit.linearisation.is_fresh();
-        let Some(trial) = find_decrease(problem, &fit, &normal, &mut damping) else {
+        let Some(trial) = find_decrease(problem, &fit, &normal, (&mut damping, limits.least_gain_at(fit.cost))) else {
             if was_fresh || !worth_measuring {
                 break;
             }
@@ -98,20 +98,15 @@ pub(crate) fn minimise(
             continue;
         };
         steps += 1;
-        let gain = fit.cost - trial.cost;
-        let share = gain / fit.cost.max(f64::MIN_POSITIVE);
-        damping = if trial.damping > damping {
-            trial.damping
-        } else {
-            (damping * tuning.damping_decrease).max(tuning.least_damping)
-        };
-        let answer = accepted(&Iterate { steps, state: trial.state.clone(), cost: trial.cost })?;
+        let (cost, gain) = (fit.cost, fit.cost - trial.cost);
+        damping = if trial.damping > damping { trial.damping } else { damping / tuning.damping_factor };
+        let answer = accepted(&Iterate { state: trial.state.clone(), cost: trial.cost })?;
         let trusted = was_fresh || gain >= tuning.trusted_gain_share * trial.predicted_decrease;
-        let step_size = trial.size(problem);
         fit = trial.accept(problem, fit, limits.secants)?;
         // A small gain along a stale direction says little about what is left.
-        let converged = share < limits.gain_tolerance || gain < limits.least_gain && (trusted || !worth_measuring);
-        if step_size < limits.step_tolerance || converged || answer.is_break() {
+        let converged =
+            gain < limits.gain_tolerance * cost || gain < limits.least_gain && (trusted || !worth_measuring);
+        if converged || answer.is_break() {
             break;
         }
         if limits.secants && !trusted && steps < limits.iterations {
@@ -134,13 +129,6 @@ struct Trial {
 }
 
 impl Trial {
-    /// Largest move of any unknown, in steps of the finite differences.
-    fn size(&self, problem: &Problem) -> f64 {
-        (problem.unknowns.iter().zip(&self.delta))
-            .map(|(u, d)| d.abs() / problem.coordinates.steps(*u).difference)
-            .fold(0.0, f64::max)
-    }
-
     /// The fit at the trial, with the linearisation carried there from `fit` by a secant, or measured.
     fn accept(self, problem: &Problem, fit: Fit, secants: bool) -> Result<Fit, FitError> {
         let linearisation = if secants {
@@ -152,13 +140,18 @@ impl Trial {
     }
 }
 
-/// A step that lowers the cost, from `damping` on upwards; `None` where none does, or where the tangents may be to
-/// blame.
-fn find_decrease(problem: &Problem, fit: &Fit, normal: &Normal, damping: &mut f64) -> Option<Trial> {
-    let tuning = problem.descent;
+/// A step that lowers the cost, from `damping` on upwards; `None` where none that promises the least gain does, or
+/// where the tangents may be to blame.
+fn find_decrease(
+    problem: &Problem,
+    fit: &Fit,
+    normal: &Normal,
+    (damping, least_gain): (&mut f64, f64),
+) -> Option<Trial> {
+    let factor = problem.descent.damping_factor;
     loop {
         // Two dampings at once: the second core would idle otherwise.
-        let trials: Vec<Option<Trial>> = [*damping, *damping * tuning.damping_ratio]
+        let trials: Vec<Option<Trial>> = [*damping, *damping * factor]
             .into_par_iter()
             .map(|damping| try_step(problem, &fit.state, normal, damping))
             .collect();
@@ -169,8 +162,9 @@ fn find_decrease(problem: &Problem, fit: &Fit, normal: &Normal, damping: &mut f6
         if !fit.linearisation.is_fresh() {
             return None;
         }
-        *damping *= tuning.damping_ratio * tuning.damping_ratio;
-        if *damping >= tuning.most_damping {
+        *damping *= factor * factor;
+        let step = normal.step(*damping)?;
+        if normal.predicted_decrease(step.as_slice()) < least_gain {
             return None;
         }
     }
@@ -180,7 +174,7 @@ fn try_step(problem: &Problem, state: &State, normal: &Normal, damping: f64) -> 
     let mut step = normal.step(damping)?;
     // The direction is kept when one coordinate asks for more than its largest step.
     let shrink = problem.unknowns.iter().zip(step.iter()).fold(1.0f64, |s, (unknown, d)| {
-        s.min(problem.coordinates.steps(*unknown).largest / d.abs().max(f64::MIN_POSITIVE))
+        s.min(problem.coordinates.largest_step(*unknown) / d.abs().max(f64::MIN_POSITIVE))
     });
     step *= shrink;
     let (moved, delta) = problem.moved(state, step.as_slice());

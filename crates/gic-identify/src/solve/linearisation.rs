@@ -108,7 +108,7 @@ impl Tangents {
     /// fails is tried in the other direction.
     fn runs(problem: &Problem, state: &State) -> Result<Vec<(Option<Trajectories>, f64)>, FitError> {
         let run = |unknown: &Unknown| {
-            let step = problem.coordinates.steps(*unknown).difference;
+            let step = problem.coordinates.difference(*unknown);
             if *unknown == Unknown::Splat {
                 return Ok((None, step));
             }
@@ -143,7 +143,6 @@ impl Tangents {
         let square: f64 = moved.iter().map(|u| u * u).sum();
         let gains: Vec<f32> = moved.iter().map(|u| if square > 0.0 { (u / square) as f32 } else { 0.0 }).collect();
         let moved: Vec<f32> = moved.iter().map(|u| *u as f32).collect();
-        let least = problem.descent.least_scale_share as f32;
         for o in 0..new.positions.len() {
             for i in 0..new.positions[o].len() {
                 for axis in 0..3 {
@@ -161,7 +160,7 @@ impl Tangents {
             for i in 0..new.scales[o].len() {
                 let (was, is) = (old.scales[o][i], new.scales[o][i]);
                 for trajectories in &mut self.perturbed {
-                    trajectories.scales[o][i] = (trajectories.scales[o][i] - was + is).max(least * is);
+                    trajectories.scales[o][i] = (trajectories.scales[o][i] - was + is).max(0.0);
                 }
             }
         }

@@ -18,8 +18,6 @@ pub(crate) struct Objective<'a> {
     pub opacities: &'a [f32],
     pub surface_comparison: &'a SurfaceComparison,
     pub weights: &'a Weights,
-    /// Pixels around what is drawn that are compared, too.
-    pub window_margin_px: usize,
 }
 
 impl Objective<'_> {
@@ -59,8 +57,9 @@ impl Objective<'_> {
         steps: &[f64],
         pooling: usize,
     ) -> ResidualBlock {
-        // Outside of this window neither the particles nor the mask are, so that it only saves time.
-        let window = outline_window(view, base.gaussians(o, self.opacities), (self.window_margin_px, pooling));
+        // Outside of this window neither the particles nor the mask are, and a step of the finite differences moves
+        // nothing into it by a pixel, so that it only saves time.
+        let window = outline_window(view, base.gaussians(o, self.opacities), pooling);
         let camera = &window.camera(&view.camera);
         let draw = |trajectories: &Trajectories| {
             let full = alpha(trajectories.gaussians(o, self.opacities), camera);

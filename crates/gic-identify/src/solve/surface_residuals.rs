@@ -8,11 +8,11 @@
 use gic_geometry::Neighbours;
 use glam::DVec3;
 
-use crate::forward::surface_membership::{memberships, smoothstep};
+use crate::forward::surface_membership::{faded, memberships};
 use crate::forward::trajectories::Trajectories;
 use crate::observe::extracted_surface::{ObservedSurface, directed, shares, signed_distance};
 use crate::solve::residual_block::{Modality, ResidualBlock};
-use crate::tuning::{MembershipTuning, SurfaceTuning};
+use crate::tuning::SurfaceTuning;
 use crate::{Input, Tuning};
 
 /// What comparing surfaces needs besides the surfaces.
@@ -22,9 +22,9 @@ pub(crate) struct SurfaceComparison {
     colliders: Vec<gic_mpm::Collider>,
     margin: f64,
     tuning: SurfaceTuning,
-    membership: MembershipTuning,
-    /// Beyond this the nearest particle, not the plane through it, is what pulls an extracted point [m].
-    particle_plane_reach: f64,
+    /// Beyond this the nearest particle, not the plane through it, is what pulls an extracted point, and a distance at
+    /// the first frame is no offset [m].
+    plane_reach: f64,
     /// Radius within which a particle's neighbours decide whether it is on the surface [m].
     radius: f64,
     /// Share of the particles that take part. Always the same ones do: a choice that depended on the hypothesis would
@@ -42,28 +42,27 @@ pub(crate) struct SurfaceComparison {
 impl SurfaceComparison {
     /// Calibrates the offset between particles and extracted surface on the first frame.
     pub(crate) fn new(input: &Input, first: Option<&ObservedSurface>, tuning: &Tuning) -> SurfaceComparison {
-        let (tuning, membership) = (tuning.surfaces.clone(), tuning.membership.clone());
+        let tuning = tuning.surfaces.clone();
         let mut comparison = SurfaceComparison {
             colliders: input.colliders.clone(),
             margin: tuning.contact_margin_cells * input.grid_spacing_m,
-            particle_plane_reach: tuning.particle_plane_reach_cells * input.grid_spacing_m,
-            radius: membership.radius_cells * input.grid_spacing_m,
+            plane_reach: tuning.plane_radius_cells * input.grid_spacing_m,
+            radius: tuning.neighbourhood_spacings * input.particle_volume_m3.cbrt(),
             sampled: 1.0,
             rest_offsets: vec![f64::NAN; input.positions.len()],
             median_rest_offset: 0.0,
             knee: tuning.huber_knee_cells * input.grid_spacing_m,
             tuning,
-            membership,
         };
         let positions: Vec<[f32; 3]> = input.positions.iter().map(|p| p.as_vec3().to_array()).collect();
-        let memberships = memberships(&positions, comparison.radius, &comparison.membership);
+        let memberships = memberships(&positions, comparison.radius, &comparison.tuning);
         let count = memberships.iter().filter(|membership| membership.is_surface()).count();
         comparison.sampled = comparison.sampled_share(count);
         let Some(first) = first else { return comparison };
         let mut known = Vec::new();
         for (i, membership) in memberships.iter().enumerate().filter(|(_, membership)| membership.is_surface()) {
             let (distance, normal, _) = signed_distance(first, input.positions[i], membership.outward);
-            if distance.abs() < comparison.tuning.calibration_reach_cells * input.grid_spacing_m && normal.is_finite() {
+            if distance.abs() < comparison.plane_reach && normal.is_finite() {
                 comparison.rest_offsets[i] = distance;
                 known.push(distance);
             }
@@ -77,9 +76,14 @@ impl SurfaceComparison {
         self.margin
     }
 
+    /// Beyond this a residual is an outlier [m].
+    pub(crate) fn knee(&self) -> f64 {
+        self.knee
+    }
+
     /// Indices of the particles on the surface that touch nothing.
     pub(crate) fn surface_particles(&self, positions: &[[f32; 3]], time: f64) -> Vec<usize> {
-        let memberships = memberships(positions, self.radius, &self.membership);
+        let memberships = memberships(positions, self.radius, &self.tuning);
         (0..positions.len())
             .filter(|i| memberships[*i].is_surface() && !self.in_contact(point(positions[*i]), time))
             .collect()
@@ -105,7 +109,7 @@ impl SurfaceComparison {
     /// How far a point is clear of all obstacles: 0 in contact, 1 out of it, one half at the margin.
     fn clear_share(&self, p: DVec3, time: f64) -> f64 {
         let nearest = self.colliders.iter().map(|c| c.signed_distance(p, time)).fold(f64::INFINITY, f64::min);
-        smoothstep(nearest / self.margin, self.tuning.contact_fade)
+        faded(nearest, self.margin, self.tuning.fade)
     }
 
     /// Share of `count` points that makes about as many as take part at most.
@@ -131,7 +135,7 @@ impl SurfaceComparison {
     ) -> ResidualBlock {
         let frame = FrameResiduals { comparison: self, o, trajectories, perturbed, steps };
         let base: Vec<DVec3> = trajectories.positions[o].iter().map(|p| point(*p)).collect();
-        let memberships = memberships(&trajectories.positions[o], self.radius, &self.membership);
+        let memberships = memberships(&trajectories.positions[o], self.radius, &self.tuning);
         let mut block = ResidualBlock::new(Modality::Surface, o, None, steps.len());
         let surface: Vec<usize> = (0..base.len()).filter(|i| memberships[*i].share > 0.0).collect();
         for &i in surface.iter().filter(|i| self.takes_part(**i)) {
@@ -152,7 +156,7 @@ impl SurfaceComparison {
                 let particles: Vec<(usize, f64)> = near.iter().map(|(k, share)| (surface[*k], *share)).collect();
                 let mean = |of: &dyn Fn(usize) -> DVec3| particles.iter().map(|(i, share)| *share * of(*i)).sum();
                 let (place, outward): (DVec3, DVec3) = (mean(&|i| base[i]), mean(&|i| memberships[i].outward));
-                let (distance, normal) = directed(place - y, n, outward, self.particle_plane_reach);
+                let (distance, normal) = directed(place - y, n, outward, self.plane_reach);
                 frame.add(&mut block, &particles, normal, distance, weight);
             }
         }
@@ -223,7 +227,7 @@ mod tests {
 
     /// Surface particles of the block moved out by 5 mm: what pictures would show of it.
     fn shown(positions: &[DVec3]) -> Vec<DVec3> {
-        let memberships = memberships(&single(positions), 0.022, &MembershipTuning::default());
+        let memberships = memberships(&single(positions), 0.022, &SurfaceTuning::default());
         positions.iter().zip(memberships).filter(|(_, f)| f.is_surface()).map(|(p, f)| *p + 0.005 * f.outward).collect()
     }
 
@@ -231,10 +235,9 @@ mod tests {
         SurfaceComparison {
             colliders: vec![Collider::plane(DVec3::ZERO, DVec3::Y, Contact::Sticky)],
             margin: 0.02,
-            particle_plane_reach: 0.02,
+            plane_reach: 0.02,
             radius: 0.022,
             tuning: SurfaceTuning::default(),
-            membership: MembershipTuning::default(),
             sampled: 0.5,
             rest_offsets: vec![-0.005; particles],
             median_rest_offset: -0.005,

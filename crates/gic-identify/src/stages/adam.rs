@@ -15,10 +15,10 @@ use crate::stages::identification::Identification;
 use crate::unknowns::state::{State, Unknown};
 
 /// Fits the material from the first of `starts` with the initial velocity fixed; the best iterate is returned, not the
-/// last.
+/// last. It ends where an iterate cannot be simulated.
 ///
 /// # Errors
-/// Where the start cannot be simulated or too many iterates fail, and interruption.
+/// Where the start cannot be simulated, and interruption.
 pub(crate) fn adam(
     identification: &Identification,
     session: &mut Session,
@@ -29,29 +29,19 @@ pub(crate) fn adam(
     let mut state = starts.into_iter().next().ok_or(FitError::NoIteration)?;
     let mut best: Option<(f64, State)> = None;
     let mut optimiser = Adam::new(unknowns.len());
-    let (mut failures, mut rate) = (0, 1.0);
-    let mut count = 0;
     for _ in 0..identification.settings.adam_iterations {
         let (loss, slope) = match loss_and_gradient(identification, &state, &unknowns) {
             Ok(found) => found,
-            Err(reason) => {
-                // Back to where the simulator worked, with smaller steps.
-                failures += 1;
-                let Some((_, good)) = best.as_ref().filter(|_| failures <= tuning.most_failures) else {
-                    return Err(reason);
-                };
-                state = good.clone();
-                rate *= tuning.rate_after_failure;
-                continue;
-            }
+            // It has left where the simulator works.
+            Err(reason) if best.is_none() => return Err(reason),
+            Err(_) => break,
         };
         if best.as_ref().is_none_or(|(least, _)| loss < *least) {
             best = Some((loss, state.clone()));
         }
-        let iterate = Iterate { steps: count, state: state.clone(), cost: loss };
+        let iterate = Iterate { state: state.clone(), cost: loss };
         session.record(Stage::Material, parameters, &iterate)?;
-        count += 1;
-        let rates: Vec<f64> = materials(&unknowns).map(|i| rate * parameters[i].adam_rate(tuning)).collect();
+        let rates: Vec<f64> = materials(&unknowns).map(|i| parameters[i].adam_rate(tuning)).collect();
         let delta = optimiser.step(&slope, &rates);
         state = coordinates.moved(&state, &unknowns, &delta);
     }

@@ -11,8 +11,7 @@ use crate::solve::objective::Objective;
 use crate::unknowns::parameter::Parameter;
 use crate::unknowns::state::State;
 
-/// What each of `states` costs, or why it cannot be simulated; `batch` rollouts lie between two moments at which the
-/// work may be stopped.
+/// What each of `states` costs, or why it cannot be simulated.
 ///
 /// # Errors
 /// Interruption.
@@ -21,10 +20,10 @@ pub(crate) fn costs(
     (simulation, objective): (&Simulation, Objective),
     states: &[State],
     selection: &FrameSelection,
-    batch: usize,
 ) -> Result<Vec<Result<f64, FitError>>, FitError> {
     let mut costs = Vec::new();
-    for batch in states.chunks(batch) {
+    // The work may be stopped after each batch.
+    for batch in states.chunks(rayon::current_num_threads()) {
         let cost = |state| {
             simulation.trajectories(state, selection).map(|trajectories| objective.cost(&trajectories, selection))
         };

@@ -52,15 +52,11 @@ pub(crate) fn with_intervals(
     let parameters = identification.parameters().iter().zip(&state.material).enumerate();
     let estimates = parameters
         .map(|(i, (p, coordinate))| {
-            let estimate = estimate(identification, p, *coordinate, Some((&uncertainty, Unknown::Material(i))));
+            let estimate = estimate(identification, (i, p), *coordinate, Some(&uncertainty));
             Estimate { identifiable: estimate.identifiable && is_explained, ..estimate }
         })
         .collect();
-    let velocity = [0, 1, 2].map(|axis| {
-        let unknown = Unknown::Velocity(axis);
-        uncertainty.half_width(unknown).unwrap_or(0.0).hypot(flight_half_width(identification, unknown))
-    });
-    let velocity = DVec3::from_array(velocity);
+    let velocity = velocity_half_width(identification, Some(&uncertainty));
     Ok(result(identification, session, (state, Some(&trajectories)), estimates, velocity))
 }
 
@@ -73,44 +69,58 @@ fn is_explained(
 ) -> bool {
     let compared = (&identification.video, &identification.comparison);
     let drawn = (trajectories, identification.input.opacities.as_slice());
-    let (free, grid_spacing_m) = (identification.flight.free, identification.input.grid_spacing_m);
-    let unexplained = verdicts::unexplained(compared, drawn, free, grid_spacing_m, &identification.tuning.verdicts);
+    let (free, nearly_m) = (identification.flight.free, identification.comparison.knee());
+    let unexplained = verdicts::unexplained(compared, drawn, free, nearly_m, &identification.tuning.verdicts);
     let is_explained = unexplained.is_empty();
     session.warn(unexplained);
     session.warn(verdicts::at_limits(&identification.coordinates(), &identification.free_materials(), state));
     is_explained
 }
 
-/// A result without intervals.
+/// A result where the material's intervals are the ranges that are searched.
 fn unbounded(
     identification: &Identification,
     session: &mut Session,
     state: &State,
     trajectories: Option<&Trajectories>,
 ) -> Estimates {
-    let parameters = identification.parameters().iter().zip(&state.material);
-    let estimates = parameters.map(|(p, c)| estimate(identification, p, *c, None)).collect();
-    result(identification, session, (state, trajectories), estimates, DVec3::NAN)
+    let parameters = identification.parameters().iter().enumerate().zip(&state.material);
+    let estimates = parameters.map(|(place, c)| estimate(identification, place, *c, None)).collect();
+    let velocity = velocity_half_width(identification, None);
+    result(identification, session, (state, trajectories), estimates, velocity)
+}
+
+/// Half-width of the velocity's interval [m/s]: from free flight, and from the joint fit where there was one. `None`
+/// where one of them could not be measured.
+fn velocity_half_width(identification: &Identification, joint: Option<&Uncertainty>) -> Option<DVec3> {
+    let of_axis = |axis: usize| {
+        let unknown = Unknown::Velocity(axis);
+        if !identification.flight.unknowns.contains(&unknown) {
+            return Some(0.0);
+        }
+        let from_joint = joint.map_or(Some(0.0), |uncertainty| uncertainty.half_width(unknown))?;
+        Some(flight_half_width(identification, unknown)?.hypot(from_joint))
+    };
+    Some(DVec3::new(of_axis(0)?, of_axis(1)?, of_axis(2)?))
 }
 
 fn estimate(
     identification: &Identification,
-    p: &Parameter,
+    (i, p): (usize, &Parameter),
     coordinate: f64,
-    uncertainty: Option<(&Uncertainty, Unknown)>,
+    uncertainty: Option<&Uncertainty>,
 ) -> Estimate {
     let value = p.value(coordinate);
     let fixed = identification.settings.fixed_value(p).is_some();
     let (low, high) = p.limits();
-    let half_width = uncertainty.and_then(|(all, unknown)| all.half_width(unknown));
-    let shift = uncertainty.and_then(|(all, unknown)| all.refinement_shift(unknown));
+    let half_width = uncertainty.and_then(|all| all.half_width(Unknown::Material(i)));
+    let shift = uncertainty.and_then(|all| all.refinement_shift(Unknown::Material(i)));
     let interval = match half_width {
         _ if fixed => (value, value),
         Some(half) => (p.value((coordinate - half).max(low)), p.value((coordinate + half).min(high))),
         None => p.bounds,
     };
-    let near = identification.tuning.verdicts.limit_distance;
-    let at_bound = !fixed && ((coordinate - low).abs() < near || (coordinate - high).abs() < near);
+    let at_bound = !fixed && identification.coordinates().is_at_limit(i, coordinate);
     let width = 0.5 * p.error(interval.1, interval.0).abs();
     Estimate {
         parameter: *p,
@@ -127,7 +137,7 @@ fn result(
     session: &mut Session,
     (state, trajectories): (&State, Option<&Trajectories>),
     estimates: Vec<Estimate>,
-    velocity_interval_95: DVec3,
+    velocity_interval_95: Option<DVec3>,
 ) -> Estimates {
     let Identification { input, shape, video, comparison, .. } = identification;
     if identification.kind != MaterialKind::Sand {

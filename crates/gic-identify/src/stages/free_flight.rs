@@ -15,10 +15,9 @@ use crate::solve::normal_equations::Normal;
 use crate::solve::objective::Objective;
 use crate::solve::problem::Problem;
 use crate::solve::residual_block::ResidualBlock;
-use crate::tuning::FreeFlightTuning;
 use crate::unknowns::coordinates::Coordinates;
 use crate::unknowns::state::{State, Unknown};
-use crate::{FitError, Input, Tuning};
+use crate::{FitError, Input, Settings};
 
 /// What free flight shows.
 #[derive(Clone, Debug)]
@@ -33,13 +32,9 @@ pub(crate) struct FreeFlightFit {
     pub unknowns: Vec<Unknown>,
 }
 
-/// What of the motion may be fitted.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Freedom {
-    /// The initial velocity; it is kept where it is known.
-    pub velocity: bool,
-    /// The angular velocity. It still has to show.
-    pub rotation: bool,
+/// The clearance below which an obstacle is touched [m].
+pub(crate) fn touching(input: &Input) -> f64 {
+    gic_mpm::STENCIL_REACH_CELLS * input.grid_spacing_m
 }
 
 /// Splat size, position and velocity fitted to the frames before contact.
@@ -50,10 +45,10 @@ pub(crate) fn fit_free_flight(
     flight: &Flight,
     objective: Objective,
     start: State,
-    freedom: Freedom,
-    tuning: &Tuning,
+    settings: &Settings,
 ) -> Result<FreeFlightFit, FitError> {
-    let stage = FlightStage { flight, objective, tuning };
+    let stage = FlightStage { flight, objective, settings };
+    let seeks_velocity = settings.velocity_m_s.is_none();
     let mut state = start;
     let mut unknowns: Vec<Unknown> = (0..3).map(Unknown::Offset).collect();
     if !flight.video.frames[0].views.is_empty() {
@@ -61,25 +56,24 @@ pub(crate) fn fit_free_flight(
         // The Gaussians' size that reproduces the first outline, before anything moves.
         state = stage.fit(state, &unknowns, 1, 1)?.state;
     }
-    let velocity: Vec<Unknown> = if freedom.velocity { (0..3).map(Unknown::Velocity).collect() } else { Vec::new() };
+    let velocity: Vec<Unknown> = if seeks_velocity { (0..3).map(Unknown::Velocity).collect() } else { Vec::new() };
     let (mut state, free) = stage.follow_until_contact(state, &velocity)?;
-    if free == 1 && freedom.velocity {
+    if free == 1 && seeks_velocity {
         // Contact before the second frame: its velocity is a first guess that the joint stage corrects.
         state = stage.fit(state, &velocity, 2, 1)?.state;
     }
     unknowns.extend(&velocity);
     let mut fit = stage.fit(state, &unknowns, free.max(2), 1)?;
     let mut blocks = stage.blocks(&mut fit, &unknowns, free.max(2));
-    if freedom.rotation && freedom.velocity && free >= 2 {
+    if settings.rotation && seeks_velocity && free >= 2 {
         let mut with_rotation = unknowns.clone();
         with_rotation.extend((0..3).map(Unknown::Angular));
         let mut turning = stage.fit(fit.state.clone(), &with_rotation, free, 1)?;
         let turning_blocks = stage.blocks(&mut turning, &with_rotation, free);
         // Rotation counts as shown when it explains some of the residual and stands above its own uncertainty.
         let significance = rotation_significance(&turning_blocks, &turning.state, &with_rotation, objective);
-        if turning.cost < tuning.free_flight.rotation_cost_share * fit.cost
-            && significance > tuning.free_flight.rotation_significance
-        {
+        let tuning = &settings.tuning.free_flight;
+        if turning.cost < tuning.rotation_cost_share * fit.cost && significance > tuning.rotation_significance {
             (fit, unknowns, blocks) = (turning, with_rotation, turning_blocks);
         }
     }
@@ -89,7 +83,7 @@ pub(crate) fn fit_free_flight(
 struct FlightStage<'a> {
     flight: &'a Flight<'a>,
     objective: Objective<'a>,
-    tuning: &'a Tuning,
+    settings: &'a Settings,
 }
 
 impl FlightStage<'_> {
@@ -98,8 +92,8 @@ impl FlightStage<'_> {
             forward: self.flight,
             objective: self.objective,
             unknowns: unknowns.to_vec(),
-            coordinates: Coordinates { parameters: &[], tuning: &self.tuning.coordinates },
-            descent: &self.tuning.descent,
+            coordinates: Coordinates { parameters: &[], tuning: &self.settings.tuning.descent },
+            descent: &self.settings.tuning.descent,
             selection: FrameSelection { first: 0, end, pooling },
             prior: None,
         }
@@ -107,8 +101,9 @@ impl FlightStage<'_> {
 
     /// A fit to the first `end` observations.
     fn fit(&self, start: State, unknowns: &[Unknown], end: usize, pooling: usize) -> Result<Fit, FitError> {
-        let FreeFlightTuning { iterations, step_tolerance, gain_tolerance, .. } = self.tuning.free_flight;
-        let limits = Limits { iterations, step_tolerance, gain_tolerance, least_gain: 0.0, secants: false };
+        // Free flight is in closed form, and cheap: it is fitted as far as rounding lets it.
+        let (iterations, gain_tolerance) = (self.settings.iterations, f64::from(f32::EPSILON));
+        let limits = Limits { iterations, gain_tolerance, least_gain: 0.0, secants: false };
         let problem = self.problem(unknowns, end, pooling);
         minimise(&problem, start, None, limits, &mut |_| Ok(ControlFlow::Continue(())))
     }
@@ -120,19 +115,20 @@ impl FlightStage<'_> {
     /// The velocity from one frame more at a time, and how many frames are free of contact. Each fit starts where the
     /// last ended, so that the outline never jumps by more than it overlaps.
     fn follow_until_contact(&self, start: State, velocity: &[Unknown]) -> Result<(State, usize), FitError> {
-        let (Flight { input, video, .. }, tuning) = (*self.flight, &self.tuning.free_flight);
-        let touching = tuning.contact_clearance_cells * input.grid_spacing_m;
+        let Flight { input, video, .. } = *self.flight;
         let (mut state, mut free) = (start, 1);
         while free < video.frames.len() {
             let mut candidate = state.clone();
             if !velocity.is_empty() {
                 if free == 1 {
-                    candidate = self.fit(candidate, velocity, free + 1, tuning.first_pooling)?.state;
+                    // Outlines that do not overlap must pull.
+                    let blur = self.settings.tuning.masks.blur_pooling;
+                    candidate = self.fit(candidate, velocity, free + 1, blur)?.state;
                 }
-                candidate = self.fit(candidate, velocity, free + 1, if free == 1 { 1 } else { tuning.pooling })?.state;
+                candidate = self.fit(candidate, velocity, free + 1, 1)?.state;
             }
             let frame = video.frames[free].simulated_frame;
-            if clearance(input, &self.flight.positions(&candidate, frame), frame) < touching {
+            if clearance(input, &self.flight.positions(&candidate, frame), frame) < touching(input) {
                 break;
             }
             state = candidate;

@@ -15,7 +15,7 @@ use crate::solve::problem::Problem;
 use crate::solve::residual_block::{ResidualBlock, Weights};
 use crate::solve::surface_residuals::SurfaceComparison;
 use crate::stages::candidates::MinimumSpace;
-use crate::stages::free_flight::{FreeFlightFit, Freedom, clearance, fit_free_flight};
+use crate::stages::free_flight::{FreeFlightFit, clearance, fit_free_flight, touching};
 use crate::tuning::NoiseTuning;
 use crate::uncertainty::input_checks;
 use crate::uncertainty::noise::effective_weights;
@@ -59,24 +59,21 @@ impl<'a> Identification<'a> {
         let mut video = ObservedVideo::new(input, settings.target, &excluded, tuning);
         let comparison = SurfaceComparison::new(input, video.frames[0].surface.as_ref(), tuning);
         let spacing = input.particle_volume_m3.cbrt();
-        let splat_widths = SplatWidths::new(&input.positions, &input.scales, spacing, &tuning.splats);
-        let shape = ShapeModes::new(input, &tuning.shape, &tuning.membership);
+        let splat_widths = SplatWidths::new(&input.positions, &input.scales, spacing, &tuning.surfaces);
+        let shape = ShapeModes::new(input, &tuning.shape, &tuning.surfaces);
         let count = video.frames.len();
         // Until the data's own noise is known.
-        let surface_error = tuning.noise.first_surface_error_cells * input.grid_spacing_m;
-        let weights = Weights::uniform(tuning.noise.first_mask_weight, surface_error.powi(-2), count);
+        let weights = weights_of_error(tuning.noise.first_error, input, count);
         let objective = Objective {
             video: &video,
             opacities: &input.opacities,
             surface_comparison: &comparison,
             weights: &weights,
-            window_margin_px: tuning.masks.window_margin_px,
         };
-        let freedom = Freedom { velocity: settings.velocity_m_s.is_none(), rotation: settings.rotation };
         let flight = Flight { input, video: &video, shape: &shape };
-        let flight = fit_free_flight(&flight, objective, start_of_flight(kind, settings), freedom, tuning)
+        let flight = fit_free_flight(&flight, objective, start_of_flight(kind, settings), settings)
             .map_err(|error| error.of_stage(1))?;
-        let weights = flight_weights(&flight, &weight_ceilings(input, count, &tuning.noise), &tuning.noise);
+        let weights = flight_weights(&flight, &weights_of_error(tuning.noise.least_error, input, count), &tuning.noise);
         video.discount_unseen(input, flight.free);
         Ok(Identification {
             input,
@@ -98,7 +95,7 @@ impl<'a> Identification<'a> {
     }
 
     pub(crate) fn coordinates(&self) -> Coordinates<'_> {
-        Coordinates { parameters: self.parameters(), tuning: &self.tuning.coordinates }
+        Coordinates { parameters: self.parameters(), tuning: &self.tuning.descent }
     }
 
     /// When two states count as the same local minimum of the material.
@@ -137,7 +134,6 @@ impl<'a> Identification<'a> {
             opacities: &self.input.opacities,
             surface_comparison: &self.comparison,
             weights: &self.weights,
-            window_margin_px: self.tuning.masks.window_margin_px,
         }
     }
 
@@ -181,7 +177,7 @@ impl<'a> Identification<'a> {
     /// The weights that the data's own noise gives at a fit.
     pub(crate) fn weights_at(&self, blocks: &[ResidualBlock], unknowns: usize) -> Weights {
         let noise = &self.tuning.noise;
-        let ceilings = weight_ceilings(self.input, self.video.frames.len(), noise);
+        let ceilings = weights_of_error(noise.least_error, self.input, self.video.frames.len());
         effective_weights(blocks, unknowns, self.flight.free, &ceilings, noise)
     }
 
@@ -189,8 +185,7 @@ impl<'a> Identification<'a> {
     pub(crate) fn has_contact(&self) -> bool {
         let last = self.video.frames.last().map_or(0, |observed| observed.simulated_frame);
         let at_the_end = || self.free_flight().positions(&self.flight.state, last);
-        let touching = self.tuning.free_flight.contact_clearance_cells * self.input.grid_spacing_m;
-        self.flight.free < self.video.frames.len() || clearance(self.input, &at_the_end(), last) < touching
+        self.flight.free < self.video.frames.len() || clearance(self.input, &at_the_end(), last) < touching(self.input)
     }
 }
 
@@ -203,10 +198,9 @@ fn start_of_flight(kind: MaterialKind, settings: &Settings) -> State {
     start
 }
 
-/// What weights never exceed.
-fn weight_ceilings(input: &Input, frames: usize, tuning: &NoiseTuning) -> Weights {
-    let surface_error = tuning.least_surface_error_cells * input.grid_spacing_m;
-    Weights::uniform(tuning.most_mask_weight, surface_error.powi(-2), frames)
+/// Inverse squares of an error of alpha, and of surfaces in cells.
+fn weights_of_error(error: f64, input: &Input, frames: usize) -> Weights {
+    Weights::uniform(error.powi(-2), (error * input.grid_spacing_m).powi(-2), frames)
 }
 
 /// The noise of free flight as that of all frames.

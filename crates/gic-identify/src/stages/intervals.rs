@@ -115,12 +115,12 @@ fn refined(mut simulation: Simulation, factor: f64, state: &State) -> Option<Tra
     simulation.trajectories(state, &selection).ok()
 }
 
-/// Half-width of an unknown's interval from free flight alone, where the position is uncertain, too; 0 where it was not
-/// fitted.
-pub(crate) fn flight_half_width(identification: &Identification, unknown: Unknown) -> f64 {
+/// Half-width of an unknown's interval from free flight alone, where the position is uncertain, too; `None` where it
+/// was not fitted or cannot be measured.
+pub(crate) fn flight_half_width(identification: &Identification, unknown: Unknown) -> Option<f64> {
     let (flight, tuning, none) = (&identification.flight, &identification.tuning.noise, DMatrix::zeros(0, 0));
     let place = flight.unknowns.iter().position(|u| *u == unknown);
     let count = flight.unknowns.len();
     let covariance = covariance(&flight.blocks, &identification.weights, count, &none, &none, tuning);
-    place.zip(covariance).map_or(0.0, |(k, c)| half_width(c[(k, k)], tuning))
+    place.zip(covariance).map(|(k, c)| half_width(c[(k, k)], tuning))
 }

@@ -45,10 +45,9 @@ fn fit(
     start: State,
 ) -> Result<(State, Option<Linearisation>), FitError> {
     let (simulation, prior) = (identification.simulation(), prior(identification));
-    let (most, tuning) = (identification.settings.iterations, &identification.tuning.joint);
-    let first = (tuning.first_iterations.min(most), tuning.first_gain_tolerance);
+    let most = identification.settings.iterations;
     let (mut state, mut known) = (start, None);
-    for (iterations, gain_tolerance) in [first, (most, 0.0)] {
+    for iterations in [identification.tuning.descent.short_iterations.min(most), most] {
         let problem = problem(identification, &simulation, &prior);
         // Where the first fit ended, its tangents are good enough for weights, and for a first step.
         let mut here = match known {
@@ -59,8 +58,8 @@ fn fit(
         let weights = identification.weights_at(here.blocks(&problem), problem.unknowns.len());
         let problem = Problem { objective: Objective { weights: &weights, ..problem.objective }, ..problem };
         // The cost is in units of chi-squared: what matters is the absolute gain.
-        let rough = Limits::rough(iterations, problem.descent);
-        let limits = Limits { gain_tolerance, least_gain: tuning.least_gain, ..rough };
+        let least_gain = identification.tuning.joint.least_gain;
+        let limits = Limits { iterations, gain_tolerance: 0.0, least_gain, secants: true };
         let fit = session.minimise(Stage::Joint, &problem, (state, Some(here)), limits, &|_| false)?;
         (state, known) = (fit.state, Some(fit.linearisation));
     }

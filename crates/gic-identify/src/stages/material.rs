@@ -60,20 +60,17 @@ impl MaterialStage<'_> {
     fn short_fits(&self, session: &mut Session, starts: Vec<State>) -> Result<(), FitError> {
         let done = session.checkpoint().fits.len();
         let mut failure = FitError::NoIteration;
+        let (blur, short) =
+            (self.identification.tuning.masks.blur_pooling, self.identification.tuning.descent.short_iterations);
         for start in starts.into_iter().skip(done) {
-            let fits = session.checkpoint().fits.iter().flatten();
-            let best = fits.map(|fit| fit.0).fold(f64::INFINITY, f64::min);
-            let is_hopeless = |step: &Iterate| step.cost > self.tuning.give_up_cost_ratio * best;
-            let found =
-                match self.fit_until(session, start, (self.tuning.pooling, self.tuning.short_iterations), &is_hopeless)
-                {
-                    Ok(fit) => Some((fit.cost, fit.state)),
-                    Err(FitError::Interrupted) => return Err(FitError::Interrupted),
-                    Err(reason) => {
-                        failure = reason;
-                        None
-                    }
-                };
+            let found = match self.fit_until(session, start, (blur, short), &|_| false) {
+                Ok(fit) => Some((fit.cost, fit.state)),
+                Err(FitError::Interrupted) => return Err(FitError::Interrupted),
+                Err(reason) => {
+                    failure = reason;
+                    None
+                }
+            };
             session.reach(None, |checkpoint| checkpoint.fits.push(found))?;
         }
         if session.checkpoint().fits.iter().all(Option::is_none) { Err(failure) } else { Ok(()) }
@@ -84,13 +81,13 @@ impl MaterialStage<'_> {
         let mut minima: Vec<Fit> = Vec::new();
         let mut failure = FitError::NoIteration;
         let space = self.identification.minimum_space();
-        for state in cheapest(&space, fits, self.tuning.continue_cost_ratio) {
+        for state in cheapest(&space, fits, self.tuning.most_cost_ratio) {
             // What comes down into a minimum that is known would end there.
             let is_known = |step: &Iterate| {
                 let same = |end: &Fit| end.cost <= step.cost && same_minimum(&space, &end.state, &step.state);
                 minima.iter().any(same)
             };
-            match self.fit_until(session, state, (self.tuning.pooling, self.tuning.long_iterations), &is_known) {
+            match self.fit_until(session, state, self.long(), &is_known) {
                 Ok(found) => minima.push(found),
                 Err(FitError::Interrupted) => return Err(FitError::Interrupted),
                 Err(reason) => failure = reason,
@@ -108,12 +105,11 @@ impl MaterialStage<'_> {
         while let Some(distance) = distances.next().filter(|_| restarts < self.tuning.most_restarts) {
             minima.sort_by(|a, b| a.cost.total_cmp(&b.cost));
             let Some(start) = self.neighbouring_start(session, &mut minima[0], distance)? else { continue };
-            let found =
-                match self.fit_until(session, start, (self.tuning.pooling, self.tuning.long_iterations), &|_| false) {
-                    Ok(found) => found,
-                    Err(FitError::Interrupted) => return Err(FitError::Interrupted),
-                    Err(_) => continue,
-                };
+            let found = match self.fit_until(session, start, self.long(), &|_| false) {
+                Ok(found) => found,
+                Err(FitError::Interrupted) => return Err(FitError::Interrupted),
+                Err(_) => continue,
+            };
             restarts += 1;
             // Back in the minimum that was left, or in a worse one, there is nothing new around, but there may be
             // nearer by.
@@ -129,18 +125,13 @@ impl MaterialStage<'_> {
     /// Which of several minima that cost about the same is right shows in sharper masks.
     fn best_when_sharp(&self, session: &mut Session, minima: Vec<Fit>) -> Result<State, FitError> {
         let ends = minima.into_iter().map(|end| (end.cost, end.state)).collect();
-        let mut finalists = cheapest(&self.identification.minimum_space(), ends, self.tuning.sharpen_cost_ratio);
+        let mut finalists = cheapest(&self.identification.minimum_space(), ends, self.tuning.most_cost_ratio);
         if !self.identification.settings.target.masks() {
             return Ok(finalists.swap_remove(0));
         }
         let mut sharp: Vec<Fit> = Vec::new();
         for state in finalists {
-            sharp.push(self.fit_until(
-                session,
-                state,
-                (self.tuning.sharp_pooling, self.tuning.sharp_iterations),
-                &|_| false,
-            )?);
+            sharp.push(self.fit_until(session, state, (1, self.identification.settings.iterations), &|_| false)?);
         }
         let best = sharp.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
         best.map(|fit| fit.state).ok_or(FitError::NoIteration)
@@ -155,8 +146,12 @@ impl MaterialStage<'_> {
     ) -> Result<Fit, FitError> {
         let problem = self.identification.material_problem(self.simulation, pooling);
         let limits = Limits::rough(iterations, problem.descent);
-        let is_enough = |step: &Iterate| step.steps >= self.tuning.least_iterations && is_enough(step);
-        session.minimise(Stage::Material, &problem, (start, None), limits, &is_enough)
+        session.minimise(Stage::Material, &problem, (start, None), limits, is_enough)
+    }
+
+    /// Pooling and most steps of a fit to its end.
+    fn long(&self) -> (usize, usize) {
+        (self.identification.tuning.masks.blur_pooling, self.identification.settings.iterations)
     }
 
     /// Where a better minimum next to that of `fit` may begin: each parameter of which there are several starts is
@@ -169,18 +164,18 @@ impl MaterialStage<'_> {
         fit: &mut Fit,
         distance: f64,
     ) -> Result<Option<State>, FitError> {
-        let problem = self.identification.material_problem(self.simulation, self.tuning.pooling);
+        let problem =
+            self.identification.material_problem(self.simulation, self.identification.tuning.masks.blur_pooling);
         let normal = problem.normal(fit.linearisation.blocks(&problem), &fit.state);
         let (predicted, states): (Vec<f64>, Vec<State>) = (0..problem.unknowns.len())
             .filter(|k| self.identification.is_varied(&problem.unknowns[*k]))
             .flat_map(|k| [(k, distance), (k, -distance)])
             .filter_map(|moved| neighbour(&problem, &normal, fit, moved))
             .unzip();
-        let batch = self.identification.tuning.search.batch;
-        let costs = costs(session, (self.simulation, problem.objective), &states, &problem.selection, batch)?;
+        let costs = costs(session, (self.simulation, problem.objective), &states, &problem.selection)?;
         let gain = |((cost, predicted), state): ((Result<f64, FitError>, f64), State)| {
-            let most = (predicted - self.tuning.least_restart_gain_share * fit.cost)
-                .min(self.tuning.continue_cost_ratio * fit.cost);
+            let most =
+                (predicted - problem.descent.gain_tolerance * fit.cost).min(self.tuning.most_cost_ratio * fit.cost);
             let cost = cost.ok().filter(|cost| *cost < most)?;
             Some((predicted - cost, state))
         };
@@ -193,7 +188,7 @@ impl MaterialStage<'_> {
 fn neighbour(problem: &Problem, normal: &Normal, fit: &Fit, (k, distance): (usize, f64)) -> Option<(f64, State)> {
     let step = normal.step_along(k, distance)?;
     let short = |(i, unknown): (usize, &Unknown)| {
-        let most = problem.coordinates.steps(*unknown).largest;
+        let most = problem.coordinates.largest_step(*unknown);
         if i == k { step[i] } else { step[i].clamp(-most, most) }
     };
     let step: Vec<f64> = problem.unknowns.iter().enumerate().map(short).collect();

@@ -45,7 +45,7 @@ fn coarse_starts(
     let thinned = ThinnedContinuum::new(input, tuning);
     let positions: Vec<DVec3> = thinned.ids.iter().map(|i| input.positions[*i]).collect();
     let spacing = factor * input.particle_volume_m3.cbrt();
-    let splat_widths = SplatWidths::new(&positions, &thinned.scales, spacing, &identification.tuning.splats);
+    let splat_widths = SplatWidths::new(&positions, &thinned.scales, spacing, &identification.tuning.surfaces);
     let simulation = Simulation {
         resolution: Resolution {
             thinning: Some(thinned.ids.clone()),
@@ -61,15 +61,13 @@ fn coarse_starts(
         Objective { surface_comparison: &comparison, opacities: &thinned.opacities, ..identification.objective() };
     // The coarse grid would only distort what the grid of starts does not vary.
     let is_varied = |unknown: &Unknown| identification.is_varied(unknown);
-    let problem = identification.material_problem(&simulation, identification.tuning.material.pooling);
+    let problem = identification.material_problem(&simulation, identification.tuning.masks.blur_pooling);
     let unknowns = problem.unknowns.iter().copied().filter(is_varied).collect();
     let problem = Problem { objective, unknowns, ..problem };
-    let costs = costs(session, (&simulation, objective), candidates, &problem.selection, tuning.batch)?;
+    let costs = costs(session, (&simulation, objective), candidates, &problem.selection)?;
     let ranked = ranked(costs.iter().cloned(), candidates);
     let mut found = improved(session, &problem, &ranked, tuning)?;
-    let points = tuning.full_grid_particles / input.positions.len();
-    let points = points.clamp(tuning.full_grid_points.0, tuning.full_grid_points.1);
-    found.extend(ranked.iter().take(points).map(|(cost, state)| (*cost, (*state).clone())));
+    found.extend(ranked.iter().take(tuning.full_grid_points).map(|(cost, state)| (*cost, (*state).clone())));
     if found.is_empty() {
         return Err(costs.into_iter().find_map(Result::err).unwrap_or(FitError::NoIteration));
     }
@@ -83,9 +81,8 @@ fn improved(
     ranked: &[(f64, &State)],
     tuning: &SearchTuning,
 ) -> Result<Vec<(f64, State)>, FitError> {
-    let fits = if problem.unknowns.is_empty() { 0 } else { tuning.coarse_fits };
-    let rough = Limits::rough(tuning.coarse_iterations, problem.descent);
-    let limits = Limits { gain_tolerance: tuning.coarse_gain_tolerance, ..rough };
+    let fits = if problem.unknowns.is_empty() { 0 } else { tuning.starts };
+    let limits = Limits::rough(problem.descent.short_iterations, problem.descent);
     let mut found = Vec::new();
     for (_, start) in ranked.iter().take(fits) {
         match session.minimise(Stage::Search, problem, ((*start).clone(), None), limits, &|_| false) {
@@ -103,25 +100,19 @@ fn rank_on_full_grid(
     session: &mut Session,
     mut found: Vec<(f64, State)>,
 ) -> Result<Vec<State>, FitError> {
-    let tuning = &identification.tuning.search;
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
     let distinct = distinct(&identification.minimum_space(), found.into_iter().map(|(_, state)| state));
     if distinct.len() == 1 {
         return Ok(distinct);
     }
     let (simulation, selection) =
-        (identification.simulation(), identification.touched_frames(identification.tuning.material.pooling));
-    let costs = costs(session, (&simulation, identification.objective()), &distinct, &selection, tuning.batch)?;
+        (identification.simulation(), identification.touched_frames(identification.tuning.masks.blur_pooling));
+    let costs = costs(session, (&simulation, identification.objective()), &distinct, &selection)?;
     let ranked = ranked(costs.iter().cloned(), distinct);
-    let Some(best) = ranked.first().map(|r| r.0) else {
+    if ranked.is_empty() {
         return Err(costs.into_iter().find_map(Result::err).unwrap_or(FitError::NoIteration));
-    };
-    Ok(ranked
-        .into_iter()
-        .filter(|(cost, _)| *cost < tuning.most_cost_ratio * best)
-        .take(identification.free_materials().len().max(tuning.least_full_grid_fits))
-        .map(|(_, state)| state)
-        .collect())
+    }
+    Ok(ranked.into_iter().take(identification.tuning.search.starts).map(|(_, state)| state).collect())
 }
 
 /// Points of the grid of starts: over the whole range of each parameter, plus the start that was given.

@@ -25,7 +25,7 @@ pub(crate) fn wrong_cameras(
         .views
         .iter()
         .map(|view| {
-            let view = MaskView::new(view.camera, &input.cameras[view.camera], &view.mask, tuning.overlap_pooling);
+            let view = MaskView::new(view.camera, &input.cameras[view.camera], &view.mask, 1);
             let rendered = alpha(gaussians, &view.camera);
             let (mut both, mut either) = (0.0, 0.0);
             for (a, m) in rendered.iter().zip(&view.mask) {
@@ -38,7 +38,7 @@ pub(crate) fn wrong_cameras(
     let mut sorted: Vec<f64> = overlaps.iter().map(|(_, o)| *o).collect();
     sorted.sort_by(f64::total_cmp);
     let typical = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
-    if typical < tuning.good_overlap {
+    if typical < tuning.wrong_overlap {
         if !sorted.is_empty() {
             warnings.push(format!(
                 "the particles' outline overlaps the first masks by only {:.0} %: check the reconstruction",

@@ -15,7 +15,8 @@ use crate::tuning::NoiseTuning;
 /// Covariance of the first `unknowns` columns, given what is `known` of them besides (an information matrix, or an
 /// empty one).
 ///
-/// `nuisances` is the covariance of the next columns of the blocks, which were held fixed.
+/// `nuisances` is the covariance of the next columns of the blocks, which were held fixed. `None` where it is not
+/// finite.
 pub(crate) fn covariance(
     blocks: &[ResidualBlock],
     weights: &Weights,
@@ -33,7 +34,8 @@ pub(crate) fn covariance(
     let frames = groups(blocks, &weight, unknowns, &|c| c.observation);
     middle += scatter(&frames, frames.len() / tuning.frames_per_lag);
     let shifts = &inverse * total.hessian.view((0, unknowns), (unknowns, nuisances.nrows()));
-    Some(&inverse * middle * &inverse + &shifts * nuisances * shifts.transpose())
+    let covariance = &inverse * middle * &inverse + &shifts * nuisances * shifts.transpose();
+    covariance.iter().all(|entry| entry.is_finite()).then_some(covariance)
 }
 
 /// Covariance of the first `unknowns` columns, nonzero for `materials`, from the whole prior (unit variances) of those

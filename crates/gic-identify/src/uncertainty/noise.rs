@@ -68,10 +68,11 @@ fn weigh_phase(
     };
     // The first surface is what distances are measured relative to: it says nothing of their noise.
     let telling = |c: &&ResidualBlock| modality == Modality::Mask || c.observation > 0 || last == 0;
+    let lags = (last + 1 - first) / tuning.frames_per_lag;
     for o in first..=last {
-        // A frame alone is a small sample: its neighbours count, too.
+        // A frame alone is a small sample: its neighbours, whose errors resemble its own, count, too.
         let near: Vec<&ResidualBlock> =
-            phase.iter().filter(|c| c.observation.abs_diff(o) <= tuning.neighbouring_frames).filter(telling).collect();
+            phase.iter().filter(|c| c.observation.abs_diff(o) <= lags).filter(telling).collect();
         let noise = noise(&near, unknowns);
         slots(weights, o, 1.0 / noise.max(1.0 / ceiling(o)));
     }

@@ -10,12 +10,12 @@ use crate::unknowns::coordinates::Coordinates;
 use crate::unknowns::state::{State, Unknown};
 
 /// Warns where the frames after contact, from the observation `free` on, are explained much worse than those before:
-/// the material, an obstacle or the body's shape is another.
+/// the material, an obstacle or the body's shape is another. Surfaces may differ by `nearly_m` besides.
 pub(crate) fn unexplained(
     (video, comparison): (&ObservedVideo, &SurfaceComparison),
     (trajectories, opacities): (&Trajectories, &[f32]),
     free: usize,
-    grid_spacing_m: f64,
+    nearly_m: f64,
     tuning: &VerdictTuning,
 ) -> Vec<String> {
     let misfit: Vec<(f64, f64)> = video
@@ -40,8 +40,7 @@ pub(crate) fn unexplained(
         let (after, before) = (100.0 * after.1, 100.0 * before.1);
         warnings.push(unexplained(format!("{after:.0} % of the object's pixels differ, before it {before:.0} %")));
     }
-    let surfaces_explained =
-        after.0 <= tuning.most_misfit_ratio * before.0 + tuning.surface_misfit_cells * grid_spacing_m;
+    let surfaces_explained = after.0 <= tuning.most_misfit_ratio * before.0 + nearly_m;
     if !surfaces_explained {
         let (after, before) = (1e3 * after.0, 1e3 * before.0);
         warnings.push(unexplained(format!("the surfaces are {after:.1} mm apart, before it {before:.1} mm")));
@@ -55,7 +54,7 @@ pub(crate) fn at_limits(coordinates: &Coordinates, unknowns: &[Unknown], state: 
     let at_limit = unknowns.iter().filter_map(|unknown| match *unknown {
         Unknown::Material(i) => {
             let (parameter, at) = (&coordinates.parameters[i], state.material[i]);
-            parameter.is_at_limit(at, coordinates.tuning).then_some((parameter, at))
+            coordinates.is_at_limit(i, at).then_some((parameter, at))
         }
         _ => None,
     });

@@ -1,6 +1,6 @@
-//! How far each unknown may go, and how far it goes at once.
+//! How far each unknown goes at once, and how far at all.
 
-use crate::tuning::{CoordinateTuning, Steps};
+use crate::tuning::DescentTuning;
 use crate::unknowns::parameter::Parameter;
 use crate::unknowns::state::{State, Unknown};
 
@@ -9,33 +9,53 @@ use crate::unknowns::state::{State, Unknown};
 pub(crate) struct Coordinates<'a> {
     /// Of the material; empty where it is not sought.
     pub parameters: &'a [Parameter],
-    pub tuning: &'a CoordinateTuning,
+    pub tuning: &'a DescentTuning,
 }
 
 impl Coordinates<'_> {
-    /// Limits of the coordinate.
+    /// Limits of the coordinate; only those of the material have any.
     pub(crate) fn limits(&self, unknown: Unknown) -> (f64, f64) {
-        let most = match unknown {
-            Unknown::Material(i) => return self.parameters[i].limits(),
-            Unknown::Velocity(_) => self.tuning.most_velocity_m_s,
-            Unknown::Angular(_) => self.tuning.most_angular_velocity_rad_s,
-            Unknown::Offset(_) => self.tuning.most_offset_m,
-            Unknown::Splat => self.tuning.most_log_splat_factor,
-            Unknown::Shape(_) => self.tuning.most_shape,
-        };
-        (-most, most)
+        match unknown {
+            Unknown::Material(i) => self.parameters[i].limits(),
+            _ => (f64::NEG_INFINITY, f64::INFINITY),
+        }
     }
 
-    /// Step of the finite differences, and the largest of one iteration.
-    pub(crate) fn steps(&self, unknown: Unknown) -> Steps {
+    /// Largest step of one iteration: of the material a unit, beyond which the quadratic model says little. The others
+    /// act almost linearly, and the damping bounds them.
+    pub(crate) fn largest_step(&self, unknown: Unknown) -> f64 {
         match unknown {
-            Unknown::Material(i) => self.parameters[i].steps(self.tuning),
-            Unknown::Velocity(_) => self.tuning.velocity_m_s,
-            Unknown::Angular(_) => self.tuning.angular_velocity_rad_s,
-            Unknown::Offset(_) => self.tuning.offset_m,
-            Unknown::Splat => self.tuning.log_splat_factor,
-            Unknown::Shape(_) => self.tuning.shape,
+            Unknown::Material(_) => self.unit(unknown),
+            _ => f64::INFINITY,
         }
+    }
+
+    /// What changes the motion visibly.
+    fn unit(&self, unknown: Unknown) -> f64 {
+        match unknown {
+            Unknown::Material(i) => self.parameters[i].unit(),
+            // [m/s]: a cell of 0.02 m in a tenth of a second, the time of a free flight.
+            Unknown::Velocity(_) => 0.2,
+            // [rad/s]
+            Unknown::Angular(_) => 1.0,
+            // [m]: a cell.
+            Unknown::Offset(_) => 0.02,
+            // A factor of e.
+            Unknown::Splat => 1.0,
+            // Standard deviations of a fifth of a particle spacing: a cell.
+            Unknown::Shape(_) => 10.0,
+        }
+    }
+
+    /// Step of the finite differences.
+    pub(crate) fn difference(&self, unknown: Unknown) -> f64 {
+        self.tuning.difference * self.unit(unknown)
+    }
+
+    /// Whether the coordinate of a material parameter is at one of its limits, to a step of the finite differences.
+    pub(crate) fn is_at_limit(&self, parameter: usize, coordinate: f64) -> bool {
+        let (low, high) = self.parameters[parameter].limits();
+        (coordinate - low).min(high - coordinate) < self.difference(Unknown::Material(parameter))
     }
 
     /// `state` displaced by `delta` along `unknowns`, kept inside the limits.
@@ -46,5 +66,28 @@ impl Coordinates<'_> {
             next.set(unknown, (state.get(unknown) + d).clamp(low, high));
         }
         next
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use gic_mpm::MaterialKind;
+
+    use super::*;
+    use crate::unknowns::parameter::sought;
+
+    #[test]
+    fn only_what_lies_at_a_limit_is_said_to() {
+        let tuning = DescentTuning::default();
+        for kind in MaterialKind::ALL {
+            let coordinates = Coordinates { parameters: sought(kind), tuning: &tuning };
+            for (i, p) in coordinates.parameters.iter().enumerate() {
+                let (low, high) = p.limits();
+                let is_at_limit = |coordinate: f64| coordinates.is_at_limit(i, coordinate);
+                assert!(is_at_limit(low) && is_at_limit(high), "{}", p.name);
+                assert!(!is_at_limit(f64::midpoint(low, high)), "{}", p.name);
+                assert!(!is_at_limit(high - 2.0 * coordinates.difference(Unknown::Material(i))), "{}", p.name);
+            }
+        }
     }
 }

@@ -3,7 +3,7 @@
 use gic_mpm::{Material, MaterialKind};
 
 use crate::IdentifyError;
-use crate::tuning::{AdamTuning, CoordinateTuning, Steps};
+use crate::tuning::AdamTuning;
 
 /// How a physical value maps onto its search coordinate.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -131,18 +131,13 @@ impl Parameter {
         (self.coordinate(self.bounds.0), self.coordinate(self.bounds.1))
     }
 
-    /// Whether a search coordinate is at one of the limits, to a step of the finite differences.
-    pub(crate) fn is_at_limit(&self, coordinate: f64, tuning: &CoordinateTuning) -> bool {
-        let (low, high) = self.limits();
-        (coordinate - low).min(high - coordinate) < self.steps(tuning).difference
-    }
-
-    /// Steps in the search coordinate.
-    pub(crate) fn steps(&self, tuning: &CoordinateTuning) -> Steps {
+    /// What changes the motion visibly, in the search coordinate: a factor of three, half of Poisson's range, or the
+    /// unit of an angle.
+    pub(crate) fn unit(&self) -> f64 {
         match self.transform {
-            Transform::Log10 => tuning.logarithmic,
-            Transform::Bounded { .. } => tuning.bounded,
-            Transform::Linear { .. } => tuning.linear,
+            Transform::Log10 => 0.5,
+            Transform::Bounded { .. } => 2.0,
+            Transform::Linear { .. } => 1.0,
         }
     }
 
@@ -177,20 +172,6 @@ mod tests {
         for kind in MaterialKind::ALL {
             let names: Vec<&str> = sought(kind).iter().map(|p| p.name).collect();
             assert!(kind.parameter_names().starts_with(&names), "{names:?}");
-        }
-    }
-
-    #[test]
-    fn only_what_lies_at_a_limit_is_said_to() {
-        for kind in MaterialKind::ALL {
-            for p in sought(kind) {
-                let (low, high) = p.limits();
-                let tuning = CoordinateTuning::default();
-                let is_at_limit = |coordinate: f64| p.is_at_limit(coordinate, &tuning);
-                assert!(is_at_limit(low) && is_at_limit(high), "{}", p.name);
-                assert!(!is_at_limit(f64::midpoint(low, high)), "{}", p.name);
-                assert!(!is_at_limit(high - 2.0 * p.steps(&tuning).difference), "{}", p.name);
-            }
         }
     }
 

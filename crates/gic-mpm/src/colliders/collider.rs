@@ -4,7 +4,7 @@ use glam::{DQuat, DVec3};
 
 use super::contact::Contact;
 use super::path::{ColliderPath, Pose};
-use super::shape::{Primitive, SURFACE_TOLERANCE_M};
+use super::shape::Primitive;
 
 /// A rigid obstacle.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,10 +35,10 @@ impl Collider {
         self.primitive.signed_distance(pose.rotation.inverse() * (point - pose.position)).0
     }
 
-    /// The obstacle as it is at a time [s].
-    pub(crate) fn posed(&self, time: f64) -> PosedCollider<'_> {
+    /// The obstacle as it is at a time [s]; points up to `tolerance` [m] outside count as inside.
+    pub(crate) fn posed(&self, time: f64, tolerance: f64) -> PosedCollider<'_> {
         let pose = self.path.pose(time);
-        PosedCollider { collider: self, pose, to_local: pose.rotation.inverse() }
+        PosedCollider { collider: self, pose, to_local: pose.rotation.inverse(), tolerance }
     }
 }
 
@@ -47,6 +47,8 @@ pub(crate) struct PosedCollider<'a> {
     pub(crate) collider: &'a Collider,
     pub(crate) pose: Pose,
     to_local: DQuat,
+    /// Points this far outside [m] count as inside.
+    tolerance: f64,
 }
 
 /// The surface as a point inside an obstacle meets it.
@@ -62,15 +64,19 @@ impl PosedCollider<'_> {
     /// itself.
     pub(crate) fn clearance(&self, point: DVec3) -> f64 {
         // Twice the tolerance: half of it for rounding.
-        self.collider.primitive.signed_distance(self.to_local * (point - self.pose.position)).0
-            - 2.0 * SURFACE_TOLERANCE_M
+        self.collider.primitive.signed_distance(self.to_local * (point - self.pose.position)).0 - 2.0 * self.tolerance
+    }
+
+    /// How deep [m] a point of the world [m] is inside; zero or less outside.
+    pub(crate) fn depth(&self, point: DVec3) -> f64 {
+        self.collider.primitive.depth(self.to_local * (point - self.pose.position))
     }
 
     /// The contact of a point of the world [m], if it is inside.
     pub(crate) fn touch(&self, point: DVec3) -> Option<Touch> {
         let arm = point - self.pose.position;
         let (distance, normal) = self.collider.primitive.signed_distance(self.to_local * arm);
-        (distance <= SURFACE_TOLERANCE_M).then(|| Touch {
+        (distance <= self.tolerance).then(|| Touch {
             normal: self.pose.rotation * normal,
             wall_velocity: self.pose.velocity + self.pose.angular_velocity.cross(arm),
         })
@@ -97,13 +103,14 @@ mod tests {
                 angular_velocity_rad_s: DVec3::Y,
             };
             let collider = Collider { primitive: one_of_each()[shape], path, contact: Contact::Sticky };
-            let posed = collider.posed(0.5);
+            let tolerance = 1e-6;
+            let posed = collider.posed(0.5, tolerance);
             let (p, way) = (DVec3::from(p), DVec3::from(way));
             let clearance = posed.clearance(p);
             if clearance > 0.0 {
                 prop_assert!(posed.touch(p + way.normalize_or_zero() * clearance * 0.999).is_none());
             } else {
-                prop_assert!(posed.touch(p).is_some() || clearance > -4.0 * SURFACE_TOLERANCE_M);
+                prop_assert!(posed.touch(p).is_some() || clearance > -4.0 * tolerance);
             }
         }
     }
@@ -120,8 +127,8 @@ mod tests {
             },
             contact: Contact::Sticky,
         };
-        let touch = collider.posed(0.5).touch(DVec3::new(0.5, 0.5, 0.0)).unwrap();
+        let touch = collider.posed(0.5, 0.0).touch(DVec3::new(0.5, 0.5, 0.0)).unwrap();
         assert!((touch.wall_velocity - DVec3::new(0.5, 0.0, 0.0)).length() < 1e-12);
-        assert!(collider.posed(0.0).touch(DVec3::new(1.1, 0.0, 0.0)).is_none());
+        assert!(collider.posed(0.0, 0.0).touch(DVec3::new(1.1, 0.0, 0.0)).is_none());
     }
 }

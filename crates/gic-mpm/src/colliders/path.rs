@@ -36,6 +36,33 @@ pub(crate) struct Pose {
 }
 
 impl ColliderPath {
+    /// Whether it never moves.
+    pub(crate) fn is_at_rest(&self) -> bool {
+        match self {
+            Self::Uniform { velocity_m_s, angular_velocity_rad_s, .. } => {
+                *velocity_m_s == DVec3::ZERO && *angular_velocity_rad_s == DVec3::ZERO
+            }
+            Self::Keyframed { keys, .. } => keys.len() < 2,
+        }
+    }
+
+    /// Whether it moves straight on without turning.
+    pub(crate) fn is_straight(&self) -> bool {
+        matches!(self, Self::Uniform { angular_velocity_rad_s: DVec3::ZERO, .. })
+    }
+
+    /// Highest speed of its origin [m/s] between two times [s].
+    pub(crate) fn highest_speed(&self, start: f64, end: f64) -> f64 {
+        match self {
+            Self::Uniform { velocity_m_s, .. } => velocity_m_s.length(),
+            Self::Keyframed { keys, .. } => {
+                let pairs = keys.windows(2).filter(|pair| pair[0].0 < end && pair[1].0 > start);
+                let speed = |pair: &[(f64, DVec3)]| (pair[1].1 - pair[0].1).length() / (pair[1].0 - pair[0].0);
+                pairs.map(speed).fold(0.0, f64::max)
+            }
+        }
+    }
+
     /// The pose at a time [s].
     pub(crate) fn pose(&self, time: f64) -> Pose {
         match self {

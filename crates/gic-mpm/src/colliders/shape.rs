@@ -44,9 +44,45 @@ pub enum Primitive {
 
 /// Nodes this far outside still count as inside [m], so that nodes on the surface do despite rounding (as in the
 /// published simulator).
-pub(super) const SURFACE_TOLERANCE_M: f64 = 1e-6;
+const SURFACE_TOLERANCE_M: f64 = 1e-6;
+/// The same in cells, where they are so small that this is less. Derived: no contact shows a thousandth of a cell.
+const SURFACE_TOLERANCE_CELLS: f64 = 1e-3;
+
+/// How far outside [m] a node counts as inside on a grid of that spacing [m].
+pub(crate) fn surface_tolerance(spacing_m: f64) -> f64 {
+    SURFACE_TOLERANCE_M.min(SURFACE_TOLERANCE_CELLS * spacing_m)
+}
 
 impl Primitive {
+    /// How deep [m] a point of the shape's own frame is inside, from the nearest face; zero or less outside.
+    pub(super) fn depth(&self, p: DVec3) -> f64 {
+        match *self {
+            Self::Pad { half_size_m } => -box_distance(p, half_size_m).0,
+            _ => -self.signed_distance(p).0,
+        }
+    }
+
+    /// Farthest distance [m] of its surface from the origin of its frame.
+    pub(crate) fn reach(&self) -> f64 {
+        match *self {
+            Self::HalfSpace { .. } => f64::INFINITY,
+            Self::Sphere { radius_m } => radius_m,
+            Self::Box { half_size_m } | Self::Pad { half_size_m } => half_size_m.length(),
+            Self::Cylinder { radius_m, half_height_m } => radius_m.hypot(half_height_m),
+            Self::Capsule { radius_m, half_height_m } => radius_m + half_height_m,
+        }
+    }
+
+    /// Its smallest side [m].
+    pub(crate) fn thickness(&self) -> f64 {
+        match *self {
+            Self::HalfSpace { .. } => f64::INFINITY,
+            Self::Sphere { radius_m } | Self::Capsule { radius_m, .. } => 2.0 * radius_m,
+            Self::Box { half_size_m } | Self::Pad { half_size_m } => 2.0 * half_size_m.min_element(),
+            Self::Cylinder { radius_m, half_height_m } => 2.0 * radius_m.min(half_height_m),
+        }
+    }
+
     /// Signed distance [m] of a point in the shape's own frame (negative inside) and its gradient, the outward unit
     /// normal.
     pub(super) fn signed_distance(&self, p: DVec3) -> (f64, DVec3) {

@@ -1,6 +1,7 @@
 //! Frames from substeps: a frame is cut into segments, and redone with more substeps where they turn out too few.
 
 use super::frame::{Frame, report};
+use super::invariants::{self, Momentum};
 use super::timestep_bound::{Timing, more_substeps, substeps_of_frame};
 use crate::error::SimulationError;
 use crate::substep::engine::{Engine, Segment};
@@ -38,7 +39,8 @@ impl<'a, E: Engine> Rollout<'a, E> {
         frame: usize,
         before_segment: &mut dyn FnMut(usize, &State<E::Number>),
     ) -> Result<Advanced, SimulationError> {
-        let planned = substeps_of_frame(self.world, self.timing, state)?;
+        let planned = substeps_of_frame(self.world, self.timing, frame, state)?;
+        let before = Momentum::of(self.world, state);
         let mut substeps = planned;
         loop {
             let segments = self.segments(frame, substeps);
@@ -50,6 +52,7 @@ impl<'a, E: Engine> Rollout<'a, E> {
             });
             match outcome {
                 Ok(()) => {
+                    invariants::check(self.world, self.timing, frame, (before, &impulses, substeps), &trial)?;
                     *state = trial;
                     return Ok(Advanced { segments, impulses });
                 }

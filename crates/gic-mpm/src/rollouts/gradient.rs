@@ -12,7 +12,6 @@ use super::advance::Rollout;
 use super::checkpoints::Checkpoints;
 use super::frame::Frame;
 use super::timestep_bound::Timing;
-use crate::World;
 use crate::error::{LossGradientError, SimulationError};
 use crate::laws::law::Coefficients;
 use crate::options::Options;
@@ -20,6 +19,7 @@ use crate::substep::engine::{BodyBars, Engine, Segment};
 use crate::substep::prepared_world::{PreparedBody, PreparedWorld};
 use crate::substep::state::{State, double, vector};
 use crate::substep::with_engine;
+use crate::{Forecast, World};
 
 /// Derivatives of a loss with respect to what a body starts with.
 #[derive(Clone, Debug)]
@@ -72,6 +72,7 @@ fn gradient_of(
     frames: usize,
     loss: &mut dyn FnMut(&Frame) -> Option<Vec<DVec3>>,
 ) -> Result<Gradient, SimulationError> {
+    Forecast::of(world, frames)?.check(&options.budget)?;
     let prepared = PreparedWorld::new(world, options.rules)?;
     with_engine!(options, engine => {
         let rollout = Rollout::new(&engine, &prepared, Timing::of(world));
@@ -147,8 +148,12 @@ impl<'a, E: Engine> Reverse<'a, E> {
             }
         }
         self.add_losses(0, &mut adjoint);
-        let bodies =
-            prepared.bodies.iter().zip(&bars).map(|(body, bars)| body_gradient(body, bars, &adjoint)).collect();
+        let bodies = prepared
+            .bodies
+            .iter()
+            .zip(&bars)
+            .map(|(body, bars)| body_gradient((body, prepared.mass_unit), bars, &adjoint))
+            .collect();
         Ok(Gradient { bodies })
     }
 
@@ -194,7 +199,11 @@ fn checked(bars: Option<Vec<DVec3>>, frame: usize, particles: usize) -> Result<O
 }
 
 /// From the adjoint of the initial state to the derivatives with respect to what a body starts with.
-fn body_gradient<R: Scalar>(body: &PreparedBody, bars: &BodyBars, adjoint: &State<R>) -> BodyGradient {
+fn body_gradient<R: Scalar>(
+    (body, mass_unit): (&PreparedBody, f64),
+    bars: &BodyBars,
+    adjoint: &State<R>,
+) -> BodyGradient {
     let spin = body.angular_velocity;
     let (mut velocity, mut angular_velocity) = (DVec3::ZERO, DVec3::ZERO);
     let mut positions = Vec::with_capacity(body.positions.len());
@@ -217,7 +226,7 @@ fn body_gradient<R: Scalar>(body: &PreparedBody, bars: &BodyBars, adjoint: &Stat
     BodyGradient {
         material: body.material.parameter_gradient(&Coefficients(bars.coefficients)),
         density: bars.mass * body.volume,
-        particle_volume: bars.volume + bars.mass * density,
+        particle_volume: (bars.volume + bars.mass * density) / mass_unit,
         velocity,
         angular_velocity,
         positions,

@@ -4,13 +4,13 @@ use super::advance::{Advanced, Rollout};
 use super::frame::Frame;
 use super::snapshot::Snapshot;
 use super::timestep_bound::Timing;
-use crate::World;
 use crate::error::{SimulationError, StateMismatch};
 use crate::options::{Options, Precision};
 use crate::substep::engine::Engine;
 use crate::substep::prepared_world::PreparedWorld;
 use crate::substep::state::State;
 use crate::substep::with_engine;
+use crate::{Forecast, World};
 
 /// A simulation in progress.
 pub struct Simulator(Box<dyn Drive>);
@@ -19,8 +19,14 @@ impl Simulator {
     /// Sets up a world at frame 0.
     ///
     /// # Errors
-    /// Where [`World::validate`] finds something wrong.
+    /// Where [`World::validate`] finds something wrong, and [`SimulationError::OverBudget`].
     pub fn new(world: &World, options: &Options) -> Result<Self, SimulationError> {
+        Self::for_frames(world, options, 2)
+    }
+
+    /// Sets up a world of which `frames` frames, frame 0 included, are within the budget.
+    fn for_frames(world: &World, options: &Options, frames: usize) -> Result<Self, SimulationError> {
+        Forecast::of(world, frames)?.check(&options.budget)?;
         let prepared = PreparedWorld::new(world, options.rules)?;
         Ok(Self(with_engine!(options, engine => Box::new(Running::new(engine, prepared, world, options.precision)))))
     }
@@ -34,7 +40,9 @@ impl Simulator {
     /// Computes the next frame. After an error the state is that before the call.
     ///
     /// # Errors
-    /// [`SimulationError::Unstable`], [`SimulationError::TooStiff`] or [`SimulationError::LeftDomain`].
+    /// [`SimulationError::Unstable`], [`SimulationError::TooStiff`], [`SimulationError::ColliderTooFast`],
+    /// [`SimulationError::LeftDomain`], [`SimulationError::MomentumLost`],
+    /// [`SimulationError::Rounded`] or [`SimulationError::ThroughCollider`].
     pub fn advance_frame(&mut self) -> Result<Frame, SimulationError> {
         self.0.advance_frame()
     }
@@ -64,7 +72,7 @@ pub fn rollout(
     frames: usize,
     mut on_frame: impl FnMut(Frame),
 ) -> Result<(), SimulationError> {
-    let mut simulator = Simulator::new(world, options)?;
+    let mut simulator = Simulator::for_frames(world, options, frames)?;
     if frames > 0 {
         on_frame(simulator.frame());
     }

@@ -3,19 +3,22 @@
 //! With wave speed c, largest particle speed v, viscous diffusivity D and Courant number C, a substep dt obeys
 //!
 //! ```text
-//! (c + v) dt <= C dx        6 D dt <= C dx^2
+//! (c + v) dt <= C dx        6 D dt <= C dx^2        w dt <= C dx
 //! ```
+//!
+//! where w is the speed of the fastest obstacle that may meet the matter.
 
 use gic_simd::Scalar;
 
+use super::wall_speed::fastest_wall;
 use crate::error::SimulationError;
 use crate::substep::prepared_world::{PreparedBody, PreparedWorld};
 use crate::substep::state::State;
 use crate::substep::violation::{Violation, ViolationKind};
-use crate::{Stepping, World};
+use crate::{Rules, Stepping, World};
 
 /// Most substeps per frame that are tried: a thousand times what the published simulations take.
-pub(super) const MAX_SUBSTEPS: usize = 200_000;
+pub(crate) const MAX_SUBSTEPS: usize = 200_000;
 /// A frame is redone with at most this many times the planned substeps: if that does not help, the cause is another.
 const MAX_REFINEMENT: usize = 64;
 /// What of the world the frames need beside its bodies.
@@ -31,13 +34,14 @@ impl Timing {
     }
 }
 
-/// Substeps of the next frame from `state`, from the stepping and from what stability asks for at least.
+/// Substeps of frame `frame`, which begins with `state`, from the stepping and from what stability asks for at least.
 ///
 /// # Errors
-/// [`SimulationError::TooStiff`] beyond [`MAX_SUBSTEPS`].
+/// [`SimulationError::TooStiff`] and [`SimulationError::ColliderTooFast`] beyond [`MAX_SUBSTEPS`].
 pub(super) fn substeps_of_frame<R: Scalar>(
     world: &PreparedWorld,
     timing: Timing,
+    frame: usize,
     state: &State<R>,
 ) -> Result<usize, SimulationError> {
     let (fixed, courant) = match timing.stepping {
@@ -61,7 +65,24 @@ pub(super) fn substeps_of_frame<R: Scalar>(
         }
         substeps = substeps.max(wanted.ceil() as usize);
     }
+    if let Some((collider, speed)) = fastest_wall(world, timing, frame, state) {
+        let wanted = timing.frame_seconds * speed / (courant * world.spacing);
+        let possible = wanted <= MAX_SUBSTEPS as f64;
+        if !possible {
+            return Err(SimulationError::ColliderTooFast { frame, collider, speed_m_s: speed, limit: MAX_SUBSTEPS });
+        }
+        substeps = substeps.max(wanted.ceil() as usize);
+    }
     Ok(substeps)
+}
+
+/// Substeps of the first frame of a world.
+///
+/// # Errors
+/// As [`PreparedWorld::new`] and [`substeps_of_frame`].
+pub(crate) fn planned_substeps(world: &World) -> Result<usize, SimulationError> {
+    let prepared = PreparedWorld::new(world, Rules::default())?;
+    substeps_of_frame(&prepared, Timing::of(world), 1, &prepared.initial_state::<f64>())
 }
 
 /// The highest speed [m/s] of a body's particles in the coming frame, to which gravity adds.

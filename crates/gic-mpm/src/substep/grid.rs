@@ -4,7 +4,7 @@
 
 use glam::IVec3;
 
-/// Momentum [kg m/s] or velocity [m/s], and mass [kg].
+/// Momentum [mass units m/s] or velocity [m/s], and mass [mass units].
 pub(crate) type Node<R> = [R; 4];
 
 /// A box of nodes; node `(0, 0, 0)` of the box is node `first` of the infinite grid, at `first * spacing`.

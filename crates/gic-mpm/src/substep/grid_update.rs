@@ -9,9 +9,6 @@ use glam::{DVec3, IVec3};
 use super::grid::{GridBox, Node};
 use crate::colliders::collider::{PosedCollider, Touch};
 
-/// Mass per cell [kg/m^3] below which a node stays at rest. Paper: the published simulator's gate of 1e-8 dx^3.
-const MIN_NODE_DENSITY: f64 = 1e-8;
-
 /// Momentum [N s] and angular momentum [N m s] given to an obstacle, the latter about the obstacle's origin.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Impulse {
@@ -35,16 +32,15 @@ pub(crate) struct GridUpdate<'a> {
     pub(crate) dt: f64,
     /// Gravity [m/s^2].
     pub(crate) gravity: DVec3,
+    /// The unit of the nodes' masses [kg].
+    pub(crate) mass_unit: f64,
+    /// Nodes with less mass than this [mass units] stay at rest.
+    pub(crate) mass_gate: f64,
     /// The obstacles where they are at the start of the substep.
     pub(crate) colliders: Vec<PosedCollider<'a>>,
 }
 
 impl GridUpdate<'_> {
-    /// Nodes with less mass than this [kg] stay at rest.
-    fn mass_gate(&self) -> f64 {
-        MIN_NODE_DENSITY * self.spacing.powi(3)
-    }
-
     fn node_position(&self, x: usize, y: usize, z: usize) -> DVec3 {
         (self.extent.first + IVec3::new(x as i32, y as i32, z as i32)).as_dvec3() * self.spacing
     }
@@ -52,7 +48,7 @@ impl GridUpdate<'_> {
     /// Turns the momenta of plane `x` into velocities, and adds what the obstacles took to `impulses`, one per
     /// obstacle.
     pub(crate) fn forward_plane<R: Scalar>(&self, x: usize, nodes: &mut [Node<R>], impulses: &mut [Impulse]) {
-        let gate = R::splat(self.mass_gate());
+        let gate = R::splat(self.mass_gate);
         let kick = (self.gravity * self.dt).to_array().map(R::splat);
         for (row, y) in nodes.chunks_exact_mut(self.extent.size[2]).zip(0..) {
             let mut clearance = Clearance::unknown();
@@ -81,7 +77,7 @@ impl GridUpdate<'_> {
     /// The adjoint of [`Self::forward_plane`]: `nodes` holds momenta and masses; `adjoints` holds the adjoint of the
     /// velocities (its fourth number is ignored) and receives that of momenta and masses.
     pub(crate) fn adjoint_plane<R: Scalar>(&self, x: usize, nodes: &[Node<R>], adjoints: &mut [Node<R>]) {
-        let gate = R::splat(self.mass_gate());
+        let gate = R::splat(self.mass_gate);
         let kick = (self.gravity * self.dt).to_array().map(R::splat);
         let rows = nodes.chunks_exact(self.extent.size[2]).zip(adjoints.chunks_exact_mut(self.extent.size[2]));
         for ((row, row_bar), y) in rows.zip(0..) {
@@ -109,13 +105,13 @@ impl GridUpdate<'_> {
         }
     }
 
-    /// Velocity of a node after all obstacles.
+    /// Velocity of a node of that mass [mass units] after all obstacles.
     fn collide(&self, point: DVec3, velocity: DVec3, mass: f64, impulses: &mut [Impulse]) -> DVec3 {
         let mut velocity = velocity;
         for (posed, impulse) in self.colliders.iter().zip(impulses) {
             if let Some(touch) = posed.touch(point) {
                 let after = respond(posed, &touch, velocity);
-                let taken = (velocity - after) * mass;
+                let taken = (velocity - after) * (mass * self.mass_unit);
                 *impulse += Impulse { linear: taken, angular: (point - posed.pose.position).cross(taken) };
                 velocity = after;
             }

@@ -1,4 +1,7 @@
 //! A world made ready for the engines: numbered particles, coefficients, masses.
+//!
+//! Masses, momenta and volumes are kept in a unit of mass in which the heaviest particle weighs about 1, so that f32
+//! holds them however fine the matter is. The unit is a power of two: it changes no bit of what is computed.
 
 use core::ops::Range;
 
@@ -9,14 +12,22 @@ use super::grid::GridBox;
 use super::grid_update::GridUpdate;
 use super::state::{State, vector};
 use super::violation::Violation;
+use crate::colliders::collider::PosedCollider;
+use crate::colliders::shape::surface_tolerance;
 use crate::error::SimulationError;
 use crate::laws::law::{Coefficients, Rules};
 use crate::math::mat3::Mat3;
+use crate::world::MassRange;
 use crate::{Body, Collider, Material, World};
 
 /// Most nodes of the grid; beyond, the particles are too far apart for a dense one. Derived: f32 holds their indices
 /// exactly.
-const MAX_GRID_NODES: usize = 1 << 24;
+pub(crate) const MAX_GRID_NODES: usize = 1 << 24;
+/// Mass per cell [kg/m^3] below which a node stays at rest. Paper: the published simulator's gate of 1e-8 dx^3.
+const MIN_NODE_DENSITY: f64 = 1e-8;
+/// Most of a particle's mass that a node may hold and stay at rest. Derived: the resolution of f32, to which a
+/// particle's weights sum to 1.
+const MIN_NODE_SHARE: f64 = f32::EPSILON as f64;
 /// Farthest that a particle may be from the origin, in cells. Derived: there f32 resolves a 128th of a cell.
 const MAX_CELLS_FROM_ORIGIN: f64 = (1 << 16) as f64;
 
@@ -26,9 +37,9 @@ pub(crate) struct PreparedBody {
     pub(crate) range: Range<usize>,
     pub(crate) material: Material,
     pub(crate) coefficients: Coefficients,
-    /// Mass of a particle [kg].
+    /// Mass of a particle [mass units].
     pub(crate) mass: f64,
-    /// Rest volume of a particle [m^3].
+    /// Rest volume of a particle [m^3 mass units / kg].
     pub(crate) volume: f64,
     /// Factors on both, one per particle.
     pub(crate) factors: Vec<f64>,
@@ -46,6 +57,10 @@ pub(crate) struct PreparedWorld {
     pub(crate) gravity: DVec3,
     /// Grid spacing [m].
     pub(crate) spacing: f64,
+    /// The unit of mass [kg].
+    pub(crate) mass_unit: f64,
+    /// Nodes with less mass than this [mass units] stay at rest.
+    pub(crate) mass_gate: f64,
     pub(crate) rules: Rules,
 }
 
@@ -53,18 +68,22 @@ impl PreparedWorld {
     /// Checks a world and makes it ready.
     pub(crate) fn new(world: &World, rules: Rules) -> Result<Self, SimulationError> {
         world.validate()?;
+        let MassRange { lightest_kg, heaviest_kg } = MassRange::of(world);
+        let mass_unit = power_of_two_near(heaviest_kg);
         let mut bodies = Vec::with_capacity(world.bodies.len());
         let mut start = 0;
         for body in &world.bodies {
             let range = start..start + body.positions.len();
             start = range.end;
-            bodies.push(PreparedBody::new(body, range));
+            bodies.push(PreparedBody::new(body, range, mass_unit));
         }
         Ok(Self {
             bodies,
             colliders: world.colliders.clone(),
             gravity: world.gravity_m_s2,
             spacing: world.grid_spacing_m,
+            mass_unit,
+            mass_gate: mass_gate_kg(lightest_kg, world.grid_spacing_m) / mass_unit,
             rules,
         })
     }
@@ -88,6 +107,12 @@ impl PreparedWorld {
         state
     }
 
+    /// The obstacles at a time [s].
+    pub(crate) fn posed_colliders(&self, time: f64) -> Vec<PosedCollider<'_>> {
+        let tolerance = surface_tolerance(self.spacing);
+        self.colliders.iter().map(|collider| collider.posed(time, tolerance)).collect()
+    }
+
     /// The grid update of a substep.
     pub(crate) fn grid_update(&self, extent: GridBox, time: f64, dt: f64) -> GridUpdate<'_> {
         GridUpdate {
@@ -95,7 +120,9 @@ impl PreparedWorld {
             spacing: self.spacing,
             dt,
             gravity: self.gravity,
-            colliders: self.colliders.iter().map(|collider| collider.posed(time)).collect(),
+            mass_unit: self.mass_unit,
+            mass_gate: self.mass_gate,
+            colliders: self.posed_colliders(time),
         }
     }
 
@@ -137,7 +164,7 @@ impl PreparedWorld {
 }
 
 impl PreparedBody {
-    fn new(body: &Body, range: Range<usize>) -> Self {
+    fn new(body: &Body, range: Range<usize>, mass_unit: f64) -> Self {
         let count = body.positions.len();
         let factors = if body.volume_factors.is_empty() { vec![1.0; count] } else { body.volume_factors.clone() };
         let moment = body.positions.iter().zip(&factors).map(|(x, w)| *x * *w).sum::<DVec3>();
@@ -145,8 +172,8 @@ impl PreparedBody {
             range,
             material: body.material,
             coefficients: body.material.coefficients(),
-            mass: body.density_kg_m3 * body.particle_volume_m3,
-            volume: body.particle_volume_m3,
+            mass: body.density_kg_m3 * body.particle_volume_m3 / mass_unit,
+            volume: body.particle_volume_m3 / mass_unit,
             positions: body.positions.clone(),
             velocity: body.velocity_m_s,
             angular_velocity: body.angular_velocity_rad_s,
@@ -154,6 +181,17 @@ impl PreparedBody {
             factors,
         }
     }
+}
+
+/// The power of two next to a positive number.
+fn power_of_two_near(number: f64) -> f64 {
+    2f64.powi(number.log2().round() as i32)
+}
+
+/// Mass [kg] below which a node stays at rest, so that none is divided by nothing. What falls below it is lost to
+/// rounding, however light the particles are.
+fn mass_gate_kg(lightest_particle_kg: f64, spacing_m: f64) -> f64 {
+    (MIN_NODE_DENSITY * spacing_m.powi(3)).min(MIN_NODE_SHARE * lightest_particle_kg)
 }
 
 /// The matrix of `w x`.

@@ -5,6 +5,9 @@
 
 use gic_simd::Real;
 
+/// How far a particle's stencil reaches [cells]: what comes nearer to an obstacle touches it.
+pub const STENCIL_REACH_CELLS: f64 = 1.5;
+
 /// The first of the three nodes that a particle at `x` touches, and the particle's offset from it.
 #[inline(always)]
 pub(crate) fn base_and_offset<R: Real>(x: R) -> (R, R) {

@@ -35,7 +35,7 @@ pub(super) fn read(root: &Path, _: &SceneSettings) -> Result<Draft, SceneError> 
     let mut draft: Option<Draft> = None;
     for (name, split) in splits {
         let list = root.join(format!("transforms_{name}.json"));
-        if !list.is_file() {
+        if !list.exists() {
             continue;
         }
         let draft = draft.get_or_insert_with(|| Draft::new(Format::Blender, list.clone(), world));

@@ -219,7 +219,7 @@ mod binary {
     }
 
     fn load(path: &Path) -> Result<Vec<u8>, SceneError> {
-        std::fs::read(path).map_err(|source| SceneError::Io { path: path.to_owned(), source })
+        gic_files::input::read(path).map_err(|source| SceneError::Io { path: path.to_owned(), source })
     }
 
     pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, ModelCamera>, SceneError> {
@@ -317,7 +317,7 @@ mod text {
     }
 
     fn load(path: &Path) -> Result<String, SceneError> {
-        std::fs::read_to_string(path).map_err(|source| SceneError::Io { path: path.to_owned(), source })
+        gic_files::input::read_to_string(path).map_err(|source| SceneError::Io { path: path.to_owned(), source })
     }
 
     fn lines<'a>(text: &'a str, path: &'a Path) -> impl Iterator<Item = Line<'a>> {
@@ -366,9 +366,19 @@ mod text {
                 translation,
             });
             // The second line of each image lists its observations, and may be empty.
-            lines.next();
+            if let Some(second) = lines.next().filter(|second| !are_observations(second.text)) {
+                return Err(second.bad(
+                    "must list the observations (X, Y, POINT3D_ID, ...) of the image above it, or be an empty line",
+                ));
+            }
         }
         Ok(images)
+    }
+
+    /// Whether a line is a list of triples of numbers, perhaps empty.
+    fn are_observations(text: &str) -> bool {
+        text.split_whitespace().count().is_multiple_of(3)
+            && text.split_whitespace().all(|field| field.parse::<f64>().is_ok())
     }
 
     pub(super) fn points(path: &Path) -> Result<Vec<ColouredPoint>, SceneError> {

@@ -7,6 +7,7 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 use super::draft::{Draft, DraftCamera, DraftView, Intrinsics};
+use super::{enclosure, ranges};
 use crate::camera::Camera;
 use crate::error::{MASK_HINT, Problem, SceneError, Severity};
 use crate::network::Network;
@@ -23,6 +24,13 @@ pub(crate) fn finish(mut draft: Draft, root: &Path, settings: &SceneSettings) ->
     let mut problems = std::mem::take(&mut draft.problems);
     // Entries that the reader refused are problems already; that they are missing afterwards is none of its own.
     let complete = problems.is_empty();
+    problems.extend(ranges::problems(&draft));
+    let outside = enclosure::problems(&draft, root);
+    if !outside.is_empty() {
+        // Nothing outside the scene is opened, not even to look at its size.
+        problems.extend(outside);
+        return Err(SceneError::Invalid(problems));
+    }
     let headers: Vec<Option<Header>> = {
         let found: Vec<Result<Header, Problem>> =
             draft.views.par_iter().map(|view| header(&view.picture, &draft.list)).collect();

@@ -9,7 +9,7 @@ use crate::error::{Problem, SceneError};
 
 /// Reads a whole JSON file.
 pub(crate) fn read<T: DeserializeOwned>(path: &Path) -> Result<T, SceneError> {
-    let text = std::fs::read(path).map_err(|source| SceneError::Io { path: path.to_owned(), source })?;
+    let text = gic_files::input::read(path).map_err(|source| SceneError::Io { path: path.to_owned(), source })?;
     serde_json::from_slice(&text)
         .map_err(|error| SceneError::Malformed { path: path.to_owned(), reason: error.to_string() })
 }

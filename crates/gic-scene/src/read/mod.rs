@@ -3,12 +3,14 @@
 mod blender;
 mod colmap;
 mod draft;
+mod enclosure;
 mod finish;
 mod json;
 mod mask_file;
 mod nerfstudio;
 mod pac_nerf;
 mod pose;
+mod ranges;
 mod real_capture;
 mod spring_gaus;
 
@@ -61,8 +63,9 @@ fn open(path: &Path, settings: &SceneSettings) -> Result<Scene, SceneError> {
     if !path.exists() {
         return Err(SceneError::NotFound { path: path.to_owned() });
     }
-    if let Some(rate) = settings.frame_rate_hz.filter(|rate| !(rate.is_finite() && *rate > 0.0)) {
-        let reason = "must be a positive number of frames per second".into();
+    if let Some(rate) = settings.frame_rate_hz.filter(|rate| !ranges::FRAME_RATE_HZ.contains(rate)) {
+        let (low, high) = (ranges::FRAME_RATE_HZ.start(), ranges::FRAME_RATE_HZ.end());
+        let reason = format!("must be a number of frames per second from {low} to {high}");
         return Err(SceneError::Setting { name: "frame_rate_hz", value: rate.to_string(), reason });
     }
     let root = match path.parent() {

@@ -49,8 +49,12 @@ impl Keys<'_> {
         self.get(key).and_then(Value::as_f64)
     }
 
-    fn coefficient(&self, key: &str) -> f64 {
-        self.number(key).unwrap_or(0.0)
+    /// A coefficient of the lens; 0 where there is none.
+    fn coefficient(&self, key: &str) -> Result<f64, LensError> {
+        match self.get(key) {
+            None | Some(Value::Null) => Ok(0.0),
+            Some(value) => value.as_f64().ok_or_else(|| LensError::Coefficient { key: key.to_owned() }),
+        }
     }
 }
 
@@ -67,10 +71,11 @@ fn draft_view(root: &Path, list: &Path, index: usize, keys: &Keys, draft: &mut D
     let rows: Vec<Vec<f64>> = json::entry(matrix.clone(), list, || name.clone())?;
     let (rotation, centre) = pose::from_opengl_c2w(&rows).map_err(|error| no_pose(error.to_string()))?;
     let intrinsics = intrinsics_of(keys).map_err(|error| no_pose(error.to_string()))?;
-    let lens = lens_of(keys).map_err(|UnsupportedModel(model)| Problem::UnsupportedCamera {
-        path: list.to_owned(),
-        camera: name.clone(),
-        model,
+    let lens = lens_of(keys).map_err(|error| match error {
+        LensError::Unsupported(UnsupportedModel(model)) => {
+            Problem::UnsupportedCamera { path: list.to_owned(), camera: name.clone(), model }
+        }
+        LensError::Coefficient { .. } => bad(&error.to_string()),
     })?;
     let time = keys.frame.get("time").map_or(Some(0.0), Value::as_f64).filter(|time| time.is_finite());
     let time = time.ok_or_else(|| bad("the time is not a finite number"))?;
@@ -110,8 +115,17 @@ fn intrinsics_of(keys: &Keys) -> Result<Intrinsics, CameraError> {
     Ok(Intrinsics::Pixels { focal, principal, size })
 }
 
+/// Why a lens cannot be used.
+#[derive(Debug, thiserror::Error)]
+enum LensError {
+    #[error(transparent)]
+    Unsupported(#[from] UnsupportedModel),
+    #[error("`{key}` must be a number; correct it, or leave it out where it is 0")]
+    Coefficient { key: String },
+}
+
 /// The lens, if the model is supported.
-fn lens_of(keys: &Keys) -> Result<Option<Lens>, UnsupportedModel> {
+fn lens_of(keys: &Keys) -> Result<Option<Lens>, LensError> {
     let k = |number: usize| keys.coefficient(&format!("k{number}"));
     let model = keys.get("camera_model").and_then(Value::as_str).unwrap_or("OPENCV");
     let lens = match model {
@@ -119,16 +133,16 @@ fn lens_of(keys: &Keys) -> Result<Option<Lens>, UnsupportedModel> {
         "OPENCV" | "SIMPLE_RADIAL" | "RADIAL" | "FULL_OPENCV" => {
             // nerfstudio's k4 is the r^8 coefficient of a polynomial, OpenCV's full model divides by it: only zero is
             // clear.
-            if k(4) != 0.0 {
-                return Err(UnsupportedModel(format!("{model} with k4 = {}", k(4))));
+            if k(4)? != 0.0 {
+                return Err(UnsupportedModel(format!("{model} with k4 = {}", k(4)?)).into());
             }
             Lens::Perspective {
-                k: [k(1), k(2), k(3), 0.0, 0.0, 0.0],
-                p: [keys.coefficient("p1"), keys.coefficient("p2")],
+                k: [k(1)?, k(2)?, k(3)?, 0.0, 0.0, 0.0],
+                p: [keys.coefficient("p1")?, keys.coefficient("p2")?],
             }
         }
-        "OPENCV_FISHEYE" => Lens::Fisheye { k: [k(1), k(2), k(3), k(4)] },
-        other => return Err(UnsupportedModel(other.to_owned())),
+        "OPENCV_FISHEYE" => Lens::Fisheye { k: [k(1)?, k(2)?, k(3)?, k(4)?] },
+        other => return Err(UnsupportedModel(other.to_owned()).into()),
     };
     Ok(lens.unless_trivial())
 }

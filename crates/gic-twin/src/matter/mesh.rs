@@ -1,7 +1,6 @@
 //! Closed triangle meshes: reading, checking, filling with particles.
 
 use std::collections::{BTreeMap, HashMap};
-use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
 
@@ -217,7 +216,7 @@ fn side(a: DVec3, b: DVec3, x: f64, y: f64) -> (f64, bool) {
 
 /// Reads the triangles of every object of an OBJ file as one mesh.
 pub(super) fn read_obj(path: &Path) -> Result<Mesh> {
-    let file = File::open(path).map_err(TwinError::read(path))?;
+    let file = gic_files::input::open(path).map_err(TwinError::read(path))?;
     let options = tobj::LoadOptions { triangulate: true, ..Default::default() };
     // Materials have no meaning here; a missing material file must not hinder.
     let (models, _) = tobj::load_obj_buf(&mut BufReader::new(file), &options, |_| Ok(Default::default()))
@@ -235,7 +234,7 @@ pub(super) fn read_obj(path: &Path) -> Result<Mesh> {
 
 /// Reads an STL file, binary or ASCII.
 pub(super) fn read_stl(path: &Path) -> Result<Mesh> {
-    let file = File::open(path).map_err(TwinError::read(path))?;
+    let file = gic_files::input::open(path).map_err(TwinError::read(path))?;
     let syntax =
         |source: std::io::Error| TwinError::Syntax { path: path.to_owned(), format: "STL", source: source.into() };
     let mut positions = Vec::new();

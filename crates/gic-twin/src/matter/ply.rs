@@ -1,6 +1,5 @@
 //! PLY files: particles or a mesh in, particles out.
 
-use std::fs::File;
 use std::io::{BufReader, ErrorKind};
 use std::path::Path;
 
@@ -98,7 +97,7 @@ pub fn read_ply(path: &Path) -> Result<PlyContent> {
         problem,
         hint: (!hint.is_empty()).then(|| hint.to_owned()),
     };
-    let file = File::open(path).map_err(TwinError::read(path))?;
+    let file = gic_files::input::open(path).map_err(TwinError::read(path))?;
     let mut reader = Reader::new(BufReader::new(file));
     let parser = Parser::<Row>::new();
     let header = parser

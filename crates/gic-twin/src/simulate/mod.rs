@@ -1,12 +1,15 @@
 //! `gic simulate`: a twin's future, frame by frame, resumable after each.
 
+mod budget;
 mod checkpoint;
 mod shared_world;
 mod trajectory;
 
+use std::mem::discriminant;
 use std::path::{Path, PathBuf};
 
-use gic_mpm::{Frame, Options, SimulationError, Simulator};
+use gic_files::FolderLock;
+use gic_mpm::{Budget, Doubt, Forecast, Frame, Options, SimulationError, Simulator};
 
 use crate::atomic;
 use crate::error::{Result, TwinError};
@@ -15,6 +18,7 @@ use crate::interrupt::Interrupt;
 use crate::matter::write_particles;
 use crate::resource_usage::ResourceMeter;
 use crate::twin::{Setting, Twin};
+pub use budget::usual_budget;
 use shared_world::SharedWorld;
 pub use shared_world::{Companion, CompanionError};
 pub use trajectory::{FrameSummary, Trajectory};
@@ -38,6 +42,8 @@ pub struct SimulationRequest {
     pub frames: Option<usize>,
     /// Start at frame 0, whatever the folder holds.
     pub restart: bool,
+    /// What it may take; what is forecast to take more is refused.
+    pub budget: Budget,
 }
 
 /// What a simulation gave.
@@ -54,12 +60,16 @@ pub struct SimulationOutcome {
 /// Simulates a twin and writes every frame; goes on where an earlier call with the same twin and settings stopped.
 ///
 /// # Errors
-/// Bad input, an unstable simulation, an unwritable folder; [`TwinError::Interrupted`] after the frame during
-/// which the interrupt came.
+/// Bad input, an unstable simulation, an unwritable folder or one that another process writes into;
+/// [`TwinError::Interrupted`] after the frame during which the interrupt came.
 pub fn simulate(request: &SimulationRequest, events: &Events, interrupt: &Interrupt) -> Result<SimulationOutcome> {
     let shared = SharedWorld::read(request)?;
     let frames = request.frames.unwrap_or(shared.twin.frames);
+    let forecast = Forecast::of(&shared.world, frames);
+    let forecast = forecast.and_then(|forecast| forecast.check(&request.budget).map(|()| forecast));
+    let forecast = forecast.map_err(|source| setup_error(&shared.twin, source))?;
     atomic::create_folder(&request.out)?;
+    let _lock = FolderLock::take(&request.out)?;
     let mut run = SimulationRun::open(request, &shared, frames)?;
     let reused = run.trajectory.frames.len();
     let particles = run.trajectory.particles;
@@ -69,8 +79,11 @@ pub fn simulate(request: &SimulationRequest, events: &Events, interrupt: &Interr
         return Ok(SimulationOutcome { frames: reused, reused, particles });
     }
     let goes_on = if reused > 0 { format!(", goes on after frame {}", reused - 1) } else { String::new() };
-    let reason = format!("{frames} frames of {particles} particles{goes_on}");
+    let in_words = budget::in_words(&forecast);
+    let reason = format!("{frames} frames of {particles} particles{goes_on}; {in_words}");
     events.send(&Event::StageStarted { stage: STAGE.into(), reason });
+    let mut doubts = Doubts { events, told: Vec::new() };
+    doubts.tell(shared.world.doubts());
     let meter = ResourceMeter::start();
     for index in reused..frames {
         if interrupt.requested() {
@@ -79,12 +92,31 @@ pub fn simulate(request: &SimulationRequest, events: &Events, interrupt: &Interr
                 resume: format!("run the same command again to go on with frame {index}"),
             });
         }
-        let summary = run.frame(index)?;
+        let summary = run.frame(index, &mut doubts)?;
         let values = [("substeps", summary.substeps as f64), ("speed_m_s", summary.largest_speed_m_s)];
         events.step(STAGE, "", index as u64 + 1, Some(frames as u64), &values);
     }
     events.send(&meter.done(STAGE));
     Ok(SimulationOutcome { frames, reused, particles })
+}
+
+/// What has been said of a simulation's doubts: each kind once, by the first frame that shows it.
+struct Doubts<'a> {
+    events: &'a Events,
+    told: Vec<Doubt>,
+}
+
+impl Doubts<'_> {
+    fn tell(&mut self, doubts: Vec<Doubt>) {
+        let known = |frame: &Option<usize>, kind: &Doubt| {
+            frame.is_some() && self.told.iter().any(|told| discriminant(told) == discriminant(kind))
+        };
+        let new: Vec<Doubt> = doubts.into_iter().filter(|doubt| !known(&doubt.frame(), doubt)).collect();
+        for doubt in new {
+            self.events.warn(STAGE, doubt.to_string());
+            self.told.push(doubt);
+        }
+    }
 }
 
 /// A simulation and its folder.
@@ -101,9 +133,9 @@ struct SimulationRun<'a> {
 impl<'a> SimulationRun<'a> {
     /// Sets up the simulation and resumes from what the folder holds of it.
     fn open(request: &'a SimulationRequest, shared: &SharedWorld, frames: usize) -> Result<Self> {
-        let options = Options::default();
+        let options = Options { budget: request.budget, ..Options::default() };
         let simulator = Simulator::new(&shared.world, &options).map_err(|source| setup_error(&shared.twin, source))?;
-        let trajectory = Trajectory::new(shared, &options);
+        let trajectory = Trajectory::new(shared, &options, &request.out);
         let mut run = Self {
             out: &request.out,
             simulator,
@@ -143,12 +175,13 @@ impl<'a> SimulationRun<'a> {
 
     /// Computes a frame and writes it: particles first, then its line in the trajectory, then the state that goes on
     /// from it.
-    fn frame(&mut self, index: usize) -> Result<&FrameSummary> {
+    fn frame(&mut self, index: usize, doubts: &mut Doubts) -> Result<&FrameSummary> {
         let frame = if index == 0 {
             self.simulator.frame()
         } else {
             self.simulator.advance_frame().map_err(TwinError::simulation("simulation"))?
         };
+        doubts.tell(frame.doubts());
         let file = format!("particles_{index:04}.ply");
         write_frame(&self.out.join(&file), &frame)?;
         let summary = FrameSummary::new(&frame, file, self.frame_rate_hz, &self.masses);
@@ -166,7 +199,7 @@ fn setup_error(twin: &Twin, source: SimulationError) -> TwinError {
             let label = twin.colliders.get(*collider).map(|o| o.label(*collider)).unwrap_or_default();
             Some(format!("move the continuum (`centre_m` of a shape) or {label} apart"))
         }
-        _ => None,
+        _ => budget::hint(&source),
     };
     TwinError::Simulation { stage: "setting up the simulation", hint, source: source.into() }
 }

@@ -13,7 +13,7 @@ use super::shared_world::SharedWorld;
 use crate::atomic;
 use crate::error::{Result, TwinError};
 use crate::json_difference::first_difference;
-use crate::twin::Twin;
+use crate::twin::{MatterSource, Twin};
 
 const FILE: &str = "trajectory.json";
 
@@ -26,7 +26,7 @@ pub struct Trajectory {
     pub gic_version: String,
     /// SIMD level that simulated; levels differ in the last bits.
     pub simd: String,
-    /// The twin with every setting applied and every default filled in.
+    /// The twin with every setting applied and every default filled in; paths start at the trajectory's folder.
     pub twin: Value,
     /// SHA-256 of the initial positions, hexadecimal.
     pub particles_sha256: String,
@@ -78,19 +78,15 @@ pub struct FrameSummary {
 }
 
 impl Trajectory {
-    /// A trajectory without frames.
-    pub(super) fn new(shared: &SharedWorld, options: &Options) -> Self {
-        let mut hash = Sha256::new();
+    /// A trajectory without frames, for `folder`.
+    pub(super) fn new(shared: &SharedWorld, options: &Options, folder: &Path) -> Self {
         let positions = || shared.world.bodies.iter().flat_map(|body| &body.positions);
-        for coordinate in positions().flat_map(|p| p.to_array()) {
-            hash.update(coordinate.to_le_bytes());
-        }
         Self {
             schema: "gic.trajectory/1".into(),
             gic_version: crate::VERSION.into(),
             simd: simd_level(options),
-            twin: world_json(shared),
-            particles_sha256: format!("{:x}", hash.finalize()),
+            twin: world_json(shared, folder),
+            particles_sha256: hash_of_particles(positions().copied()),
             particles: positions().count(),
             bodies: shared.world.bodies.iter().map(|body| body.positions.len()).collect(),
             colliders: shared.twin.colliders.iter().enumerate().map(|(i, o)| o.label(i)).collect(),
@@ -101,7 +97,7 @@ impl Trajectory {
     /// Reads the one of a folder, if there is one.
     pub fn read(folder: &Path) -> Result<Option<Self>> {
         let path = folder.join(FILE);
-        let text = match std::fs::read_to_string(&path) {
+        let text = match gic_files::input::read_to_string(&path) {
             Ok(text) => text,
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(e) => return Err(TwinError::read(&path)(e)),
@@ -117,9 +113,14 @@ impl Trajectory {
         atomic::write_json(&folder.join(FILE), self)
     }
 
+    /// Whether the simulation began with these particles [m]: those of the twin, then those of its companions.
+    pub fn began_with(&self, particles: impl Iterator<Item = DVec3>) -> bool {
+        hash_of_particles(particles) == self.particles_sha256
+    }
+
     /// Hash of all that decides the frames.
     pub(super) fn identity(&self) -> [u8; 32] {
-        let inputs = (&self.gic_version, &self.simd, self.twin.to_string(), &self.particles_sha256);
+        let inputs = (&self.gic_version, &self.simd, without_places(&self.twin).to_string(), &self.particles_sha256);
         Sha256::digest(format!("{inputs:?}")).into()
     }
 
@@ -134,26 +135,55 @@ impl Trajectory {
         if self.simd != other.simd {
             return was("the SIMD level", &self.simd, &other.simd);
         }
-        if let Some((key, a, b)) = first_difference("", &self.twin, &other.twin) {
+        if let Some((key, a, b)) = first_difference("", &without_places(&self.twin), &without_places(&other.twin)) {
             return was(&format!("`{key}`"), &a, &b);
         }
         (self.particles_sha256 != other.particles_sha256).then(|| "the particles of the continuum changed".into())
     }
 }
 
+/// SHA-256 of positions [m], hexadecimal.
+fn hash_of_particles(positions: impl Iterator<Item = DVec3>) -> String {
+    let mut hash = Sha256::new();
+    for coordinate in positions.flat_map(|p| p.to_array()) {
+        hash.update(coordinate.to_le_bytes());
+    }
+    format!("{:x}", hash.finalize())
+}
+
 /// The twin and its companions as JSON.
-fn world_json(shared: &SharedWorld) -> Value {
-    let mut value = physics_json(&shared.twin);
+fn world_json(shared: &SharedWorld, folder: &Path) -> Value {
+    let mut value = physics_json(&shared.twin, folder);
     if let (Some(map), false) = (value.as_object_mut(), shared.companions.is_empty()) {
-        let companions =
-            shared.companions.iter().map(|(twin, shift_m)| json!({ "shift_m": shift_m, "twin": physics_json(twin) }));
+        let companions = shared
+            .companions
+            .iter()
+            .map(|(twin, shift_m)| json!({ "shift_m": shift_m, "twin": physics_json(twin, folder) }));
         map.insert("companions".into(), companions.collect());
     }
     value
 }
 
-/// The twin as JSON without what has no influence on the frames.
-fn physics_json(twin: &Twin) -> Value {
+/// The same JSON without the files of matter: where they lie decides nothing, and what they hold is hashed.
+fn without_places(twin: &Value) -> Value {
+    let mut value = twin.clone();
+    if let Some(map) = value.as_object_mut() {
+        if map.get("continuum").is_some_and(Value::is_string) {
+            map.remove("continuum");
+        }
+        for companion in map.get_mut("companions").and_then(Value::as_array_mut).into_iter().flatten() {
+            companion["twin"] = without_places(&companion["twin"]);
+        }
+    }
+    value
+}
+
+/// The twin as JSON without what has no influence on the frames, with the way from `folder` to its matter.
+fn physics_json(twin: &Twin, folder: &Path) -> Value {
+    let mut twin = twin.clone();
+    if let MatterSource::File(path) = &mut twin.continuum {
+        *path = gic_files::relative_path(folder, path);
+    }
     let mut value = serde_json::to_value(twin).unwrap_or_default();
     if let Some(map) = value.as_object_mut() {
         for key in ["frames", "intervals_95", "identifiable", "loss", "seed", "gic_version", "seconds"] {

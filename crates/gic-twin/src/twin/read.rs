@@ -42,7 +42,7 @@ pub(super) fn twin(path: &Path, settings: &[Setting]) -> Result<Twin> {
 }
 
 fn json(path: &Path) -> Result<Value> {
-    let text = std::fs::read_to_string(path).map_err(TwinError::read(path))?;
+    let text = gic_files::input::read_to_string(path).map_err(TwinError::read(path))?;
     serde_json::from_str(&text).map_err(|source| TwinError::Syntax {
         path: path.to_owned(),
         format: "JSON",
@@ -51,7 +51,7 @@ fn json(path: &Path) -> Result<Value> {
 }
 
 fn toml(path: &Path) -> Result<Value> {
-    let text = std::fs::read_to_string(path).map_err(TwinError::read(path))?;
+    let text = gic_files::input::read_to_string(path).map_err(TwinError::read(path))?;
     toml::from_str(&text).map_err(|source| TwinError::Syntax {
         path: path.to_owned(),
         format: "TOML",

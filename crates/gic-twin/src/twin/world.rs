@@ -1,6 +1,6 @@
 //! From a twin to the world that the simulator knows.
 
-use gic_mpm::{Body, Stepping, World};
+use gic_mpm::{Body, Budget, Forecast, Stepping, World};
 use glam::DVec3;
 
 use super::{MatterSource, Twin};
@@ -11,8 +11,6 @@ use crate::matter::{self, Matter};
 const CELLS_ALONG_LARGEST_SIDE: f64 = 16.0;
 /// Courant number of the substeps where the twin does not fix them.
 const COURANT_NUMBER: f64 = 0.4;
-/// More particles than this do not fit into the memory of an ordinary machine.
-const MAX_PARTICLES: f64 = 1e8;
 
 impl Twin {
     /// The twin with spacings resolved, and its world; reads and fills the continuum.
@@ -92,7 +90,8 @@ impl Twin {
             hint: Some("lower `particle_spacing_m`, or check that the continuum's lengths are in metres".into()),
         };
         let within_reason = |volume: f64| {
-            if volume / spacing.powi(3) < MAX_PARTICLES { Ok(()) } else { Err(too_many(volume)) }
+            let memory = Forecast::memory_of(volume / spacing.powi(3));
+            if memory <= Budget::default().memory_bytes { Ok(()) } else { Err(too_many(volume)) }
         };
         let positions = match (matter, &self.continuum) {
             (Some(Matter::Particles { positions, volume_factors }), _) => return Ok((positions, volume_factors)),

@@ -16,6 +16,7 @@ use serde::Serialize;
 
 use crate::error::{Result, ViewError};
 use crate::render::color_scale::{ColorScale, Coloring};
+use crate::render::particle_splats;
 use crate::render::simulated_motion::SimulatedMotion;
 use points::PagePoints;
 
@@ -77,7 +78,8 @@ pub fn view(request: &PageRequest, events: &Events, interrupt: &Interrupt) -> Re
     let count = motion.trajectory.frames.len();
     events.send(&Event::StageStarted { stage: STAGE.into(), reason: format!("{count} frames") });
     let meter = ResourceMeter::start();
-    let points = PagePoints::read(&motion, &mut |index| {
+    let skins = particle_splats::skins_or_warning(&motion, STAGE, events);
+    let points = PagePoints::read(&motion, skins, &mut |index| {
         events.step(STAGE, "", index as u64 + 1, Some(count as u64), &[]);
         interrupt.requested()
     })?;
@@ -85,7 +87,7 @@ pub fn view(request: &PageRequest, events: &Events, interrupt: &Interrupt) -> Re
     let bytes = points.encode(&scales);
     let head = head(&motion, &points, &scales);
     let title = motion.trajectory.twin.pointer("/material/model").and_then(|m| m.as_str()).unwrap_or("twin");
-    let json = serde_json::to_string(&head).map_err(ViewError::stage("writing the page"))?;
+    let json = gic_twin::json::text(&head).map_err(ViewError::stage("writing the page"))?;
     // The script last: it holds none of the other marks.
     let page = include_str!("page.html")
         .replace("TITLE", &crate::html::escape(&format!("{title} twin")))

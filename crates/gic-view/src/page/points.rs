@@ -5,7 +5,6 @@ use glam::DVec3;
 
 use crate::error::{Result, ViewError};
 use crate::render::color_scale::{ColorScale, PLAIN_RGB, byte_color};
-use crate::render::particle_splats;
 use crate::render::simulated_motion::{FrameParticles, SimulatedMotion};
 use crate::skinned_gaussians::{SkinnedGaussians, colors};
 
@@ -31,8 +30,11 @@ struct PointFrame {
 
 impl PagePoints {
     /// Reads every frame; `on_frame` is called after each and returns whether to stop.
-    pub(super) fn read(motion: &SimulatedMotion, on_frame: &mut dyn FnMut(usize) -> bool) -> Result<Self> {
-        let skins = particle_splats::skins(motion).ok();
+    pub(super) fn read(
+        motion: &SimulatedMotion,
+        skins: Option<Vec<(usize, SkinnedGaussians)>>,
+        on_frame: &mut dyn FnMut(usize) -> bool,
+    ) -> Result<Self> {
         let mut frames = Vec::new();
         let mut spacing = 0.0;
         let mut at_surface: Vec<bool> = Vec::new();

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use gic_splat::{Channels, Gaussians, RenderSettings, Shape};
+use gic_twin::events::Events;
 use gic_twin::matter::read_particles;
 
 use super::color_scale::{ColorScale, Coloring};
@@ -26,7 +27,12 @@ pub(super) enum ParticleSplats {
 impl ParticleSplats {
     pub(super) fn new(coloring: Coloring, motion: &SimulatedMotion, first: &FrameParticles) -> Result<Self> {
         if coloring == Coloring::Appearance {
-            return Ok(Self::Skinned(skins(motion)?));
+            return skins(motion)?.map(Self::Skinned).ok_or_else(|| ViewError::Usage {
+                problem: "the simulated matter has no colours beside it".into(),
+                hint: Some(
+                    "colours come with `gic run SCENE -o RUN`; use --color stress, speed or plain without them".into(),
+                ),
+            });
         }
         Ok(Self::ColorMapped { scale: ColorScale::new(coloring, &motion.trajectory), spacing: first.spacing() })
     }
@@ -80,25 +86,47 @@ impl ParticleSplats {
     }
 }
 
-/// The colours of every body, from the run folder in which its matter lies.
-pub(crate) fn skins(motion: &SimulatedMotion) -> Result<Vec<(usize, SkinnedGaussians)>> {
-    let without_colors = |continuum: &str| ViewError::Usage {
-        problem: format!("{continuum} has no colours beside it"),
-        hint: Some("colours come with `gic run SCENE -o RUN`; use --color stress, speed or plain without them".into()),
-    };
-    motion
-        .continua()
-        .into_iter()
-        .map(|(count, continuum)| {
-            let continuum = continuum.ok_or_else(|| without_colors("a twin that is a shape"))?;
-            let path = Path::new(&continuum);
-            let rest = read_particles(path)?.positions;
-            let skin = SkinnedGaussians::load(path.parent().unwrap_or(Path::new("")), &rest)?;
-            // The colours belong to the particles of their run, which must be the simulated ones.
-            let skin = skin.filter(|_| rest.len() == count).ok_or_else(|| without_colors(&continuum))?;
-            Ok((count, skin))
-        })
-        .collect()
+/// The colours of every body, from the run folder in which its matter lies; `None` where a body has none.
+///
+/// # Errors
+/// Matter that is missing or is not what was simulated, damaged colours.
+pub(crate) fn skins(motion: &SimulatedMotion) -> Result<Option<Vec<(usize, SkinnedGaussians)>>> {
+    let mut skins = Vec::new();
+    let mut began = Vec::new();
+    for body in motion.continua() {
+        let Some(file) = body.file.filter(|file| SkinnedGaussians::beside(file)) else { return Ok(None) };
+        let rest = read_particles(&file)?.positions;
+        began.extend(rest.iter().map(|&p| body.shift_m.map_or(p, |shift| p + shift)));
+        let run = file.parent().unwrap_or(Path::new(""));
+        let Some(skin) = SkinnedGaussians::load(run, &rest)?.filter(|_| rest.len() == body.particles) else {
+            return Err(foreign(&file));
+        };
+        skins.push((body.particles, skin));
+        // The colours belong to the particles of their run, which must be the simulated ones.
+        if began.len() == motion.trajectory.particles && !motion.trajectory.began_with(began.iter().copied()) {
+            return Err(foreign(&file));
+        }
+    }
+    Ok(Some(skins))
+}
+
+/// The colours of every body; `None`, and a warning, where they cannot be read.
+pub(crate) fn skins_or_warning(
+    motion: &SimulatedMotion,
+    stage: &str,
+    events: &Events,
+) -> Option<Vec<(usize, SkinnedGaussians)>> {
+    skins(motion).unwrap_or_else(|error| {
+        events.warn(stage, format!("without the colours of the video: {error}"));
+        None
+    })
+}
+
+fn foreign(file: &Path) -> ViewError {
+    ViewError::Usage {
+        problem: format!("{} is not the matter that was simulated, so its colours are others, too", file.display()),
+        hint: Some("simulate the twin beside it anew, or use --color stress, speed or plain".into()),
+    }
 }
 
 /// All Gaussians of several isotropic sets without direction-dependent colours.

@@ -28,6 +28,16 @@ pub struct FrameParticles {
     pub von_mises_pa: Vec<f32>,
 }
 
+/// Where the matter of a body comes from.
+pub(crate) struct BodyMatter {
+    /// Number of its particles.
+    pub(crate) particles: usize,
+    /// The file of its particles at rest; `None` for a shape.
+    pub(crate) file: Option<PathBuf>,
+    /// By how much it was moved before the simulation [m]; `None` for the first body, which stays where it is.
+    pub(crate) shift_m: Option<DVec3>,
+}
+
 impl SimulatedMotion {
     /// Opens a folder of frames, or the prediction of a run.
     ///
@@ -61,17 +71,21 @@ impl SimulatedMotion {
         })
     }
 
-    /// Number of particles of each body, and the file that its matter comes from; `None` for a shape.
-    pub(crate) fn continua(&self) -> Vec<(usize, Option<String>)> {
-        let file = |twin: &serde_json::Value| twin.get("continuum").and_then(|c| c.as_str()).map(str::to_owned);
+    /// The matter of each body, in the order of the particles.
+    pub(crate) fn continua(&self) -> Vec<BodyMatter> {
         let companions = self.trajectory.twin.get("companions").and_then(|c| c.as_array());
-        let others = companions.into_iter().flatten().filter_map(|c| c.get("twin"));
-        let files = std::iter::once(&self.trajectory.twin).chain(others).map(file);
-        match self.trajectory.bodies.as_slice() {
-            // A trajectory of one body may leave the list out.
-            [] => files.map(|file| (self.trajectory.particles, file)).collect(),
-            counts => counts.iter().copied().zip(files).collect(),
-        }
+        let others = companions.into_iter().flatten().filter_map(|c| Some((c.get("twin")?, c.get("shift_m"))));
+        let twins = std::iter::once((&self.trajectory.twin, None)).chain(others);
+        let single = [self.trajectory.particles];
+        // A trajectory of one body may leave the list out.
+        let counts = if self.trajectory.bodies.is_empty() { &single[..] } else { &self.trajectory.bodies };
+        let matter =
+            |(&particles, (twin, shift)): (&usize, (&serde_json::Value, Option<&serde_json::Value>))| BodyMatter {
+                particles,
+                file: twin.get("continuum").and_then(|c| c.as_str()).map(|file| self.folder.join(file)),
+                shift_m: shift.and_then(vector),
+            };
+        counts.iter().zip(twins).map(matter).collect()
     }
 
     /// Frames per second of the simulation.

@@ -133,7 +133,7 @@ pub fn bench(request: &BenchRequest, events: &Events, interrupt: &Interrupt) -> 
     let mut outcomes = Vec::new();
     for (job, status) in jobs.iter().zip(statuses) {
         let result = match status {
-            Ok(()) => evaluate(&request.out.join(&job.name), &job.truth, &Events::silent(), interrupt)
+            Ok(()) => evaluate(&request.out.join(&job.name), None, &job.truth, &Events::silent(), interrupt)
                 .map_err(SceneFailure::from),
             Err(reason) => Err(reason),
         };

@@ -9,7 +9,7 @@ use gic_scene::SceneSettings;
 use gic_twin::twin::Setting;
 
 use super::flags::{AppearanceFlags, Flags, ReconstructFlags, SettingsFlags};
-use super::values::{Pad, coefficient, length, positive, refinement, size, slowness};
+use super::values::{Pad, coefficient, length, positive, positive_number, refinement, size, threads};
 
 /// Video in, physical digital twin out.
 ///
@@ -48,7 +48,7 @@ pub(crate) struct Global {
     #[arg(short, long, global = true)]
     pub(crate) quiet: bool,
     /// Number of threads [default: one per core]
-    #[arg(long, global = true, value_name = "N", value_parser = positive)]
+    #[arg(long, global = true, value_name = "N", value_parser = threads)]
     pub(crate) threads: Option<usize>,
 }
 
@@ -112,6 +112,8 @@ pub(crate) struct InspectArgs {
 pub(crate) struct ReportArgs {
     /// The run folder
     pub(crate) run: PathBuf,
+    #[command(flatten)]
+    pub(crate) elsewhere: SceneElsewhere,
 }
 
 /// Compare a run with ground truth: parameters, velocity, shape in every frame
@@ -119,6 +121,8 @@ pub(crate) struct ReportArgs {
 pub(crate) struct EvalArgs {
     /// The run folder
     pub(crate) run: PathBuf,
+    #[command(flatten)]
+    pub(crate) elsewhere: SceneElsewhere,
     /// The truth: a folder with params.json and particles_N.npz
     #[arg(long, value_name = "SCENE/gt")]
     pub(crate) truth: PathBuf,
@@ -129,6 +133,8 @@ pub(crate) struct EvalArgs {
 pub(crate) struct ExportArgs {
     /// The run folder
     pub(crate) run: PathBuf,
+    #[command(flatten)]
+    pub(crate) elsewhere: SceneElsewhere,
     /// What to write
     #[arg(long, value_enum)]
     pub(crate) format: gic::pipeline::Export,
@@ -205,6 +211,8 @@ pub(crate) struct RegisterArgs {
     /// The run folder
     pub(crate) run: PathBuf,
     #[command(flatten)]
+    pub(crate) elsewhere: SceneElsewhere,
+    #[command(flatten)]
     pub(crate) settings: SettingsFlags,
 }
 
@@ -213,6 +221,8 @@ pub(crate) struct RegisterArgs {
 pub(crate) struct FillArgs {
     /// The run folder
     pub(crate) run: PathBuf,
+    #[command(flatten)]
+    pub(crate) elsewhere: SceneElsewhere,
     #[command(flatten)]
     pub(crate) fill: gic_continuum::Settings,
     #[command(flatten)]
@@ -224,6 +234,8 @@ pub(crate) struct FillArgs {
 pub(crate) struct IdentifyArgs {
     /// The run folder
     pub(crate) run: PathBuf,
+    #[command(flatten)]
+    pub(crate) elsewhere: SceneElsewhere,
     #[command(flatten)]
     pub(crate) identify: gic_identify::Settings,
     #[command(flatten)]
@@ -268,21 +280,46 @@ impl ReconstructArgs {
 impl RegisterArgs {
     /// The settings among the flags.
     pub(crate) fn flags(&self) -> Flags<'_> {
-        Flags { any: Some(&self.settings), ..Flags::default() }
+        Flags { scene_path: self.elsewhere.scene.as_deref(), any: Some(&self.settings), ..Flags::default() }
     }
 }
 
 impl FillArgs {
     /// The settings among the flags.
     pub(crate) fn flags(&self) -> Flags<'_> {
-        Flags { fill: Some(&self.fill), any: Some(&self.settings), ..Flags::default() }
+        Flags {
+            scene_path: self.elsewhere.scene.as_deref(),
+            fill: Some(&self.fill),
+            any: Some(&self.settings),
+            ..Flags::default()
+        }
     }
 }
 
 impl IdentifyArgs {
     /// The settings among the flags.
     pub(crate) fn flags(&self) -> Flags<'_> {
-        Flags { identify: Some(&self.identify), any: Some(&self.settings), ..Flags::default() }
+        Flags {
+            scene_path: self.elsewhere.scene.as_deref(),
+            identify: Some(&self.identify),
+            any: Some(&self.settings),
+            ..Flags::default()
+        }
+    }
+}
+
+/// Where a run's scene is.
+#[derive(Debug, Args)]
+pub(crate) struct SceneElsewhere {
+    /// The scene that the run was made from, where it has moved
+    #[arg(long, value_name = "SCENE")]
+    pub(crate) scene: Option<PathBuf>,
+}
+
+impl SceneElsewhere {
+    /// The settings among the flags.
+    pub(crate) fn flags(&self) -> Flags<'_> {
+        Flags { scene_path: self.scene.as_deref(), ..Flags::default() }
     }
 }
 
@@ -337,6 +374,12 @@ pub(crate) struct SimulateArgs {
     /// Start anew, even if the folder holds frames of another twin or other settings
     #[arg(long)]
     pub(crate) restart: bool,
+    /// Longest that it may take by its forecast, on one core [h] [default: a day]
+    #[arg(long, value_name = "HOURS", value_parser = positive_number)]
+    pub(crate) budget_hours: Option<f64>,
+    /// Most memory that it may take by its forecast [GB] [default: what the machine has left]
+    #[arg(long, value_name = "GB", value_parser = positive_number)]
+    pub(crate) budget_gb: Option<f64>,
 }
 
 /// Make pictures and films of a simulated motion
@@ -374,7 +417,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "FILE.gif|.mp4|.webp")]
     pub(crate) film: Option<PathBuf>,
     /// How many times slower than life the film runs
-    #[arg(long, value_name = "TIMES", default_value = "1", value_parser = slowness)]
+    #[arg(long, value_name = "TIMES", default_value = "1", value_parser = positive_number)]
     pub(crate) slow_motion: f64,
 }
 

@@ -13,7 +13,7 @@ pub(crate) fn run(args: &GradcheckArgs, context: &Context) -> anyhow::Result<()>
     context.print(format!(
         "{:<14} {:<30} {:>12} {:>16} {:>16} {:>10}",
         "material", "derivative with respect to", "value", "adjoint", "differences", "rel. error"
-    ));
+    ))?;
     let (mut rows, mut failures) = (0, 0);
     let wanted = |model: &str| args.material.is_none_or(|wanted| wanted.name() == model);
     for material in gradcheck_materials().into_iter().filter(|material| wanted(material.model())) {
@@ -27,12 +27,12 @@ pub(crate) fn run(args: &GradcheckArgs, context: &Context) -> anyhow::Result<()>
                 row.adjoint,
                 row.finite_difference,
                 row.relative_error
-            ));
+            ))?;
             rows += 1;
             failures += usize::from(!row.passes());
         }
     }
     anyhow::ensure!(failures == 0, "{failures} of {rows} derivatives differ by more than {GRADCHECK_TOLERANCE:e}");
-    context.print(format!("all {rows} derivatives agree within {GRADCHECK_TOLERANCE:e}"));
+    context.print(format!("all {rows} derivatives agree within {GRADCHECK_TOLERANCE:e}"))?;
     Ok(())
 }

@@ -6,10 +6,10 @@ use gic::grasp::{GraspRequest, Gripper, grasp};
 
 use super::Context;
 use super::args::GraspArgs;
-use super::simulate::twin_file;
+use super::simulate::{inputs_of, twin_file};
 
 pub(crate) fn run(args: &GraspArgs, context: &Context) -> anyhow::Result<()> {
-    let twin = twin_file(&args.twin);
+    let twin = twin_file(&args.twin)?;
     let beside = || twin.parent().unwrap_or(Path::new("")).join("grasp");
     let out = args.out.clone().unwrap_or_else(beside);
     let request = GraspRequest {
@@ -24,8 +24,11 @@ pub(crate) fn run(args: &GraspArgs, context: &Context) -> anyhow::Result<()> {
         out,
         twin,
     };
+    let inputs = inputs_of(std::iter::once(&request.twin));
+    inputs.allow_folder(&request.out, &["grasp", "width_"])?;
+    inputs.allow_file(&request.film)?;
     let report = grasp(&request, &context.events, &context.interrupt)?;
-    context.print(report.table());
-    context.print(format!("results in {}", request.out.display()));
+    context.print(report.table())?;
+    context.print(format!("results in {}", request.out.display()))?;
     Ok(())
 }

@@ -14,7 +14,7 @@ mod tests;
 mod values;
 mod view;
 
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches};
@@ -36,9 +36,15 @@ pub(crate) struct Context {
 
 impl Context {
     /// Prints a result on stdout; `-q` does not silence results, only the way there.
-    pub(crate) fn print(&self, text: impl std::fmt::Display) {
-        // A closed pipe (`gic ... | head`) is no failure.
-        let _ = writeln!(std::io::stdout(), "{text}");
+    ///
+    /// # Errors
+    /// What the system says, such as that the disk is full; a closed pipe (`gic ... | head`) is no failure.
+    pub(crate) fn print(&self, text: impl std::fmt::Display) -> gic::Result<()> {
+        let mut out = std::io::stdout();
+        match writeln!(out, "{text}").and_then(|()| out.flush()) {
+            Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Error::Print { source: error }),
+            _ => Ok(()),
+        }
     }
 }
 
@@ -93,7 +99,7 @@ fn dispatch(command: Command, context: &Context) -> anyhow::Result<()> {
         Command::Completions { shell } => {
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "gic", &mut script);
-            context.print(String::from_utf8_lossy(&script).trim_end());
+            context.print(String::from_utf8_lossy(&script).trim_end())?;
             Ok(())
         }
     }

@@ -1,19 +1,25 @@
 //! `gic render`.
 
+use gic::outputs::Inputs;
 use gic::pipeline::scene_of_run;
 use gic_scene::Scene;
 use gic_view::render::{RenderRequest, SimulatedMotion, Viewpoint, render};
 
 use super::Context;
 use super::args::RenderArgs;
+use super::view::check_motion;
 
 pub(crate) fn run(args: &RenderArgs, context: &Context) -> anyhow::Result<()> {
+    check_motion(&args.frames)?;
     let motion = SimulatedMotion::open(&args.frames)?;
     let scene = match (args.camera, &args.scene, &motion.run) {
         (Viewpoint::Orbit, ..) | (_, None, None) => None,
-        (_, Some(path), _) => Some(Scene::open(path).map_err(gic::Error::stage("reading the scene"))?),
-        (_, None, Some(run)) => Some(scene_of_run(run)?),
+        (_, elsewhere, Some(run)) => Some(scene_of_run(run, elsewhere.as_deref())?),
+        (_, Some(path), None) => Some(Scene::open(path).map_err(gic::Error::stage("reading the scene"))?),
     };
+    let inputs = scene.iter().fold(Inputs::default(), |inputs, scene| inputs.scene(&scene.root));
+    inputs.allow_folder(&args.out, &["frame_"])?;
+    args.film.iter().try_for_each(|film| inputs.allow_file(film))?;
     let request = RenderRequest {
         out: args.out.clone(),
         viewpoint: args.camera,
@@ -25,9 +31,9 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> anyhow::Result<()> {
         slow_motion: args.slow_motion,
     };
     let outcome = render(&request, &motion, scene.as_ref(), &context.events, &context.interrupt)?;
-    context.print(format!("{} pictures in {}; {}", outcome.frames, args.out.display(), outcome.legend));
+    context.print(format!("{} pictures in {}; {}", outcome.frames, args.out.display(), outcome.legend))?;
     if let Some(film) = outcome.film {
-        context.print(format!("film: {film}"));
+        context.print(format!("film: {film}"))?;
     }
     Ok(())
 }

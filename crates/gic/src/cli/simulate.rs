@@ -2,32 +2,63 @@
 
 use std::path::{Path, PathBuf};
 
-use gic_twin::simulate::{Companion, SimulationRequest, simulate};
-use gic_twin::twin::Setting;
+use gic::outputs::Inputs;
+use gic::pipeline::{Stage, check_results};
+use gic_mpm::Budget;
+use gic_twin::simulate::{Companion, SimulationRequest, simulate, usual_budget};
+use gic_twin::twin::{MatterSource, Setting, Twin};
 use serde_json::json;
 
 use super::Context;
 use super::args::SimulateArgs;
 
 pub(crate) fn run(args: &SimulateArgs, context: &Context) -> anyhow::Result<()> {
-    let companions = args.companions.iter().map(|c| Companion { twin: twin_file(&c.twin), shift_m: c.shift_m });
+    let mut companions = Vec::new();
+    for companion in &args.companions {
+        companions.push(Companion { twin: twin_file(&companion.twin)?, shift_m: companion.shift_m });
+    }
+    let twin = twin_file(&args.twin)?;
+    let twins = std::iter::once(&twin).chain(companions.iter().map(|companion| &companion.twin));
+    let inputs = args.colliders.iter().fold(inputs_of(twins), |inputs, file| inputs.file(file));
+    inputs.allow_folder(&args.out, &["particles_", "trajectory.json"])?;
     let request = SimulationRequest {
-        twin: twin_file(&args.twin),
+        twin,
         settings: settings(args)?,
         colliders: args.colliders.clone(),
-        companions: companions.collect(),
+        companions,
         out: args.out.clone(),
         frames: args.frames,
         restart: args.restart,
+        budget: budget(args),
     };
     let outcome = simulate(&request, &context.events, &context.interrupt)?;
-    context.print(format!("{} frames of {} particles in {}", outcome.frames, outcome.particles, args.out.display()));
+    context.print(format!("{} frames of {} particles in {}", outcome.frames, outcome.particles, args.out.display()))?;
     Ok(())
 }
 
-/// A run folder stands for the twin in it.
-pub(super) fn twin_file(path: &Path) -> PathBuf {
-    if path.is_dir() { path.join("twin.json") } else { path.to_owned() }
+/// A run folder stands for the twin in it, which must be the one that the run wrote.
+pub(super) fn twin_file(path: &Path) -> anyhow::Result<PathBuf> {
+    if !path.is_dir() {
+        return Ok(path.to_owned());
+    }
+    check_results(path, &[Stage::Identify])?;
+    Ok(path.join("twin.json"))
+}
+
+/// The files of some twins and of their matter. What cannot be read is told by who reads it.
+pub(super) fn inputs_of<'a>(twins: impl Iterator<Item = &'a PathBuf>) -> Inputs {
+    twins.fold(Inputs::default(), |inputs, file| match Twin::read(file, &[]).map(|twin| twin.continuum) {
+        Ok(MatterSource::File(matter)) => inputs.file(file).file(&matter),
+        _ => inputs.file(file),
+    })
+}
+
+fn budget(args: &SimulateArgs) -> Budget {
+    let usual = usual_budget();
+    Budget {
+        seconds: args.budget_hours.map_or(usual.seconds, |hours| 3600.0 * hours),
+        memory_bytes: args.budget_gb.map_or(usual.memory_bytes, |gb| 1e9 * gb),
+    }
 }
 
 /// The settings of the flags that stand for one, then those of `--set`.

@@ -35,7 +35,7 @@ fn example(arg: &Arg) -> String {
         "N" | "N|orbit" => "7",
         "CAMERA" => "2,3",
         "M" | "MU" | "HEIGHT" | "TIMES" | "W,..." => "0.0125",
-        "HZ" | "KG_M3" => "850.5",
+        "HZ" | "KG_M3" | "HOURS" | "GB" => "850.5",
         "NAME=VALUE" => "poisson_ratio=0.25",
         "KEY=VALUE" => "reconstruct.loss.scale=0.5",
         "X,Y,Z" => "1,2,-3",

@@ -8,11 +8,16 @@ use gic::grasp::MAX_REFINEMENT;
 /// Longest side of a picture [pixels].
 const LONGEST_SIDE_PX: usize = 8192;
 
+/// Most threads: more than any machine has cores for.
+const MOST_THREADS: usize = 1024;
+
 /// What a value must be.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub(crate) enum ValueError {
     #[error("must be a whole number of at least 1")]
     Count,
+    #[error("must be a whole number from 1 to {MOST_THREADS}")]
+    Threads,
     #[error("must be like 640x480, each side at most {LONGEST_SIDE_PX}")]
     Size,
     #[error("must be like 0.022x0.0375, two lengths in metres")]
@@ -24,11 +29,15 @@ pub(crate) enum ValueError {
     #[error("must be a whole number from 1 to {MAX_REFINEMENT}")]
     Refinement,
     #[error("must be a number above 0")]
-    Slowness,
+    PositiveNumber,
 }
 
 pub(crate) fn positive(text: &str) -> Result<usize, ValueError> {
     text.parse().ok().filter(|n| *n >= 1).ok_or(ValueError::Count)
+}
+
+pub(crate) fn threads(text: &str) -> Result<usize, ValueError> {
+    text.parse().ok().filter(|n| (1..=MOST_THREADS).contains(n)).ok_or(ValueError::Threads)
 }
 
 pub(crate) fn size(text: &str) -> Result<[usize; 2], ValueError> {
@@ -68,8 +77,8 @@ pub(crate) fn refinement(text: &str) -> Result<usize, ValueError> {
     text.parse().ok().filter(|n| (1..=MAX_REFINEMENT).contains(n)).ok_or(ValueError::Refinement)
 }
 
-pub(crate) fn slowness(text: &str) -> Result<f64, ValueError> {
-    finite(text).filter(|times| *times > 0.0).ok_or(ValueError::Slowness)
+pub(crate) fn positive_number(text: &str) -> Result<f64, ValueError> {
+    finite(text).filter(|times| *times > 0.0).ok_or(ValueError::PositiveNumber)
 }
 
 fn finite(text: &str) -> Option<f64> {

@@ -3,6 +3,8 @@
 use std::path::Path;
 use std::process::{Command, Stdio};
 
+use gic::outputs::Inputs;
+use gic::pipeline::{Stage, check_results};
 use gic::recording::record;
 use gic_view::page::{PageRequest, default_page, view};
 
@@ -10,10 +12,13 @@ use super::Context;
 use super::args::ViewArgs;
 
 pub(crate) fn run(args: &ViewArgs, context: &Context) -> anyhow::Result<()> {
+    check_motion(&args.frames)?;
     if let Some(file) = &args.rerun {
+        Inputs::default().allow_file(file)?;
         return recording(args, file, context);
     }
     let page = args.out.clone().unwrap_or_else(|| default_page(&args.frames));
+    Inputs::default().allow_file(&page)?;
     let request = PageRequest { frames: args.frames.clone(), page: page.clone() };
     let outcome = view(&request, &context.events, &context.interrupt)?;
     let megabytes = outcome.bytes as f64 / 1e6;
@@ -22,8 +27,13 @@ pub(crate) fn run(args: &ViewArgs, context: &Context) -> anyhow::Result<()> {
         outcome.points,
         outcome.frames,
         page.display()
-    ));
+    ))?;
     Ok(())
+}
+
+/// Refuses the motion of a run whose results are not what its stages wrote.
+pub(super) fn check_motion(frames: &Path) -> anyhow::Result<()> {
+    Ok(check_results(frames, &[Stage::Identify, Stage::Predict, Stage::Appearance])?)
 }
 
 /// Writes the recording, and opens it where the viewer is installed.
@@ -37,6 +47,6 @@ fn recording(args: &ViewArgs, file: &Path, context: &Context) -> anyhow::Result<
             "recording in {}: install Rerun (pip install rerun-sdk) and open it with `rerun {0}`",
             file.display()
         ),
-    });
+    })?;
     Ok(())
 }

@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::{Config, Layer};
 use crate::error::{Error, Result};
-use crate::pipeline::{FillSummary, FrameFilling, IdentifyRecord, filling_file, prediction_file};
+use crate::pipeline::{FillSummary, FrameFilling, IdentifyRecord, Stage, check_results, filling_file, prediction_file};
 use crate::statistics::mean;
 pub use pictures::PictureError;
 use pictures::Pictures;
@@ -105,11 +105,18 @@ pub struct FrameError {
     pub pictures: Option<PictureError>,
 }
 
-/// Compares a run with the truth.
+/// Compares a run with the truth; its scene lies at `scene`, or where the run says.
 ///
 /// # Errors
-/// A run that is not finished, a truth of another material, damaged files.
-pub fn evaluate(run: &Path, truth: &Truth, events: &Events, interrupt: &Interrupt) -> Result<Evaluation> {
+/// A run that is not finished, a truth of another material, another scene than the run's, damaged files.
+pub fn evaluate(
+    run: &Path,
+    scene: Option<&Path>,
+    truth: &Truth,
+    events: &Events,
+    interrupt: &Interrupt,
+) -> Result<Evaluation> {
+    check_results(run, &Stage::ALL)?;
     let found: IdentifyRecord = atomic::read_json(&run.join("identify.json"))?;
     let summary: FillSummary = atomic::read_json(&run.join("fill.json"))?;
     if found.model != truth.material.model() {
@@ -120,7 +127,7 @@ pub fn evaluate(run: &Path, truth: &Truth, events: &Events, interrupt: &Interrup
     }
     let config = Config::resolve(vec![Layer::read(&run.join("config.toml"))?])?;
     let fitted = config.scene.fit_frames.unwrap_or(usize::MAX);
-    let pictures = Pictures::open(run, config)?;
+    let pictures = Pictures::open(run, scene, config)?;
     let mut frames = Vec::new();
     // True volume over what the particles of the same frame take up.
     let mut share = None;
@@ -210,7 +217,9 @@ fn velocity_error(found: &IdentifyRecord, truth: &Truth) -> VelocityError {
         estimate_m_s: found.velocity_m_s,
         truth_m_s: truth.velocity_m_s,
         error_x100: 100.0 * mean((0..3).map(error)),
-        inside: (0..3).filter(|&axis| error(axis) <= found.velocity_interval_95_m_s[axis]).count(),
+        inside: found
+            .velocity_interval_95_m_s
+            .map_or(0, |half| (0..3).filter(|&axis| error(axis) <= half[axis]).count()),
     }
 }
 

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::pipeline::{TWIN_MATTER, open_scene, prediction_file, simulated_frame};
+use crate::pipeline::{TWIN_MATTER, prediction_file, scene_of_run, simulated_frame};
 use crate::statistics::mean;
 
 /// Pictures of the twin against those of the video, both over black: means over cameras.
@@ -46,11 +46,11 @@ pub(super) struct Pictures<'a> {
 }
 
 impl<'a> Pictures<'a> {
-    /// `None` where the twin has no colours.
-    pub(super) fn open(run: &'a Path, config: Config) -> Result<Option<Self>> {
+    /// `None` where the twin has no colours; the scene lies at `elsewhere`, or where the run says.
+    pub(super) fn open(run: &'a Path, elsewhere: Option<&Path>, config: Config) -> Result<Option<Self>> {
         let rest = read_particles(&run.join(TWIN_MATTER))?.positions;
         let Some(skin) = SkinnedGaussians::load(run, &rest)? else { return Ok(None) };
-        let (scene, held_out) = (open_scene(&config)?, config.reconstruct.held_out);
+        let (scene, held_out) = (scene_of_run(run, elsewhere)?, config.reconstruct.held_out);
         Ok(Some(Self { run, scene, skin, particles: rest.len(), held_out }))
     }
 

@@ -27,7 +27,7 @@ impl Truth {
     /// Missing or damaged files, an unknown material.
     pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join("params.json");
-        let text = std::fs::read_to_string(&path).map_err(Error::read(&path))?;
+        let text = gic_files::input::read_to_string(&path).map_err(Error::read(&path))?;
         let json: Value = serde_json::from_str(&text).map_err(|source| Error::Syntax {
             path: path.clone(),
             format: "JSON",

@@ -32,8 +32,9 @@ pub struct IdentifyRecord {
     pub estimates: Vec<EstimateRecord>,
     /// Initial velocity [m/s].
     pub velocity_m_s: [f64; 3],
-    /// Half-width of its 95 % interval [m/s].
-    pub velocity_interval_95_m_s: [f64; 3],
+    /// Half-width of its 95 % interval [m/s]; absent where it could not be measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub velocity_interval_95_m_s: Option<[f64; 3]>,
     /// Initial angular velocity [rad/s].
     pub angular_velocity_rad_s: [f64; 3],
     /// Leading frames in which nothing is touched.
@@ -93,11 +94,11 @@ pub struct StepRecord {
 }
 
 impl IdentifyRecord {
-    /// Each component of the initial velocity: its letter, its value and its 95 % interval [m/s].
-    pub fn velocity_components(&self) -> [(&'static str, f64, [f64; 2]); 3] {
+    /// Each component of the initial velocity: its letter, its value and its 95 % interval [m/s], if that is known.
+    pub fn velocity_components(&self) -> [(&'static str, f64, Option<[f64; 2]>); 3] {
         [("x", 0), ("y", 1), ("z", 2)].map(|(letter, axis)| {
-            let (v, half) = (self.velocity_m_s[axis], self.velocity_interval_95_m_s[axis]);
-            (letter, v, [v - half, v + half])
+            let v = self.velocity_m_s[axis];
+            (letter, v, self.velocity_interval_95_m_s.map(|half| [v - half[axis], v + half[axis]]))
         })
     }
 }
@@ -110,7 +111,7 @@ impl Run<'_> {
         let input = self.identify_input(&continuum, &obstacles)?;
         let (begun, checkpoint) = (self.path("stamps/identify.begun.json"), self.path("identify.checkpoint.json"));
         // Results of finished stages that belong to other settings or other matter must not be taken up.
-        let goes_on = Stamp::read(&begun).is_some_and(|found| found.outdated_for(stamp).is_none());
+        let goes_on = stamp.goes_on(&begun)?;
         if !goes_on && checkpoint.exists() {
             std::fs::remove_file(&checkpoint).map_err(Error::write(&checkpoint))?;
         }
@@ -122,7 +123,7 @@ impl Run<'_> {
         let record = record(model.name(), &found);
         atomic::write_json(&self.path("identify.json"), &record)?;
         self.write_matter(&continuum, &found)?;
-        self.twin(&input, obstacles, &found, &record).write(&self.path("twin.json"))?;
+        self.twin(&input, obstacles, &found, &record)?.write(&self.path("twin.json"))?;
         if checkpoint.exists() {
             std::fs::remove_file(&checkpoint).map_err(Error::write(&checkpoint))?;
         }
@@ -288,20 +289,26 @@ impl Run<'_> {
         Ok(write_particles(&self.path(TWIN_MATTER), ["x", "y", "z", "density", "surface", "volume_factor"], rows)?)
     }
 
-    fn twin(&self, input: &Input, obstacles: Vec<Obstacle>, found: &Estimates, record: &IdentifyRecord) -> Twin {
+    fn twin(
+        &self,
+        input: &Input,
+        obstacles: Vec<Obstacle>,
+        found: &Estimates,
+        record: &IdentifyRecord,
+    ) -> Result<Twin> {
         let mut intervals_95: BTreeMap<String, [f64; 2]> =
             record.estimates.iter().map(|e| (e.name.clone(), e.interval_95)).collect();
         for (letter, _, interval) in record.velocity_components() {
-            intervals_95.insert(format!("initial_velocity_{letter}_m_s"), interval);
+            intervals_95.extend(interval.map(|interval| (format!("initial_velocity_{letter}_m_s"), interval)));
         }
         let mut seconds: BTreeMap<String, f64> =
-            self.stage_seconds().into_iter().map(|(stage, s)| (stage.name().to_owned(), s)).collect();
+            self.stage_seconds()?.into_iter().map(|(stage, s)| (stage.name().to_owned(), s)).collect();
         for (stage, s) in &record.seconds {
             *seconds.entry(stage.clone()).or_default() += s;
         }
         let total = seconds.values().sum();
         seconds.insert("total".into(), total);
-        Twin {
+        Ok(Twin {
             intervals_95,
             identifiable: record.estimates.iter().map(|e| (e.name.clone(), e.identifiable)).collect(),
             initial_velocity_m_s: record.velocity_m_s,
@@ -319,7 +326,7 @@ impl Run<'_> {
             gic_version: Some(gic_twin::VERSION.into()),
             seconds,
             ..Twin::new(found.material, MatterSource::File(PathBuf::from(TWIN_MATTER)))
-        }
+        })
     }
 
     /// Frames at the scene's rate up to its last time, the first included.
@@ -357,7 +364,7 @@ fn record(model: &str, found: &Estimates) -> IdentifyRecord {
         model: model.into(),
         estimates: found.estimates.iter().map(estimate).collect(),
         velocity_m_s: found.velocity_m_s.into(),
-        velocity_interval_95_m_s: found.velocity_interval_95.into(),
+        velocity_interval_95_m_s: found.velocity_interval_95.map(Into::into),
         angular_velocity_rad_s: found.angular_velocity_rad_s.into(),
         free_frames: found.free_frames,
         chamfer_m: found.loss.chamfer_m,

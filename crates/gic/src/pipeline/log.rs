@@ -34,7 +34,7 @@ impl Sink for Log {
     fn receive(&mut self, event: &Event) {
         let seconds = (self.start.elapsed().as_secs_f64() * 1000.0).round() / 1000.0;
         // A full disk shows up where results are written; the log must not end the run.
-        if let Ok(text) = serde_json::to_string(&Line { seconds, event }) {
+        if let Ok(text) = gic_twin::json::text(&Line { seconds, event }) {
             let _ = writeln!(self.file, "{text}").and_then(|()| self.file.flush());
         }
     }

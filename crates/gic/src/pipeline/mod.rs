@@ -1,7 +1,10 @@
 //! A run: a folder, its settings, and the stages from video to twin.
 //!
-//! Every stage writes its results into the folder, and a stamp of what they were made from. [`Run::bring_up_to_date`]
-//! runs the stages whose results are missing or whose stamp no longer fits, and says why.
+//! Every stage writes its results into the folder, and a stamp of what they were made from and what they are.
+//! [`Run::bring_up_to_date`] runs the stages whose results are missing or whose stamp no longer fits, and says why. A
+//! result that is not what its stage wrote is refused: it is damage, or somebody's work.
+//!
+//! One process at a time writes into a folder, see [`gic_files::FolderLock`]; those that read never wait.
 
 mod appearance;
 mod export;
@@ -13,12 +16,15 @@ mod log;
 mod predict;
 mod reconstruct;
 mod register;
+mod results;
 mod rigid_frames;
+mod scene;
 mod select;
 mod stamp;
 
 use std::path::{Path, PathBuf};
 
+use gic_files::FolderLock;
 use gic_identify::MaterialChoice;
 use gic_motion::TrainSettings;
 use gic_scene::Scene;
@@ -27,10 +33,10 @@ use gic_twin::ResourceMeter;
 use gic_twin::atomic;
 use gic_twin::events::{Event, Events};
 use gic_view::skinned_gaussians::FILES as APPEARANCE_FILES;
-use sha2::{Digest, Sha256};
 
 use crate::config::{Config, Layer};
 use crate::error::{Error, Result};
+use crate::outputs;
 pub use export::Export;
 pub(crate) use fill::filling_file;
 #[cfg(feature = "rerun")]
@@ -40,8 +46,10 @@ pub(crate) use identify::TWIN_MATTER;
 pub use identify::{EstimateRecord, IdentifyRecord, StepRecord};
 pub(crate) use predict::{prediction_file, simulated_frame};
 pub use register::{PlacementRecord, RegistrationRecord};
+pub use results::check_results;
+pub use scene::{open_scene, scene_of_run};
 pub use select::{LawRecord, Selection};
-use stamp::Stamp;
+use stamp::{Hashes, Stamp};
 
 /// The stages, in the order of the data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -79,18 +87,29 @@ impl Stage {
         }
     }
 
-    /// Files and folders that it leaves.
-    fn outputs(self) -> &'static [&'static str] {
+    /// Files that it leaves; a folder stands for the particles and tensors in it.
+    pub(crate) fn outputs(self) -> &'static [&'static str] {
         match self {
-            Self::Reconstruct => &["gaussians/canonical.ply"],
+            Self::Reconstruct => &["gaussians"],
             Self::Register => &["registration.json"],
             Self::Fill => &["continuum.ply", "fill.json", "surface", "filling"],
             Self::Select => &["selection.json"],
             Self::Identify => &["twin.json", TWIN_MATTER, "identify.json"],
-            Self::Predict => &["prediction/trajectory.json"],
+            Self::Predict => &["prediction", "prediction/trajectory.json"],
             Self::Appearance => &APPEARANCE_FILES,
         }
     }
+}
+
+/// What a command does with a run folder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Access {
+    /// Makes it, or makes it anew from another scene.
+    Make,
+    /// Goes on with it: its scene must be the one that it was made from.
+    GoOn,
+    /// Reads its results, which must be those that its stages wrote.
+    Read,
 }
 
 /// A run folder, open.
@@ -105,6 +124,8 @@ pub struct Run<'a> {
     scene_hash: String,
     events: &'a Events,
     interrupt: &'a Interrupt,
+    /// Keeps other writers out; readers have none.
+    _lock: Option<FolderLock>,
 }
 
 impl<'a> Run<'a> {
@@ -112,8 +133,17 @@ impl<'a> Run<'a> {
     /// `layers`.
     ///
     /// # Errors
-    /// Unusable settings, an unreadable scene, an unwritable folder.
-    pub fn open(folder: &Path, layers: Vec<Layer>, events: &'a Events, interrupt: &'a Interrupt) -> Result<Self> {
+    /// Unusable settings, an unreadable scene or another than the run's, an unwritable folder, one that another process
+    /// writes into, results that no stage wrote.
+    pub fn open(
+        folder: &Path,
+        access: Access,
+        layers: Vec<Layer>,
+        events: &'a Events,
+        interrupt: &'a Interrupt,
+    ) -> Result<Self> {
+        let writes = access != Access::Read;
+        let mut lock = (writes && folder.is_dir()).then(|| FolderLock::take(folder)).transpose()?;
         let file = folder.join("config.toml");
         let begun = file.exists();
         let mut all = Vec::new();
@@ -132,17 +162,29 @@ impl<'a> Run<'a> {
             all.insert(0, Layer::reconstruct("the scene's defaults", &settings)?);
             config = Config::resolve(all)?;
         }
-        let scene = fitted_part(&video, &config)?;
-        atomic::create_folder(&folder.join("stamps"))?;
-        config.write(&file)?;
-        events.add(log::Log::open(&folder.join("log.jsonl"))?);
+        outputs::allow_run(folder, &video.root)?;
+        let scene = scene::fitted_part(&video, &config)?;
+        let scene_hash = scene::hash_scene(&scene, &config)?;
+        if access != Access::Make {
+            scene::check_origin(folder, &video.root, &scene_hash)?;
+        }
+        if writes {
+            atomic::create_folder(&folder.join("stamps"))?;
+            if lock.is_none() {
+                lock = Some(FolderLock::take(folder)?);
+            }
+            config.keep_colliders(folder)?;
+            config.write(&file)?;
+            events.add(log::Log::open(&folder.join("log.jsonl"))?);
+        } else {
+            results::check_results(folder, &Stage::ALL)?;
+        }
         let command = std::env::args().collect::<Vec<_>>().join(" ");
         events.send(&Event::Started { command, gic_version: gic_twin::VERSION.into() });
         for problem in &video.warnings {
             events.warn("scene", problem.to_string());
         }
-        let scene_hash = hash_scene(&scene)?;
-        Ok(Self { folder: folder.to_owned(), config, video, scene, scene_hash, events, interrupt })
+        Ok(Self { folder: folder.to_owned(), config, video, scene, scene_hash, events, interrupt, _lock: lock })
     }
 
     /// The folder.
@@ -184,37 +226,38 @@ impl<'a> Run<'a> {
         if last >= Stage::Register && self.scan().is_some() {
             self.check_scan()?;
         }
-        let mut before = None;
+        let mut made = Hashes::new();
         for stage in Stage::ALL.into_iter().filter(|stage| *stage <= last) {
             let wanted = match stage {
                 Stage::Register => self.scan().is_some(),
                 Stage::Select => self.selects(),
                 _ => true,
             };
-            if wanted && self.bring(stage, before)? {
-                before = Some(stage);
+            if wanted {
+                made.extend(self.bring(stage, made.clone())?);
             }
         }
         Ok(())
     }
 
-    /// Runs a stage if its result is missing or outdated; returns whether it ran. `before` is the last stage before it
-    /// that ran anew: what it left may differ.
-    fn bring(&self, stage: Stage, before: Option<Stage>) -> Result<bool> {
-        let stamp = self.stamp(stage)?;
-        let file = self.path(format!("stamps/{}.json", stage.name()));
-        let complete = stage.outputs().iter().all(|output| self.path(output).exists());
-        let outdated = Stamp::read(&file).map(|found| found.outdated_for(&stamp));
-        let reason = match (outdated, before) {
-            (Some(None), None) if complete => {
-                let reason = "up to date".into();
-                self.events.send(&Event::StageSkipped { stage: stage.name().into(), reason });
-                return Ok(false);
-            }
-            (Some(Some(difference)), _) => format!("runs again: {difference}"),
-            (Some(None), Some(before)) => format!("runs again: {} ran anew", before.name()),
-            (Some(None), None) => "runs again: files are missing".into(),
-            (None, _) => "starts".into(),
+    /// Runs a stage if its result is missing or outdated; returns the files of its result. `made` are those of the
+    /// stages before it.
+    fn bring(&self, stage: Stage, made: Hashes) -> Result<Hashes> {
+        let stamp = self.stamp(stage)?.reading(made);
+        let file = results::stamp_file(&self.folder, stage);
+        let reason = match Stamp::read(&file)? {
+            None => "starts".into(),
+            Some(found) => match found.outdated_for(&stamp) {
+                Some(difference) => format!("runs again: {difference}"),
+                None => match results::missing_result(&self.folder, stage, &found)? {
+                    Some(missing) => format!("runs again: {missing} is missing"),
+                    None => {
+                        let reason = "up to date".into();
+                        self.events.send(&Event::StageSkipped { stage: stage.name().into(), reason });
+                        return Ok(found.written);
+                    }
+                },
+            },
         };
         self.check_interrupt(stage)?;
         self.events.send(&Event::StageStarted { stage: stage.name().into(), reason });
@@ -232,9 +275,10 @@ impl<'a> Run<'a> {
             Stage::Predict => self.predict()?,
             Stage::Appearance => self.appearance()?,
         }
-        stamp.after(meter.seconds()).write(&file)?;
+        let written = results::hash_results(&self.folder, stage)?;
+        stamp.after(meter.seconds(), written.clone()).write(&file)?;
         self.events.send(&meter.done(stage.name()));
-        Ok(true)
+        Ok(written)
     }
 
     /// Whether the law is to be found.
@@ -259,10 +303,12 @@ impl<'a> Run<'a> {
             }
             Stage::Select | Stage::Identify => {
                 let colliders = match &self.config.identify.colliders {
-                    Some(path) => hash(std::fs::read(path).map_err(Error::read(path))?),
+                    Some(path) => results::hash_file(path)?,
                     None => String::new(),
                 };
-                let settings = serde_json::json!({ "identify": self.config.identify, "colliders": colliders });
+                // What the file holds decides, not where it lies.
+                let identify = gic_identify::Settings { colliders: None, ..self.config.identify.clone() };
+                let settings = serde_json::json!({ "identify": identify, "colliders": colliders });
                 let input = if stage == Stage::Identify && self.selects() { Stage::Select } else { Stage::Fill };
                 Stamp::new(before(input)?, &settings)
             }
@@ -278,9 +324,12 @@ impl<'a> Run<'a> {
     }
 
     /// Seconds that each finished stage took.
-    fn stage_seconds(&self) -> Vec<(Stage, f64)> {
-        let stamp = |stage: &Stage| Stamp::read(&self.path(format!("stamps/{}.json", stage.name())));
-        Stage::ALL.into_iter().filter_map(|stage| Some((stage, stamp(&stage)?.seconds))).collect()
+    fn stage_seconds(&self) -> Result<Vec<(Stage, f64)>> {
+        let mut seconds = Vec::new();
+        for stage in Stage::ALL {
+            seconds.extend(Stamp::read(&results::stamp_file(&self.folder, stage))?.map(|stamp| (stage, stamp.seconds)));
+        }
+        Ok(seconds)
     }
 
     fn check_interrupt(&self, stage: Stage) -> Result<()> {
@@ -290,63 +339,4 @@ impl<'a> Run<'a> {
     fn interrupted(&self, after: &str) -> Error {
         Error::Interrupted { after: after.into(), resume: "run the same command again to go on from there".into() }
     }
-}
-
-/// Opens the scene of a run folder, with all frames of the video.
-///
-/// # Errors
-/// Those of [`open_scene`], unusable settings.
-pub fn scene_of_run(run: &Path) -> Result<Scene> {
-    open_scene(&Config::resolve(vec![Layer::read(&run.join("config.toml"))?])?)
-}
-
-/// Opens the scene that a configuration names.
-///
-/// # Errors
-/// No scene named, or everything that is wrong with it.
-pub fn open_scene(config: &Config) -> Result<Scene> {
-    let Some(path) = &config.scene.path else {
-        return Err(Error::Usage {
-            problem: "the run does not know its scene".into(),
-            hint: Some("start it with `gic run SCENE -o RUN` or `gic reconstruct SCENE -o RUN`".into()),
-        });
-    };
-    Scene::open_with(path, &config.scene).map_err(Error::stage("reading the scene"))
-}
-
-/// The frames that everything is fitted to.
-fn fitted_part(video: &Scene, config: &Config) -> Result<Scene> {
-    const MIN_FITTED_FRAMES: usize = 2;
-    let all = video.times.len();
-    match config.scene.fit_frames {
-        None => Ok(video.clone()),
-        Some(count) if (MIN_FITTED_FRAMES..=all).contains(&count) => Ok(video.first_frames(count)),
-        Some(count) => Err(Error::Usage {
-            problem: format!("scene.fit_frames is {count}, and the video has {all} frames"),
-            hint: Some(format!("give --fit-frames a number from {MIN_FITTED_FRAMES} to {all}, or leave it out")),
-        }),
-    }
-}
-
-/// Hash of everything that the stages read of a scene: pictures, masks, cameras, times.
-fn hash_scene(scene: &Scene) -> Result<String> {
-    let mut all = Sha256::new();
-    all.update(format!("{:?} {:?} {:?} {:?}", scene.format, scene.cameras, scene.times, scene.world));
-    let mut files: Vec<&Path> = Vec::new();
-    for view in &scene.views {
-        files.extend([view.picture.as_path(), view.mask_path()]);
-    }
-    files.extend(scene.backgrounds.iter().flatten().map(PathBuf::as_path));
-    files.dedup();
-    for file in files {
-        all.update(std::fs::read(file).map_err(Error::read(file))?);
-    }
-    if let Some(rest) = &scene.rest {
-        all.update(hash_scene(rest)?);
-    }
-    Ok(format!("{:x}", all.finalize()))
-}
-
-fn hash(bytes: Vec<u8>) -> String {
-    format!("{:x}", Sha256::digest(bytes))
 }

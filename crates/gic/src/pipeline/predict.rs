@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use gic_scene::Scene;
-use gic_twin::simulate::{SimulationRequest, simulate};
+use gic_twin::simulate::{SimulationRequest, simulate, usual_budget};
 
 use super::Run;
 use crate::error::Result;
@@ -18,6 +18,7 @@ impl Run<'_> {
             out: self.path("prediction"),
             frames: Some(self.frames_to_simulate()),
             restart: true,
+            budget: usual_budget(),
         };
         simulate(&request, self.events, self.interrupt)?;
         Ok(())

@@ -16,7 +16,7 @@ impl Run<'_> {
         let folder = self.path("gaussians");
         // A state that was saved for other settings or another scene must not be continued.
         let begun = self.path("stamps/reconstruct.begun.json");
-        let goes_on = Stamp::read(&begun).is_some_and(|found| found.outdated_for(stamp).is_none());
+        let goes_on = stamp.goes_on(&begun)?;
         if !goes_on && folder.exists() {
             std::fs::remove_dir_all(&folder).map_err(Error::write(&folder))?;
         }

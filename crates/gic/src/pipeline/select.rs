@@ -116,7 +116,7 @@ impl Run<'_> {
     pub(super) fn select(&self, stamp: &Stamp) -> Result<()> {
         let folder = self.path("selection");
         let begun = self.path("stamps/select.begun.json");
-        let goes_on = Stamp::read(&begun).is_some_and(|found| found.outdated_for(stamp).is_none());
+        let goes_on = stamp.goes_on(&begun)?;
         if !goes_on && folder.exists() {
             std::fs::remove_dir_all(&folder).map_err(Error::write(&folder))?;
         }

@@ -1,5 +1,7 @@
-//! What a stage's result was made from: it decides whether the stage has to run again, and why.
+//! What a stage's result was made from and what it is: they decide whether the stage has to run again, and why.
 
+use std::collections::BTreeMap;
+use std::io;
 use std::path::{Path, PathBuf};
 
 use gic_twin::atomic;
@@ -10,38 +12,63 @@ use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Result};
 
-/// Everything that decides a stage's result.
+/// SHA-256 of files, hexadecimal, by their way from the run folder.
+pub(super) type Hashes = BTreeMap<String, String>;
+
+/// Everything that decides a stage's result, and the files that it left.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct Stamp {
     gic_version: String,
     /// Name of the input and the hash of its content, or of its stamp where it is a stage's result.
     input: (String, String),
     settings: Value,
+    /// The files of the stages before it, as the stage read them.
+    read: Hashes,
+    /// The files that the stage left; no part of the comparison.
+    pub(super) written: Hashes,
     /// Wall-clock seconds that the stage took; no part of the comparison.
-    #[serde(default)]
     pub(super) seconds: f64,
 }
 
 impl Stamp {
     pub(super) fn new(input: (&str, String), settings: &impl Serialize) -> Result<Self> {
-        let settings = serde_json::to_value(settings).map_err(|source| Error::Syntax {
+        let settings = gic_twin::json::value(settings).map_err(|source| Error::Syntax {
             path: PathBuf::from("settings"),
             format: "JSON",
             source: source.into(),
         })?;
         let input = (input.0.to_owned(), input.1);
-        Ok(Self { gic_version: gic_twin::VERSION.into(), input, settings, seconds: 0.0 })
+        let (read, written) = (Hashes::new(), Hashes::new());
+        Ok(Self { gic_version: gic_twin::VERSION.into(), input, settings, read, written, seconds: 0.0 })
     }
 
-    /// The same stamp with the time that the stage took.
-    pub(super) fn after(self, seconds: f64) -> Self {
-        Self { seconds, ..self }
+    /// The same stamp of a stage that reads these files.
+    pub(super) fn reading(self, read: Hashes) -> Self {
+        Self { read, ..self }
     }
 
-    /// Hash of everything but the time it took.
+    /// The same stamp of a stage that took some seconds and left these files.
+    pub(super) fn after(self, seconds: f64, written: Hashes) -> Self {
+        Self { seconds, written, ..self }
+    }
+
+    /// Hash of the settings, of this stage and of those before it.
     pub(super) fn hash(&self) -> String {
         let text = format!("{} {:?} {}", self.gic_version, self.input, self.settings);
         format!("{:x}", Sha256::digest(text))
+    }
+
+    /// Hash of the scene, where that is the input.
+    pub(super) fn input_hash(&self) -> &str {
+        &self.input.1
+    }
+
+    /// Whether the work that left the stamp `begun` was on the same, so that it can go on.
+    ///
+    /// # Errors
+    /// A damaged stamp.
+    pub(super) fn goes_on(&self, begun: &Path) -> Result<bool> {
+        Ok(Self::read(begun)?.is_some_and(|found| found.outdated_for(self).is_none()))
     }
 
     /// What differs from the stamp `wanted`; `None` where the result is up to date.
@@ -52,15 +79,70 @@ impl Stamp {
         if let Some((key, was, is)) = first_difference("", &self.settings, &wanted.settings) {
             return Some(format!("{key} was {was} and is now {is}"));
         }
-        (self.input != wanted.input).then(|| format!("the {} changed", wanted.input.0))
+        if self.input != wanted.input {
+            return Some(format!("the {} changed", wanted.input.0));
+        }
+        let mut files = self.read.keys().chain(wanted.read.keys());
+        let changed = files.find(|file| self.read.get(*file) != wanted.read.get(*file));
+        changed.map(|file| format!("{file} is another than the one it was made from"))
     }
 
-    pub(super) fn read(path: &Path) -> Option<Self> {
-        // A stamp that cannot be read is no stamp: the stage runs again.
-        serde_json::from_slice(&std::fs::read(path).ok()?).ok()
+    /// The first file that the stage read and that is another one now.
+    pub(super) fn changed_input(&self, now: &Hashes) -> Option<&str> {
+        let changed = |(file, read): &(&String, &String)| now.get(*file).is_some_and(|hash| hash != *read);
+        self.read.iter().find(changed).map(|(file, _)| file.as_str())
+    }
+
+    /// The stamp in a file; `None` where there is none.
+    ///
+    /// # Errors
+    /// A damaged stamp: whether hours of work are up to date is not guessed.
+    pub(super) fn read(path: &Path) -> Result<Option<Self>> {
+        let bytes = match gic_files::input::read(path) {
+            Ok(bytes) => bytes,
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+            Err(error) => return Err(Error::read(path)(error)),
+        };
+        serde_json::from_slice(&bytes).map(Some).map_err(|error| Error::Content {
+            path: path.to_owned(),
+            problem: format!("is damaged, so that nobody knows what the stage was made from ({error})"),
+            hint: Some("restore it from a copy, or remove it to have the stage run again".into()),
+        })
     }
 
     pub(super) fn write(&self, path: &Path) -> Result<()> {
         Ok(atomic::write_json(path, self)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn stamp(read: &[(&str, &str)]) -> Stamp {
+        let read = read.iter().map(|(file, hash)| ((*file).to_owned(), (*hash).to_owned())).collect();
+        Stamp::new(("scene", "s".into()), &serde_json::json!({ "steps": 3 })).unwrap().reading(read)
+    }
+
+    #[test]
+    fn a_file_that_changed_under_a_stage_is_named() {
+        let made = stamp(&[("a.ply", "1"), ("b.ply", "2")]);
+        assert_eq!(made.outdated_for(&made.clone().after(5.0, Hashes::new())), None);
+        let changed = made.outdated_for(&stamp(&[("a.ply", "1"), ("b.ply", "3")])).unwrap();
+        assert!(changed.starts_with("b.ply"), "{changed}");
+        assert!(made.outdated_for(&stamp(&[("a.ply", "1")])).is_some());
+    }
+
+    #[test]
+    fn a_damaged_stamp_is_no_missing_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("fill.json");
+        assert_eq!(Stamp::read(&path).unwrap(), None);
+        stamp(&[]).write(&path).unwrap();
+        assert_eq!(Stamp::read(&path).unwrap(), Some(stamp(&[])));
+        std::fs::write(&path, b"{\"gic_version\"").unwrap();
+        let refused = Stamp::read(&path).unwrap_err();
+        assert!(refused.to_string().contains("fill.json"), "{refused}");
+        assert!(refused.hint().is_some());
     }
 }

@@ -70,11 +70,11 @@ fn estimates(found: &IdentifyRecord) -> String {
             e.interval_95[1]
         );
     }
-    for (letter, v, [low, high]) in found.velocity_components() {
+    for (letter, v, interval) in found.velocity_components() {
+        let interval = interval.map_or("not known".into(), |[low, high]| format!("{low:.4} .. {high:.4}"));
         let _ = write!(
             text,
-            "<tr><td>initial velocity {letter} [m/s]</td><td>{v:.4}</td>\
-             <td>{low:.4} .. {high:.4}</td><td></td><td></td></tr>"
+            "<tr><td>initial velocity {letter} [m/s]</td><td>{v:.4}</td><td>{interval}</td><td></td><td></td></tr>"
         );
     }
     let [x, y, z] = found.angular_velocity_rad_s;

@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use gic_twin::events::Events;
+use gic_twin::json;
 use gic_twin::matter::read_particles;
 use gic_view::html::escape;
 use gic_view::report::{Overlay, Series, TwinDrawing, chart, overlays};
@@ -25,8 +26,8 @@ pub(super) fn views(run: &Run, found: &IdentifyRecord, events: &Events) -> Resul
         events.step(STAGE, "", frame as u64 + 1, Some(frames as u64), &[]);
     }
     let embed = Error::stage("writing the report");
-    let embedded = (|| Ok((serde_json::to_string(&scene.times)?, serde_json::to_string(&by_camera)?)))();
-    let (times, pictures) = embedded.map_err(|e: serde_json::Error| embed(e))?;
+    let embedded = (|| Ok((json::text(&scene.times)?, json::text(&by_camera)?)))();
+    let (times, pictures) = embedded.map_err(|e: json::Unwritable| embed(e))?;
     let mut text = format!(
         "<h2>The twin over the video</h2><p>{} <span class=\"observed\">Green</span>: outline of the observed mask; \
          <span class=\"twin\">red</span>: outline of the simulated twin.{}</p>\

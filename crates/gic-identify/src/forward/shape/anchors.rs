@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::Input;
 use crate::forward::surface_membership::memberships;
-use crate::tuning::{MembershipTuning, ShapeTuning};
+use crate::tuning::{ShapeTuning, SurfaceTuning};
 
 /// A place on the surface.
 pub(crate) struct Anchor {
@@ -20,9 +20,9 @@ pub(crate) struct Anchor {
 }
 
 /// Outward directions of the particles on the surface, `None` inside.
-pub(crate) fn normals(input: &Input, tuning: &MembershipTuning) -> Vec<Option<DVec3>> {
+pub(crate) fn normals(input: &Input, (spacing, tuning): (f64, &SurfaceTuning)) -> Vec<Option<DVec3>> {
     let positions: Vec<[f32; 3]> = input.positions.iter().map(|p| p.as_vec3().to_array()).collect();
-    let memberships = memberships(&positions, tuning.radius_cells * input.grid_spacing_m, tuning);
+    let memberships = memberships(&positions, tuning.neighbourhood_spacings * spacing, tuning);
     memberships.iter().map(|membership| membership.is_surface().then_some(membership.outward)).collect()
 }
 
@@ -44,10 +44,10 @@ pub(crate) fn anchors(input: &Input, normals: &[Option<DVec3>], (spacing, tuning
         .into_par_iter()
         .map(|i| {
             let (position, normal) = (input.positions[i], normals[i].unwrap_or(DVec3::Y));
-            let from = position + spacing * normal;
             let seen = input.cameras.iter().any(|camera| {
                 let direction = (camera.centre - position).normalize_or_zero();
-                normal.dot(direction) > tuning.least_facing_cosine && is_free(&tree, from, direction, (spacing, tuning))
+                let from = position + 2.0 * spacing * normal;
+                normal.dot(direction) > tuning.least_facing_cosine && is_free(&tree, from, camera.centre, spacing)
             });
             (position, normal, seen)
         })
@@ -58,14 +58,13 @@ pub(crate) fn anchors(input: &Input, normals: &[Option<DVec3>], (spacing, tuning
     let bluntness = |p: DVec3| {
         let (radius, mut full) = (tuning.bluntness_radius_spacings * spacing, 0.0);
         tree.within(p, radius, |squared, _, _| full += 1.0 - squared / (radius * radius));
-        2.0 * (tuning.bluntness_of_flat - full / ball)
+        2.0 * (bluntness_of_flat(tuning.bluntness_radius_spacings) - full / ball)
     };
     let deviation = |p: DVec3, is_seen: bool| {
         if is_seen {
             tuning.seen_deviation_spacings * spacing
         } else {
-            let growth = tuning.unseen_deviation_per_distance * to_seen(p);
-            tuning.unseen_deviation_spacings * spacing + growth.min(tuning.most_unseen_growth_spacings * spacing)
+            tuning.unseen_deviation_spacings * spacing + tuning.unseen_deviation_per_distance * to_seen(p)
         }
     };
     places
@@ -77,20 +76,26 @@ pub(crate) fn anchors(input: &Input, normals: &[Option<DVec3>], (spacing, tuning
         .collect()
 }
 
-/// Whether a ray leaves the body's neighbourhood without passing through the body.
-fn is_free(body: &Neighbours, from: DVec3, direction: DVec3, (spacing, tuning): (f64, &ShapeTuning)) -> bool {
-    let mut travelled = tuning.ray_step_spacings * spacing;
-    loop {
+/// Share of a ball of `radius` [particle spacings] around a particle of a flat face that is full, where the outermost
+/// particles lie half a spacing deep and a point counts by 1 - (d / radius)^2: half of it, and a layer half a spacing
+/// thick at its middle.
+fn bluntness_of_flat(radius: f64) -> f64 {
+    0.5 + 15.0 / 16.0 * 0.5 / radius
+}
+
+/// Whether a ray that starts two spacings off the surface reaches the camera without coming as near to a particle as
+/// one.
+fn is_free(body: &Neighbours, from: DVec3, camera: DVec3, spacing: f64) -> bool {
+    let (length, direction) = (from.distance(camera), (camera - from).normalize_or_zero());
+    let mut travelled = 0.0;
+    while travelled < length {
         let [(squared, _)] = body.nearest::<1>(from + travelled * direction);
-        let distance = squared.sqrt();
-        if distance < tuning.ray_hit_distance_spacings * spacing {
+        let beyond = squared.sqrt() - spacing;
+        if beyond < 0.0 {
             return false;
         }
-        if travelled > tuning.ray_length_spacings * spacing {
-            return true;
-        }
-        // Nothing is nearer than that.
-        let step = distance - tuning.ray_safe_distance_spacings * spacing;
-        travelled += step.max(tuning.ray_step_spacings * spacing);
+        // Nothing is nearer than that; one spacing is too short to pass through the body.
+        travelled += beyond.max(spacing);
     }
+    true
 }

@@ -14,7 +14,7 @@ pub(crate) fn covariance(anchors: &[Anchor], (spacing, tuning): (f64, &ShapeTuni
             / (tuning.correlation_length_spacings * spacing).powi(2))
         .exp();
         let parallel = 0.5 * (1.0 + a.normal.dot(b.normal));
-        let common = tuning.common_deviation_spacings.powi(2)
+        let common = tuning.seen_deviation_spacings.powi(2)
             + tuning.rounding_deviation_spacings.powi(2) * a.bluntness * b.bluntness;
         a.deviation * b.deviation * near * parallel + common * spacing.powi(2)
     })
@@ -51,10 +51,9 @@ pub(crate) fn functionals(anchors: &[Anchor], up: DVec3, (spacing, tuning): (f64
         .map(|anchor| {
             let d = anchor.position - centre;
             let height = anchor.position.dot(up) - lowest;
-            let fade = |over: f64| (-height / (over * spacing)).exp();
-            let (tip, foot) = (fade(tuning.tip_height_spacings), fade(tuning.foot_height_spacings));
+            let foot = (-height / (tuning.correlation_length_spacings * spacing)).exp();
             let frames = [d.x * d.x, d.y * d.y, d.z * d.z, d.x * d.y, d.y * d.z, d.x * d.z];
-            let contact = [tip, foot, foot * d.dot(east), foot * d.dot(north)];
+            let contact = [foot, foot * d.dot(east), foot * d.dot(north)];
             let unseen = f64::from(u8::from(!anchor.seen));
             [1.0, d.x, d.y, d.z].into_iter().chain(frames).chain(contact).chain([unseen, anchor.bluntness]).collect()
         })

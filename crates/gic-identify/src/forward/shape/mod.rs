@@ -23,7 +23,7 @@ use rayon::prelude::*;
 use crate::Input;
 use crate::forward::shape::anchors::{Anchor, anchors, normals};
 use crate::forward::shape::components::components;
-use crate::tuning::{MembershipTuning, ShapeTuning};
+use crate::tuning::{ShapeTuning, SurfaceTuning};
 
 /// Displacement fields, each of one standard deviation.
 #[derive(Clone, Debug, Default)]
@@ -37,38 +37,25 @@ pub(crate) struct ShapeModes {
 }
 
 impl ShapeModes {
-    pub(crate) fn new(input: &Input, tuning: &ShapeTuning, membership: &MembershipTuning) -> ShapeModes {
+    pub(crate) fn new(input: &Input, tuning: &ShapeTuning, surfaces: &SurfaceTuning) -> ShapeModes {
         let spacing = input.particle_volume_m3.cbrt();
-        let normals = normals(input, membership);
+        let normals = normals(input, (spacing, surfaces));
         let anchors = anchors(input, &normals, (spacing, tuning));
-        if anchors.len() < tuning.least_anchors {
+        if anchors.is_empty() {
             return ShapeModes::default();
         }
         let up = -input.gravity_m_s2.normalize_or(-DVec3::Y);
         let components = components(&anchors, up, (spacing, tuning));
-        let field = |at: DVec3| displacement(&anchors, &components, at, (spacing, tuning));
-        let displaced: Vec<(Vec<DVec3>, Vec<f64>)> = input
-            .positions
-            .par_iter()
-            .map(|p| {
-                let step = tuning.divergence_step_spacings * spacing;
-                let mut divergence = vec![0.0; components.len()];
-                for axis in DVec3::AXES {
-                    let (ahead, behind) = (field(*p + step * axis), field(*p - step * axis));
-                    for ((sum, a), b) in divergence.iter_mut().zip(ahead).zip(behind) {
-                        *sum += (a - b).dot(axis) / (2.0 * step);
-                    }
-                }
-                (field(*p), divergence)
-            })
-            .collect();
+        let reach = tuning.anchor_spacing_spacings * spacing;
+        let fields: Vec<Vec<(DVec3, f64)>> =
+            input.positions.par_iter().map(|p| displacement(&anchors, &components, *p, reach)).collect();
         let along = |k: usize| {
-            displaced.iter().zip(&normals).map(move |((d, _), n)| n.map_or(0.0, |n| d[k].dot(n) as f32)).collect()
+            fields.iter().zip(&normals).map(move |(at, n)| n.map_or(0.0, |n| at[k].0.dot(n) as f32)).collect()
         };
         ShapeModes {
-            displacements: (0..components.len()).map(|k| displaced.iter().map(|(d, _)| d[k]).collect()).collect(),
+            displacements: (0..components.len()).map(|k| fields.iter().map(|at| at[k].0).collect()).collect(),
             outward: (0..components.len()).map(along).collect(),
-            divergences: (0..components.len()).map(|k| displaced.iter().map(|(_, d)| d[k] as f32).collect()).collect(),
+            divergences: (0..components.len()).map(|k| fields.iter().map(|at| at[k].1 as f32).collect()).collect(),
         }
     }
 
@@ -107,30 +94,27 @@ impl ShapeModes {
     }
 }
 
-/// Displacement of a point by each component: that of the anchors around it, along their normals.
-fn displacement(
-    anchors: &[Anchor],
-    components: &[Vec<f64>],
-    at: DVec3,
-    (spacing, tuning): (f64, &ShapeTuning),
-) -> Vec<DVec3> {
-    let reach = tuning.displacement_reach_spacings * spacing;
+/// Displacement of a point by each component, that of the anchors around it along their normals, and its divergence.
+///
+/// With weights `w_j = exp(-|x - x_j|^2 / 2 r^2)`, shares `s_j = w_j / sum w` and the mean anchor `m = sum s_j x_j`,
+/// the displacement is `u = sum s_j c_j n_j`. From `grad s_j = s_j (x_j - m) / r^2` follows
+/// `div u = sum s_j c_j n_j . (x_j - m) / r^2`.
+fn displacement(anchors: &[Anchor], components: &[Vec<f64>], at: DVec3, reach: f64) -> Vec<(DVec3, f64)> {
     let exponent = |a: &Anchor| 0.5 * a.position.distance_squared(at) / (reach * reach);
     let least = anchors.iter().map(exponent).fold(f64::INFINITY, f64::min);
-    let mut sums = vec![DVec3::ZERO; components.len()];
-    let mut total = 0.0;
-    for (j, anchor) in anchors.iter().enumerate() {
-        let beyond = exponent(anchor) - least;
-        if beyond > tuning.most_weight_exponent {
-            continue;
-        }
-        let weight = (-beyond).exp();
-        total += weight;
-        for (sum, component) in sums.iter_mut().zip(components) {
-            *sum += anchor.normal * (weight * component[j]);
+    let mut shares: Vec<f64> = anchors.iter().map(|a| (least - exponent(a)).exp()).collect();
+    let total: f64 = shares.iter().sum();
+    shares.iter_mut().for_each(|share| *share /= total);
+    let mean: DVec3 = anchors.iter().zip(&shares).map(|(a, share)| *share * a.position).sum();
+    let mut sums = vec![(DVec3::ZERO, 0.0); components.len()];
+    for (j, (anchor, share)) in anchors.iter().zip(shares).enumerate() {
+        let (way, growth) = (share * anchor.normal, share * anchor.normal.dot(anchor.position - mean) / reach.powi(2));
+        for ((displacement, divergence), component) in sums.iter_mut().zip(components) {
+            *displacement += way * component[j];
+            *divergence += growth * component[j];
         }
     }
-    sums.into_iter().map(|sum| sum / total).collect()
+    sums
 }
 
 #[cfg(test)]
@@ -191,7 +175,7 @@ mod tests {
     fn what_no_camera_sees_is_less_certain() {
         let (input, tuning) = (ball(), ShapeTuning::default());
         let anchors =
-            anchors(&input, &normals(&input, &MembershipTuning::default()), (SPACING, &ShapeTuning::default()));
+            anchors(&input, &normals(&input, (SPACING, &SurfaceTuning::default())), (SPACING, &ShapeTuning::default()));
         for anchor in &anchors {
             if anchor.normal.y > 0.35 {
                 assert_eq!(
@@ -211,8 +195,6 @@ mod tests {
             }
         }
         let at = |y: f64| anchors.iter().find(|a| a.normal.y < y).unwrap().deviation;
-        let far = tuning.unseen_deviation_spacings + tuning.most_unseen_growth_spacings;
-        assert_eq!(at(-0.9), far * SPACING, "the far side");
         assert!(at(-0.9) > anchors.iter().find(|a| a.normal.y < 0.15 && a.normal.y > 0.0).unwrap().deviation);
         assert!(anchors.iter().filter(|a| a.normal.y > 0.35).count() > 10);
     }
@@ -222,7 +204,7 @@ mod tests {
     fn edges_are_blunt_and_notches_are_not() {
         let input = body(|p| p.abs().max_element() < 0.105 && p.x.min(p.y) < 0.0);
         let anchors =
-            anchors(&input, &normals(&input, &MembershipTuning::default()), (SPACING, &ShapeTuning::default()));
+            anchors(&input, &normals(&input, (SPACING, &SurfaceTuning::default())), (SPACING, &ShapeTuning::default()));
         let mean = |is: &dyn Fn(DVec3) -> bool| {
             let chosen: Vec<f64> = anchors.iter().filter(|a| is(a.position)).map(|a| a.bluntness).collect();
             chosen.iter().sum::<f64>() / chosen.len() as f64
@@ -240,7 +222,7 @@ mod tests {
     fn components_carry_the_variance_of_every_functional() {
         let input = ball();
         let anchors =
-            anchors(&input, &normals(&input, &MembershipTuning::default()), (SPACING, &ShapeTuning::default()));
+            anchors(&input, &normals(&input, (SPACING, &SurfaceTuning::default())), (SPACING, &ShapeTuning::default()));
         let tuning = ShapeTuning::default();
         let scale = (SPACING, &tuning);
         let (covariance, functionals) = (covariance(&anchors, scale), functionals(&anchors, DVec3::Y, scale));
@@ -257,7 +239,7 @@ mod tests {
     #[test]
     fn growth_is_the_flux_through_the_surface() {
         let input = ball();
-        let modes = ShapeModes::new(&input, &ShapeTuning::default(), &MembershipTuning::default());
+        let modes = ShapeModes::new(&input, &ShapeTuning::default(), &SurfaceTuning::default());
         let unit = |k: usize| (0..modes.count()).map(|i| f64::from(u8::from(i == k))).collect::<Vec<_>>();
         // Radius of the ball with the particles' volume.
         let volume = input.positions.len() as f64 * SPACING.powi(3);

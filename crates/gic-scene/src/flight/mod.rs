@@ -1,0 +1,78 @@
+//! Free flight: how a rigid body moves before it touches anything, by its outlines alone.
+//!
+//! A camera that films a falling body sees it as a moving camera would see the body at rest: every moment is a view.
+//! For that the motion must be known, but not the shape: [`tangency`] tells of two outlines and the places of their
+//! cameras whether they can be of one body. [`FreeFlight::find`] fits velocity v, acceleration a and angular velocity w
+//! of
+//!
+//! `x(t) = m + R(w t) (x0 - m) + v t + a t^2 / 2`, with m near the body's middle at the first frame,
+//!
+//! so that all outlines can, and follows the frames until they no longer can: then the body has touched something, or
+//! changed its shape. A body at rest is one that flies with v, a and w zero.
+
+mod fit;
+mod outline;
+mod tangency;
+#[cfg(test)]
+mod tests;
+
+use glam::{DMat3, DQuat, DVec3};
+
+use crate::Camera;
+
+/// The motion of a rigid body in its first frames.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FreeFlight {
+    /// The point about which it turns, at the first frame [m].
+    pub about: DVec3,
+    /// Velocity of that point at the first frame [m/s].
+    pub velocity: DVec3,
+    /// Angular velocity [rad/s].
+    pub angular_velocity: DVec3,
+    /// Acceleration of that point [m/s^2]: gravity in free fall.
+    pub acceleration: DVec3,
+    /// Times of the frames since the first [s], one a frame.
+    pub times: Vec<f64>,
+    /// How far outlines are from touching common tangents, root mean square [pixels].
+    pub miss_px: f64,
+}
+
+impl FreeFlight {
+    /// Frames in which the body is rigid and flies.
+    pub fn frames(&self) -> usize {
+        self.times.len()
+    }
+
+    /// Turn and shift [m] about [`FreeFlight::about`] since the first frame, after `time` [s].
+    fn pose(&self, time: f64) -> (DMat3, DVec3) {
+        let turn = DMat3::from_quat(DQuat::from_scaled_axis(time * self.angular_velocity));
+        (turn, time * self.velocity + 0.5 * time * time * self.acceleration)
+    }
+
+    /// Where in the first frame a point of the body was that is at `point` [m] in a frame.
+    pub fn back(&self, point: DVec3, frame: usize) -> DVec3 {
+        let (turn, shift) = self.pose(self.times[frame]);
+        self.about + turn.transpose() * (point - self.about - shift)
+    }
+
+    /// Where in a frame a point of the body is that was at `point` [m] in the first one.
+    pub fn forth(&self, point: DVec3, frame: usize) -> DVec3 {
+        let (turn, shift) = self.pose(self.times[frame]);
+        self.about + shift + turn * (point - self.about)
+    }
+
+    /// By how much the body has turned since the first frame [rad].
+    pub fn turn(&self, frame: usize) -> f64 {
+        self.times[frame] * self.angular_velocity.length()
+    }
+
+    /// A camera that sees the body of the first frame as `camera` sees it in another one.
+    pub fn camera_at_start(&self, camera: &Camera, frame: usize) -> Camera {
+        let (turn, _) = self.pose(self.times[frame]);
+        Camera {
+            rotation: turn.transpose() * camera.rotation,
+            centre: self.back(camera.centre, frame),
+            ..camera.clone()
+        }
+    }
+}

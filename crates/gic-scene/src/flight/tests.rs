@@ -1,0 +1,132 @@
+use std::convert::Infallible;
+
+use glam::{DMat3, DQuat, DVec2, DVec3};
+use proptest::prelude::*;
+
+use super::FreeFlight;
+use crate::{Camera, Mask};
+
+const SIZE: usize = 160;
+
+/// Balls at the corners of a crooked tetrahedron: no plane mirrors them.
+const BALLS: [(DVec3, f64); 4] = [
+    (DVec3::new(0.0, 0.0, 0.0), 0.06),
+    (DVec3::new(0.13, 0.02, 0.0), 0.045),
+    (DVec3::new(0.03, 0.12, 0.02), 0.035),
+    (DVec3::new(-0.02, 0.05, 0.11), 0.05),
+];
+
+/// Three cameras around the body, which look down on it.
+fn cameras() -> Vec<Camera> {
+    let around = |k: f64| {
+        let centre = DQuat::from_rotation_y(2.1 * k) * DVec3::new(0.0, 0.7, 1.4);
+        let z = (DVec3::new(0.0, -0.05, 0.0) - centre).normalize();
+        let x = z.cross(DVec3::Y).normalize();
+        Camera {
+            width: SIZE,
+            height: SIZE,
+            focal: DVec2::splat(260.0),
+            principal: DVec2::splat(0.5 * SIZE as f64),
+            rotation: DMat3::from_cols(x, z.cross(x), z),
+            centre,
+        }
+    };
+    (0..3).map(|k| around(f64::from(k))).collect()
+}
+
+/// The antialiased mask of the balls, each where `place` takes its centre.
+fn mask(camera: &Camera, place: impl Fn(DVec3) -> DVec3) -> Mask {
+    let balls: Vec<(DVec3, f64)> = BALLS.iter().map(|(centre, radius)| (place(*centre), *radius)).collect();
+    let coverage = |i: usize| {
+        let pixel = DVec2::new((i % SIZE) as f64 + 0.5, (i / SIZE) as f64 + 0.5);
+        let ray = (camera.unproject(pixel, 1.0) - camera.centre).normalize();
+        let covered = |(centre, radius): &(DVec3, f64)| {
+            let to = *centre - camera.centre;
+            let off = to.reject_from_normalized(ray).length();
+            (0.5 + (radius - off) * camera.focal.x / to.length()).clamp(0.0, 1.0)
+        };
+        balls.iter().map(covered).fold(0.0, f64::max) as f32
+    };
+    Mask { width: SIZE, height: SIZE, coverage: (0..SIZE * SIZE).map(coverage).collect() }
+}
+
+/// What is found of a body that moves so.
+fn find(times: &[f64], place: impl Fn(f64, DVec3) -> DVec3) -> Option<FreeFlight> {
+    let cameras = cameras();
+    let views = |frame: usize| {
+        let masks = cameras.iter().map(|camera| mask(camera, |p| place(times[frame], p)));
+        Ok::<_, Infallible>(cameras.iter().cloned().zip(masks).collect())
+    };
+    let Ok(found) = FreeFlight::find(times, views);
+    found
+}
+
+fn times() -> Vec<f64> {
+    (0..6).map(|k| f64::from(k) / 24.0).collect()
+}
+
+fn flown(t: f64, p: DVec3, spin: DVec3) -> DVec3 {
+    let middle = DVec3::new(0.03, 0.05, 0.03);
+    let (velocity, gravity) = (DVec3::new(0.5, 0.3, -0.4), DVec3::new(0.0, -9.8, 0.0));
+    middle + t * velocity + 0.5 * t * t * gravity + DQuat::from_scaled_axis(t * spin) * (p - middle)
+}
+
+#[test]
+fn a_tumbling_body_is_followed_to_a_millimetre() {
+    for spin in [DVec3::ZERO, DVec3::new(0.6, -0.3, 0.9)] {
+        let found = find(&times(), |t, p| flown(t, p, spin)).expect("it flies");
+        assert_eq!(found.frames(), 6);
+        let off = BALLS.iter().map(|(centre, _)| found.forth(*centre, 5).distance(flown(5.0 / 24.0, *centre, spin)));
+        let off = off.fold(0.0, f64::max);
+        let falls = found.acceleration.distance(DVec3::new(0.0, -9.8, 0.0));
+        println!("{off:.5} m off, gravity by {falls:.3}, {:.3} pixels", found.miss_px);
+        assert!(off < 1e-3 && falls < 0.2, "{off} {falls}");
+    }
+}
+
+#[test]
+fn the_flight_ends_where_the_body_changes_its_shape() {
+    let squeezed = |t: f64, p: DVec3| {
+        let p = if t > 0.15 { DVec3::new(p.x, 0.9 * p.y, p.z) } else { p };
+        flown(t, p, DVec3::ZERO)
+    };
+    assert_eq!(find(&times(), squeezed).map(|found| found.frames()), Some(4));
+    assert_eq!(find(&times(), |t, p| (1.0 + 3.0 * t) * p), None, "a body that swells");
+}
+
+#[test]
+fn a_body_at_rest_flies_nowhere() {
+    let found = find(&times(), |_, p| p).expect("it keeps its shape");
+    assert!(found.frames() == 6 && found.velocity.length() < 1e-3 && found.angular_velocity.length() < 1e-2);
+}
+
+#[test]
+fn one_camera_tells_no_flight() {
+    let camera = cameras().remove(0);
+    let views = |_| Ok::<_, Infallible>(vec![(camera.clone(), mask(&camera, |p| p))]);
+    assert_eq!(FreeFlight::find(&times(), views), Ok(None));
+}
+
+proptest! {
+    /// What a camera sees of a moved point, it sees of the point itself from where the motion takes it back to.
+    #[test]
+    fn a_moved_camera_sees_the_body_at_rest(
+        velocities in prop::array::uniform9(-2.0f64..2.0), point in prop::array::uniform3(-0.1f64..0.1),
+    ) {
+        let vector = |k: usize| DVec3::new(velocities[k], velocities[k + 1], velocities[k + 2]);
+        let flight = FreeFlight {
+            about: DVec3::new(0.1, 0.0, 0.05),
+            velocity: 0.1 * vector(0),
+            acceleration: vector(3),
+            angular_velocity: vector(6),
+            times: vec![0.0, 0.2],
+            miss_px: 0.0,
+        };
+        let (camera, point) = (&cameras()[1], DVec3::from_array(point));
+        let moved = flight.forth(point, 1);
+        prop_assert!(flight.back(moved, 1).distance(point) < 1e-12);
+        let (then, _) = camera.project(moved).expect("in front");
+        let (now, _) = flight.camera_at_start(camera, 1).project(point).expect("in front");
+        prop_assert!(then.distance(now) < 1e-9, "{} {}", then, now);
+    }
+}

@@ -1,0 +1,99 @@
+//! The scene of a run: found by the path that the run keeps, known by the hash of what was read.
+
+use std::path::{Path, PathBuf};
+
+use gic_scene::{Scene, SceneError};
+use sha2::{Digest, Sha256};
+
+use super::Stage;
+use super::results::{hash_file, stamp_file};
+use super::stamp::Stamp;
+use crate::config::{Config, Layer};
+use crate::error::{Error, Result};
+
+/// Opens the scene of a run folder, with all frames of the video; it lies at `elsewhere`, or where the run says.
+///
+/// # Errors
+/// Those of [`open_scene`], unusable settings, another scene than the run's.
+pub fn scene_of_run(run: &Path, elsewhere: Option<&Path>) -> Result<Scene> {
+    let mut config = Config::resolve(vec![Layer::read(&run.join("config.toml"))?])?;
+    if let Some(path) = elsewhere {
+        config.scene.path = Some(path.to_owned());
+    }
+    let video = open_scene(&config)?;
+    let hash = hash_scene(&fitted_part(&video, &config)?, &config)?;
+    check_origin(run, &video.root, &hash)?;
+    Ok(video)
+}
+
+/// Opens the scene that a configuration names.
+///
+/// # Errors
+/// No scene named, everything that is wrong with it, or a number of frames to fit to that it does not have.
+pub fn open_scene(config: &Config) -> Result<Scene> {
+    let Some(path) = &config.scene.path else {
+        return Err(Error::Usage {
+            problem: "the run does not know its scene".into(),
+            hint: Some("start it with `gic run SCENE -o RUN` or `gic reconstruct SCENE -o RUN`".into()),
+        });
+    };
+    let scene = Scene::open_with(path, &config.scene).map_err(|source| Error::Stage {
+        stage: "reading the scene",
+        hint: matches!(source, SceneError::NotFound { .. })
+            .then(|| "check the path; where a run's scene has moved, say with --scene SCENE where it is now".into()),
+        source: source.into(),
+    })?;
+    fitted_part(&scene, config)?;
+    Ok(scene)
+}
+
+/// The frames that everything is fitted to.
+pub(super) fn fitted_part(video: &Scene, config: &Config) -> Result<Scene> {
+    const MIN_FITTED_FRAMES: usize = 2;
+    let all = video.times.len();
+    match config.scene.fit_frames {
+        None => Ok(video.clone()),
+        Some(count) if (MIN_FITTED_FRAMES..=all).contains(&count) => Ok(video.first_frames(count)),
+        Some(count) => Err(Error::Usage {
+            problem: format!("scene.fit_frames is {count}, and the video has {all} frames"),
+            hint: Some(format!("give --fit-frames a number from {MIN_FITTED_FRAMES} to {all}, or leave it out")),
+        }),
+    }
+}
+
+/// Hash of everything that the stages read of a scene: pictures, masks or the network that makes them, cameras, times.
+pub(super) fn hash_scene(scene: &Scene, config: &Config) -> Result<String> {
+    let mut all = Sha256::new();
+    all.update(format!("{:?} {:?} {:?} {:?}", scene.format, scene.cameras, scene.times, scene.world));
+    let mut files: Vec<&Path> = Vec::new();
+    for view in &scene.views {
+        files.extend([view.picture.as_path(), view.mask_path()]);
+    }
+    files.extend(scene.backgrounds.iter().flatten().map(PathBuf::as_path));
+    files.dedup();
+    for file in files {
+        all.update(gic_files::input::read(file).map_err(Error::read(file))?);
+    }
+    if let Some(network) = &config.scene.matting {
+        all.update(hash_file(network)?);
+    }
+    if let Some(rest) = &scene.rest {
+        all.update(hash_scene(rest, config)?);
+    }
+    Ok(format!("{:x}", all.finalize()))
+}
+
+/// Refuses a scene that is not the one that the run's Gaussians were made from.
+pub(super) fn check_origin(run: &Path, root: &Path, hash: &str) -> Result<()> {
+    match Stamp::read(&stamp_file(run, Stage::Reconstruct))? {
+        Some(stamp) if stamp.input_hash() != hash => Err(Error::Usage {
+            problem: format!("the scene in {} is not the one that {} was made from", root.display(), run.display()),
+            hint: Some(format!(
+                "say with --scene SCENE where the run's own scene is, or make the run anew with \
+                 `gic run SCENE -o {}`",
+                run.display()
+            )),
+        }),
+        _ => Ok(()),
+    }
+}
