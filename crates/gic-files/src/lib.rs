@@ -20,6 +20,15 @@ pub use lock::{FolderLock, LockError};
 pub use places::{relative_path, resolved};
 pub use ply::{PlyLayout, PlyProperty, write_ply};
 
+/// Ending of a file on its way; its name begins with a dot.
+const UNFINISHED_ENDING: &str = ".part";
+
+/// Whether a file's name is that of a file on its way.
+fn is_unfinished(name: &std::ffi::OsStr) -> bool {
+    let name = name.as_encoded_bytes();
+    name.starts_with(b".") && name.ends_with(UNFINISHED_ENDING.as_bytes())
+}
+
 /// A file could not be written.
 #[derive(Debug, thiserror::Error)]
 #[error("cannot write {}: {source}", path.display())]
@@ -54,7 +63,7 @@ impl NewFile {
         let mut prefix = std::ffi::OsString::from(".");
         prefix.push(path.file_name().unwrap_or_default());
         let mut builder = Builder::new();
-        builder.prefix(&prefix).suffix(".part");
+        builder.prefix(&prefix).suffix(UNFINISHED_ENDING);
         #[cfg(unix)]
         {
             use std::os::unix::fs::PermissionsExt;

@@ -4,7 +4,7 @@ use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 
-use crate::WriteError;
+use crate::{WriteError, is_unfinished};
 
 const NAME: &str = ".lock";
 
@@ -34,7 +34,8 @@ pub struct FolderLock {
 }
 
 impl FolderLock {
-    /// Takes the lock of a folder that exists, and leaves process and host in its file for others to read.
+    /// Takes the lock of a folder that exists, and leaves process and host in its file for others to read. Unfinished
+    /// files in the folder and below go: the process that began them is dead, or it would hold the lock.
     ///
     /// # Errors
     /// [`LockError::Held`] where another process, or another part of this one, has it; an unwritable folder.
@@ -53,7 +54,22 @@ impl FolderLock {
         }
         let text = format!("process {} on {}\n", std::process::id(), host());
         file.set_len(0).and_then(|()| file.write_all(text.as_bytes())).map_err(failed)?;
+        remove_unfinished(folder);
         Ok(Self { _file: file })
+    }
+}
+
+/// Removes what [`crate::NewFile`] began and did not finish; folders with a lock of their own are left to its holder.
+/// What cannot be removed is in nobody's way.
+fn remove_unfinished(folder: &Path) {
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        // Of the entry itself: a link is no folder of the run.
+        let Ok(kind) = entry.file_type() else { continue };
+        if kind.is_dir() && !entry.path().join(NAME).exists() {
+            remove_unfinished(&entry.path());
+        } else if kind.is_file() && is_unfinished(&entry.file_name()) {
+            let _ = std::fs::remove_file(entry.path());
+        }
     }
 }
 
@@ -89,5 +105,24 @@ mod tests {
         assert!(refused.contains(&process) && refused.contains(folder.path().to_str().unwrap()), "{refused}");
         drop(first);
         FolderLock::take(folder.path()).unwrap();
+    }
+
+    #[test]
+    fn what_a_dead_writer_left_unfinished_goes_and_all_else_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let inner = folder.path().join("filling");
+        std::fs::create_dir(&inner).unwrap();
+        let unfinished = crate::NewFile::at(&inner.join("0003.ply")).unwrap();
+        let part = unfinished.part().to_owned();
+        // A process that is killed does not tidy up.
+        std::mem::forget(unfinished);
+        let kept = ["0002.ply", "0002.ply.part", ".hidden"].map(|name| inner.join(name));
+        for path in &kept {
+            std::fs::write(path, b"x").unwrap();
+        }
+        assert!(part.exists());
+        FolderLock::take(folder.path()).unwrap();
+        assert!(!part.exists());
+        assert!(kept.iter().all(|path| path.exists()));
     }
 }

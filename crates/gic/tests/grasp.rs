@@ -51,6 +51,7 @@ impl Case {
             out: self.path("grasp"),
             pictures: false,
             size: [64, 64],
+            budget: gic_mpm::Budget::default(),
             film: self.path("film.gif"),
         };
         grasp(&request, &Events::silent(), &Interrupt::default()).unwrap_or_else(|error| panic!("{error}"))
@@ -92,6 +93,15 @@ fn bar_force(area: f64, along: f64) -> f64 {
         if across_stress(middle) < 0.0 { low = middle } else { high = middle }
     }
     -area * (mu * (along * along - 1.0) + lambda * (along * low * low).ln()) / along
+}
+
+#[test]
+fn a_grasp_over_its_budget_is_refused_before_it_starts() {
+    let twin = twin(block([0.06, 0.03, 0.03]), 0.005);
+    let message = Case::new().refusal(&twin, &["--width-m", "0.055", "--budget-hours", "1e-6"]);
+    for part in ["hours", "--budget-hours", "--budget-gb"] {
+        assert!(message.contains(part), "`{part}` is missing in {message}");
+    }
 }
 
 /// Cells along a block of 60 mm x 30 mm x 30 mm, and its strains and force ratios.

@@ -1,17 +1,18 @@
 //! A plain particle set: an .npz of arrays and a .json of parameters, for Genesis, Newton, Taichi and anything else
 //! that reads NumPy.
 
+use std::borrow::Cow;
 use std::io::{self, Cursor};
 use std::path::{Path, PathBuf};
 
-use gic_mpm::World;
+use gic_mpm::{Material, World};
 use npyz::WriterBuilder;
 use npyz::npz::NpzWriter;
-use serde_json::json;
+use serde::Serialize;
 
 use crate::atomic;
 use crate::error::{Result, TwinError};
-use crate::twin::Twin;
+use crate::twin::{Obstacle, Twin};
 
 /// Writes `path` (.npz) with `positions` [m] and `velocities` [m/s], both float32 of shape [n, 3], `volumes` [m^3] and
 /// `masses` [kg], both float32 of shape [n]; and beside it a .particles.json with the law, its parameters and Lame's,
@@ -58,30 +59,62 @@ fn archive(arrays: &[(&str, Vec<f32>, &[u64])]) -> io::Result<Vec<u8>> {
     Ok(bytes.into_inner())
 }
 
-fn describe(path: &Path, twin: &Twin, world: &World) -> serde_json::Value {
+/// What the arrays do not say.
+#[derive(Serialize)]
+struct ParticleSetJson<'a> {
+    schema: &'static str,
+    gic_version: &'static str,
+    /// File of the arrays.
+    arrays: Cow<'a, str>,
+    particles: usize,
+    material: &'a Material,
+    elasticity: Option<ElasticityJson>,
+    density_kg_m3: f64,
+    mass_kg: f64,
+    particle_spacing_m: Option<f64>,
+    grid_spacing_m: f64,
+    gravity_m_s2: [f64; 3],
+    initial_velocity_m_s: [f64; 3],
+    initial_angular_velocity_rad_s: [f64; 3],
+    colliders: &'a [Obstacle],
+}
+
+/// The elastic moduli in both common forms.
+#[derive(Serialize)]
+struct ElasticityJson {
+    youngs_modulus_pa: f64,
+    poisson_ratio: f64,
+    lame_mu_pa: f64,
+    lame_lambda_pa: f64,
+}
+
+impl ElasticityJson {
+    fn new([young, poisson]: [f64; 2]) -> Self {
+        Self {
+            youngs_modulus_pa: young,
+            poisson_ratio: poisson,
+            lame_mu_pa: young / (2.0 * (1.0 + poisson)),
+            lame_lambda_pa: young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson)),
+        }
+    }
+}
+
+fn describe<'a>(path: &'a Path, twin: &'a Twin, world: &World) -> ParticleSetJson<'a> {
     let body = &world.bodies[0];
-    let lame = twin.material.elastic_moduli().map(|[young, poisson]| {
-        json!({
-            "youngs_modulus_pa": young,
-            "poisson_ratio": poisson,
-            "lame_mu_pa": young / (2.0 * (1.0 + poisson)),
-            "lame_lambda_pa": young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))
-        })
-    });
-    json!({
-        "schema": "gic.particles/1",
-        "gic_version": crate::VERSION,
-        "arrays": path.file_name().unwrap_or_default().to_string_lossy(),
-        "particles": body.positions.len(),
-        "material": twin.material,
-        "elasticity": lame,
-        "density_kg_m3": body.density_kg_m3,
-        "mass_kg": body.masses_kg().iter().sum::<f64>(),
-        "particle_spacing_m": twin.particle_spacing_m,
-        "grid_spacing_m": world.grid_spacing_m,
-        "gravity_m_s2": twin.gravity_m_s2,
-        "initial_velocity_m_s": twin.initial_velocity_m_s,
-        "initial_angular_velocity_rad_s": twin.initial_angular_velocity_rad_s,
-        "colliders": twin.colliders,
-    })
+    ParticleSetJson {
+        schema: "gic.particles/1",
+        gic_version: crate::VERSION,
+        arrays: path.file_name().unwrap_or_default().to_string_lossy(),
+        particles: body.positions.len(),
+        material: &twin.material,
+        elasticity: twin.material.elastic_moduli().map(ElasticityJson::new),
+        density_kg_m3: body.density_kg_m3,
+        mass_kg: body.masses_kg().iter().sum(),
+        particle_spacing_m: twin.particle_spacing_m,
+        grid_spacing_m: world.grid_spacing_m,
+        gravity_m_s2: twin.gravity_m_s2,
+        initial_velocity_m_s: twin.initial_velocity_m_s,
+        initial_angular_velocity_rad_s: twin.initial_angular_velocity_rad_s,
+        colliders: &twin.colliders,
+    }
 }

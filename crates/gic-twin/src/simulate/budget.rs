@@ -12,7 +12,7 @@ pub fn usual_budget() -> Budget {
 }
 
 /// A forecast in words.
-pub(super) fn in_words(forecast: &Forecast) -> String {
+pub fn forecast_in_words(forecast: &Forecast) -> String {
     format!("about {} on one core and {:.2} GB", duration(forecast.seconds), forecast.memory_bytes / 1e9)
 }
 
@@ -25,7 +25,7 @@ fn duration(seconds: f64) -> String {
 }
 
 /// The way out where a simulation is over its budget.
-pub(super) fn hint(error: &SimulationError) -> Option<String> {
+pub fn over_budget_hint(error: &SimulationError) -> Option<String> {
     let SimulationError::OverBudget { .. } = error else { return None };
     Some("let it take more with --budget-hours and --budget-gb, or make it smaller".into())
 }

@@ -18,7 +18,7 @@ use crate::interrupt::Interrupt;
 use crate::matter::write_particles;
 use crate::resource_usage::ResourceMeter;
 use crate::twin::{Setting, Twin};
-pub use budget::usual_budget;
+pub use budget::{forecast_in_words, over_budget_hint, usual_budget};
 use shared_world::SharedWorld;
 pub use shared_world::{Companion, CompanionError};
 pub use trajectory::{FrameSummary, Trajectory};
@@ -79,7 +79,7 @@ pub fn simulate(request: &SimulationRequest, events: &Events, interrupt: &Interr
         return Ok(SimulationOutcome { frames: reused, reused, particles });
     }
     let goes_on = if reused > 0 { format!(", goes on after frame {}", reused - 1) } else { String::new() };
-    let in_words = budget::in_words(&forecast);
+    let in_words = forecast_in_words(&forecast);
     let reason = format!("{frames} frames of {particles} particles{goes_on}; {in_words}");
     events.send(&Event::StageStarted { stage: STAGE.into(), reason });
     let mut doubts = Doubts { events, told: Vec::new() };
@@ -135,7 +135,7 @@ impl<'a> SimulationRun<'a> {
     fn open(request: &'a SimulationRequest, shared: &SharedWorld, frames: usize) -> Result<Self> {
         let options = Options { budget: request.budget, ..Options::default() };
         let simulator = Simulator::new(&shared.world, &options).map_err(|source| setup_error(&shared.twin, source))?;
-        let trajectory = Trajectory::new(shared, &options, &request.out);
+        let trajectory = Trajectory::new(shared, &options, &request.out)?;
         let mut run = Self {
             out: &request.out,
             simulator,
@@ -199,7 +199,7 @@ fn setup_error(twin: &Twin, source: SimulationError) -> TwinError {
             let label = twin.colliders.get(*collider).map(|o| o.label(*collider)).unwrap_or_default();
             Some(format!("move the continuum (`centre_m` of a shape) or {label} apart"))
         }
-        _ => budget::hint(&source),
+        _ => over_budget_hint(&source),
     };
     TwinError::Simulation { stage: "setting up the simulation", hint, source: source.into() }
 }

@@ -6,12 +6,13 @@ use gic_mpm::{Frame, Options};
 use gic_simd::Level;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use serde_json::Value;
 use sha2::{Digest, Sha256};
 
 use super::shared_world::SharedWorld;
 use crate::atomic;
 use crate::error::{Result, TwinError};
+use crate::json::{self, Unwritable};
 use crate::json_difference::first_difference;
 use crate::twin::{MatterSource, Twin};
 
@@ -79,19 +80,23 @@ pub struct FrameSummary {
 
 impl Trajectory {
     /// A trajectory without frames, for `folder`.
-    pub(super) fn new(shared: &SharedWorld, options: &Options, folder: &Path) -> Self {
+    ///
+    /// # Errors
+    /// A twin with a number that is not finite.
+    pub(super) fn new(shared: &SharedWorld, options: &Options, folder: &Path) -> Result<Self> {
         let positions = || shared.world.bodies.iter().flat_map(|body| &body.positions);
-        Self {
+        let failed = |reason: Unwritable| TwinError::write(&folder.join(FILE))(reason.into());
+        Ok(Self {
             schema: "gic.trajectory/1".into(),
             gic_version: crate::VERSION.into(),
             simd: simd_level(options),
-            twin: world_json(shared, folder),
+            twin: world_json(shared, folder).map_err(failed)?,
             particles_sha256: hash_of_particles(positions().copied()),
             particles: positions().count(),
             bodies: shared.world.bodies.iter().map(|body| body.positions.len()).collect(),
             colliders: shared.twin.colliders.iter().enumerate().map(|(i, o)| o.label(i)).collect(),
             frames: Vec::new(),
-        }
+        })
     }
 
     /// Reads the one of a folder, if there is one.
@@ -152,16 +157,25 @@ fn hash_of_particles(positions: impl Iterator<Item = DVec3>) -> String {
 }
 
 /// The twin and its companions as JSON.
-fn world_json(shared: &SharedWorld, folder: &Path) -> Value {
-    let mut value = physics_json(&shared.twin, folder);
+fn world_json(shared: &SharedWorld, folder: &Path) -> std::result::Result<Value, Unwritable> {
+    let mut value = physics_json(&shared.twin, folder)?;
     if let (Some(map), false) = (value.as_object_mut(), shared.companions.is_empty()) {
-        let companions = shared
-            .companions
-            .iter()
-            .map(|(twin, shift_m)| json!({ "shift_m": shift_m, "twin": physics_json(twin, folder) }));
-        map.insert("companions".into(), companions.collect());
+        let companion = |(twin, shift_m): &(Twin, _)| {
+            let twin = physics_json(twin, folder)?;
+            json::value(&CompanionJson { shift_m: *shift_m, twin })
+        };
+        let companions: std::result::Result<Value, _> = shared.companions.iter().map(companion).collect();
+        map.insert("companions".into(), companions?);
     }
-    value
+    Ok(value)
+}
+
+/// A second twin as JSON.
+#[derive(Serialize)]
+struct CompanionJson {
+    /// How far it is moved [m].
+    shift_m: [f64; 3],
+    twin: Value,
 }
 
 /// The same JSON without the files of matter: where they lie decides nothing, and what they hold is hashed.
@@ -179,18 +193,18 @@ fn without_places(twin: &Value) -> Value {
 }
 
 /// The twin as JSON without what has no influence on the frames, with the way from `folder` to its matter.
-fn physics_json(twin: &Twin, folder: &Path) -> Value {
+fn physics_json(twin: &Twin, folder: &Path) -> std::result::Result<Value, Unwritable> {
     let mut twin = twin.clone();
     if let MatterSource::File(path) = &mut twin.continuum {
         *path = gic_files::relative_path(folder, path);
     }
-    let mut value = serde_json::to_value(twin).unwrap_or_default();
+    let mut value = json::value(&twin)?;
     if let Some(map) = value.as_object_mut() {
         for key in ["frames", "intervals_95", "identifiable", "loss", "seed", "gic_version", "seconds"] {
             map.remove(key);
         }
     }
-    value
+    Ok(value)
 }
 
 impl FrameSummary {

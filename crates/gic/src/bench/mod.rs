@@ -54,6 +54,14 @@ struct SceneOutcome {
     result: std::result::Result<Evaluation, SceneFailure>,
 }
 
+/// The content of `results.json`.
+#[derive(Serialize)]
+struct SuiteJson<'a> {
+    scenes: &'a [SceneOutcome],
+    states: &'a [StateRow],
+    table: &'a [ParameterRow],
+}
+
 /// Why a scene has no evaluation.
 #[derive(Debug, thiserror::Error)]
 enum SceneFailure {
@@ -148,7 +156,7 @@ pub fn bench(request: &BenchRequest, events: &Events, interrupt: &Interrupt) -> 
     let text = markdown(&rows, &outcomes) + &states::markdown(&states, &columns);
     atomic::write(&request.out.join("results.md"), text.as_bytes())?;
     atomic::write(&request.out.join("results.csv"), csv(&outcomes).as_bytes())?;
-    let all = serde_json::json!({ "table": rows, "states": states, "scenes": outcomes });
+    let all = SuiteJson { scenes: &outcomes, states: &states, table: &rows };
     atomic::write_json(&request.out.join("results.json"), &all)?;
     Ok(Tables { parameters: rows, states: states::markdown(&states, &columns) })
 }

@@ -374,6 +374,13 @@ pub(crate) struct SimulateArgs {
     /// Start anew, even if the folder holds frames of another twin or other settings
     #[arg(long)]
     pub(crate) restart: bool,
+    #[command(flatten)]
+    pub(crate) budget: BudgetArgs,
+}
+
+/// What a simulation may take.
+#[derive(Clone, Copy, Debug, Args)]
+pub(crate) struct BudgetArgs {
     /// Longest that it may take by its forecast, on one core [h] [default: a day]
     #[arg(long, value_name = "HOURS", value_parser = positive_number)]
     pub(crate) budget_hours: Option<f64>,
@@ -483,6 +490,8 @@ pub(crate) struct GraspArgs {
     /// Numbers only
     #[arg(long)]
     pub(crate) no_pictures: bool,
+    #[command(flatten)]
+    pub(crate) budget: BudgetArgs,
 }
 
 /// Check the simulator's gradients: adjoint against finite differences in f64

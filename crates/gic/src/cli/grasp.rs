@@ -6,7 +6,7 @@ use gic::grasp::{GraspRequest, Gripper, grasp};
 
 use super::Context;
 use super::args::GraspArgs;
-use super::simulate::{inputs_of, twin_file};
+use super::simulate::{budget, inputs_of, twin_file};
 
 pub(crate) fn run(args: &GraspArgs, context: &Context) -> anyhow::Result<()> {
     let twin = twin_file(&args.twin)?;
@@ -20,6 +20,7 @@ pub(crate) fn run(args: &GraspArgs, context: &Context) -> anyhow::Result<()> {
         refine: args.refine,
         pictures: !args.no_pictures,
         size: args.size,
+        budget: budget(args.budget),
         film: args.film.clone().unwrap_or_else(|| out.join("grasp.gif")),
         out,
         twin,

@@ -10,7 +10,7 @@ use gic_twin::twin::{MatterSource, Setting, Twin};
 use serde_json::json;
 
 use super::Context;
-use super::args::SimulateArgs;
+use super::args::{BudgetArgs, SimulateArgs};
 
 pub(crate) fn run(args: &SimulateArgs, context: &Context) -> anyhow::Result<()> {
     let mut companions = Vec::new();
@@ -29,7 +29,7 @@ pub(crate) fn run(args: &SimulateArgs, context: &Context) -> anyhow::Result<()> 
         out: args.out.clone(),
         frames: args.frames,
         restart: args.restart,
-        budget: budget(args),
+        budget: budget(args.budget),
     };
     let outcome = simulate(&request, &context.events, &context.interrupt)?;
     context.print(format!("{} frames of {} particles in {}", outcome.frames, outcome.particles, args.out.display()))?;
@@ -53,7 +53,8 @@ pub(super) fn inputs_of<'a>(twins: impl Iterator<Item = &'a PathBuf>) -> Inputs 
     })
 }
 
-fn budget(args: &SimulateArgs) -> Budget {
+/// The usual budget with what the flags say.
+pub(super) fn budget(args: BudgetArgs) -> Budget {
     let usual = usual_budget();
     Budget {
         seconds: args.budget_hours.map_or(usual.seconds, |hours| 3600.0 * hours),

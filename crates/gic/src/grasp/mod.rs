@@ -13,11 +13,12 @@ mod report;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-use gic_mpm::{Material, Stepping, World};
+use gic_mpm::{Budget, Forecast, Material, Stepping, World};
 use gic_twin::Interrupt;
 use gic_twin::ResourceMeter;
 use gic_twin::atomic;
 use gic_twin::events::{Event, Events};
+use gic_twin::simulate::{forecast_in_words, over_budget_hint};
 use gic_twin::twin::{Setting, Twin};
 use glam::DVec3;
 
@@ -97,6 +98,8 @@ pub struct GraspRequest {
     pub pictures: bool,
     /// Width and height of the pictures [pixels].
     pub size: [usize; 2],
+    /// What it may take; what is forecast to take more is refused.
+    pub budget: Budget,
     /// The film: .gif or .mp4.
     pub film: PathBuf,
 }
@@ -113,9 +116,11 @@ pub fn grasp(request: &GraspRequest, events: &Events, interrupt: &Interrupt) -> 
     let film = request.pictures.then(|| film::FilmTarget::of(&request.film)).transpose()?;
     let (twin, world) = twin.to_world()?;
     atomic::create_folder(&request.out)?;
-    events.send(&Event::StageStarted { stage: STAGE.into(), reason: format!("{} widths", widths.len()) });
     let meter = ResourceMeter::start();
     let mut grasp = Grasp::new(request, &twin, &world, widths[0], events, interrupt)?;
+    let forecast = grasp.forecast(&widths)?;
+    let reason = format!("{} widths; {} or more", widths.len(), forecast_in_words(&forecast));
+    events.send(&Event::StageStarted { stage: STAGE.into(), reason });
     let report = grasp.run(&widths)?;
     atomic::write_json(&request.out.join("grasp.json"), &report)?;
     if let Some(film) = film {
@@ -249,6 +254,24 @@ impl<'a> Grasp<'a> {
             yielded: vec![false; simulation.world.bodies[0].positions.len()],
             film,
             simulation,
+        })
+    }
+
+    /// What closing, holding and lifting take at least: forces may need more windows until they are steady.
+    ///
+    /// # Errors
+    /// More than the budget.
+    fn forecast(&self, widths: &[f64]) -> Result<Forecast> {
+        let narrowest = widths.iter().copied().fold(f64::INFINITY, f64::min);
+        let closing = 0.5 * (self.object_width - narrowest) / self.speed / self.frame_s;
+        let lifting = LIFT_FRAMES.iter().sum::<usize>() as f64 * LIFT_FRAME_S / self.frame_s;
+        let frames = closing + widths.len() as f64 * (2.0 * AVERAGING_FRAMES as f64 + lifting);
+        let world = World { frame_rate_hz: 1.0 / self.frame_s, ..self.simulation.world.clone() };
+        let forecast = Forecast::of(&world, frames.ceil() as usize);
+        let checked = forecast.and_then(|forecast| forecast.check(&self.request.budget).map(|()| forecast));
+        checked.map_err(|source| {
+            let hint = over_budget_hint(&source);
+            Error::Stage { stage: STAGE, hint, source: source.into() }
         })
     }
 
