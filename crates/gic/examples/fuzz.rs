@@ -1,4 +1,5 @@
-//! Attacks on gic for as long as there is time: scenes and run folders with changed files, one seed after the other.
+//! Attacks on gic for as long as there is time: scenes, twins and run folders with changed files, worlds with hostile
+//! settings, one seed after the other. It begins with a run of the bundled scene, which takes minutes.
 //!
 //! ```sh
 //! cargo build --release -p gic && cargo run --release -p gic --example fuzz -- --minutes 30
@@ -22,9 +23,10 @@ fn main() -> anyhow::Result<ExitCode> {
     let program = std::env::current_exe()?;
     let gic = program.parent().and_then(Path::parent).context("a target folder")?.join("gic");
     ensure!(gic.is_file(), "{} is missing; build it with `cargo build --release -p gic`", gic.display());
-    let made = tempfile::tempdir()?;
+    let made = [tempfile::tempdir()?, tempfile::tempdir()?, tempfile::tempdir()?];
+    let [run, twin, whole_run] = made.each_ref().map(|folder| folder.path());
     let mut targets = attack::scenes();
-    targets.push(attack::run(&gic, made.path()));
+    targets.extend([attack::run(&gic, run), attack::twin(&gic, twin), attack::whole_run(&gic, whole_run)]);
     let end = Instant::now() + Duration::from_secs_f64(60.0 * minutes);
     let (mut seed, mut failures) = (first, 0);
     while Instant::now() < end {

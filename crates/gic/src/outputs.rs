@@ -5,13 +5,11 @@ use std::path::{Component, Path, PathBuf};
 use gic_files::resolved;
 
 use crate::error::{Error, Result};
-use crate::pipeline::Stage;
+use crate::pipeline::{Stage, is_result_name};
 
 /// What of a run folder its stages and commands keep in it, besides the outputs of the stages.
 const KEPT_IN_RUNS: [&str; 7] =
     ["config.toml", "log.jsonl", "stamps", "selection", "identify.checkpoint.json", "colliders.toml", "colliders.json"];
-/// Endings of the files that belong to a stage, in the folders of the stages.
-const RESULT_ENDINGS: [&str; 3] = ["ply", "safetensors", "json"];
 
 /// The inputs of a command.
 #[derive(Clone, Debug, Default)]
@@ -97,7 +95,7 @@ fn is_result(file: &Path) -> bool {
     let is_first = |own: &str| Path::new(own).iter().next() == Some(first);
     let owned = Stage::ALL.iter().flat_map(|stage| stage.outputs()).copied().chain(KEPT_IN_RUNS).any(is_first);
     let in_folder = parts.next().is_some();
-    owned && (!in_folder || file.extension().is_some_and(|ending| RESULT_ENDINGS.iter().any(|own| ending == *own)))
+    owned && (!in_folder || is_result_name(file))
 }
 
 /// Refuses a run folder that is its scene's own, or whose stages would write into the scene.

@@ -25,8 +25,24 @@ fn changed_scenes_are_read_or_refused() {
 }
 
 #[test]
+fn changed_twins_and_hostile_settings_are_simulated_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let twin = attack::twin(gic(), folder.path());
+    hold(120, &[twin]);
+}
+
+#[test]
 fn changed_runs_are_whole_or_refused() {
     let folder = tempfile::tempdir().unwrap();
     let run = attack::run(gic(), folder.path());
     hold(60, &[run]);
+}
+
+/// Takes minutes, so run it with `cargo test --release -p gic --test fuzz -- --ignored`.
+#[test]
+#[ignore = "takes minutes"]
+fn changed_results_of_all_stages_are_whole_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = attack::whole_run(gic(), folder.path());
+    hold(200, &[run]);
 }

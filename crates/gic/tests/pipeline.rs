@@ -52,6 +52,19 @@ fn more_frames_to_fit_than_the_video_has_are_refused() {
 }
 
 #[test]
+fn numbers_out_of_range_are_refused_with_the_range() {
+    for (flag, value, parts) in [
+        ("--threads", "100000", ["--threads", "from 1 to 1024"]),
+        ("--fit-frames", "0", ["fit_frames is 0", "from 2 to 14"]),
+        ("--frame-rate-hz", "1e-320", ["frame_rate_hz = 1e-320", "from 0.001 to 1000000"]),
+    ] {
+        let output = gic(&["inspect", &demo(), flag, value]);
+        let message = text(&output.stderr);
+        assert!(!output.status.success() && parts.iter().all(|part| message.contains(part)), "{flag}: {message}");
+    }
+}
+
+#[test]
 fn a_camera_that_is_not_there_is_refused_with_those_that_are() {
     let output = gic(&["inspect", &demo(), "--cameras", "0,11"]);
     assert_eq!(output.status.code(), Some(1));

@@ -66,7 +66,7 @@ fn open(path: &Path, settings: &SceneSettings) -> Result<Scene, SceneError> {
     if let Some(rate) = settings.frame_rate_hz.filter(|rate| !ranges::FRAME_RATE_HZ.contains(rate)) {
         let (low, high) = (ranges::FRAME_RATE_HZ.start(), ranges::FRAME_RATE_HZ.end());
         let reason = format!("must be a number of frames per second from {low} to {high}");
-        return Err(SceneError::Setting { name: "frame_rate_hz", value: rate.to_string(), reason });
+        return Err(SceneError::Setting { name: "frame_rate_hz", value: format!("{rate:?}"), reason });
     }
     let root = match path.parent() {
         Some(parent) if path.is_file() => parent,

@@ -47,6 +47,7 @@ pub use identify::{EstimateRecord, IdentifyRecord, StepRecord};
 pub(crate) use predict::{prediction_file, simulated_frame};
 pub use register::{PlacementRecord, RegistrationRecord};
 pub use results::check_results;
+pub(crate) use results::is_result_name;
 pub use scene::{open_scene, scene_of_run};
 pub use select::{LawRecord, Selection};
 use stamp::{Hashes, Stamp};
@@ -95,7 +96,7 @@ impl Stage {
             Self::Fill => &["continuum.ply", "fill.json", "surface", "filling"],
             Self::Select => &["selection.json"],
             Self::Identify => &["twin.json", TWIN_MATTER, "identify.json"],
-            Self::Predict => &["prediction", "prediction/trajectory.json"],
+            Self::Predict => &["prediction"],
             Self::Appearance => &APPEARANCE_FILES,
         }
     }

@@ -10,8 +10,14 @@ use super::Stage;
 use super::stamp::{Hashes, Stamp};
 use crate::error::{Error, Result};
 
-/// Endings of the files that a stage leaves in a folder of its own.
-const RESULT_ENDINGS: [&str; 2] = ["ply", "safetensors"];
+/// Endings of the files that a stage leaves in a folder of its own. Other files there are notes for going on, or what
+/// somebody made of the results.
+const RESULT_ENDINGS: [&str; 3] = ["ply", "safetensors", "json"];
+
+/// Whether a file in the folder of a stage is one of its results.
+pub(crate) fn is_result_name(name: &Path) -> bool {
+    name.extension().is_some_and(|ending| RESULT_ENDINGS.iter().any(|result| ending == *result))
+}
 
 /// Where the stamp of a stage is.
 pub(super) fn stamp_file(run: &Path, stage: Stage) -> PathBuf {
@@ -42,8 +48,7 @@ fn results_in(folder: &Path) -> Result<Vec<String>> {
     let mut names = Vec::new();
     for entry in fs::read_dir(folder).map_err(Error::read(folder))? {
         let name = PathBuf::from(entry.map_err(Error::read(folder))?.file_name());
-        let is_result = name.extension().is_some_and(|ending| RESULT_ENDINGS.iter().any(|result| ending == *result));
-        if let (true, Some(name)) = (is_result, name.to_str()) {
+        if let (true, Some(name)) = (is_result_name(&name), name.to_str()) {
             names.push(name.to_owned());
         }
     }

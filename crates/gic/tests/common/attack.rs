@@ -1,4 +1,4 @@
-//! Attacks on scenes and run folders: files are changed at random, gic is started on them, and must answer.
+//! Attacks on scenes, twins and run folders: files are changed at random, gic is started on them, and must answer.
 //!
 //! An answer is exit 0 or 1 within a time limit, and with 1 an error that says what is wrong. Nothing that gic reads is
 //! changed, and a result of a run that is not what its stage wrote is named and kept.
@@ -14,6 +14,53 @@ use serde_json::{Value, json};
 const TIME_LIMIT: Duration = Duration::from_secs(120);
 /// Most changes to one input.
 const MOST_CHANGES: u64 = 3;
+
+/// Where the stages leave their results in a run.
+const RESULTS: [&str; 12] = [
+    "gaussians",
+    "continuum.ply",
+    "fill.json",
+    "surface",
+    "filling",
+    "selection.json",
+    "twin.json",
+    "twin.ply",
+    "identify.json",
+    "prediction",
+    "appearance",
+    "registration.json",
+];
+/// Settings of a twin that are spoilt on the command line, and with what.
+const SETTINGS: [&str; 12] = [
+    "particle_spacing_m",
+    "grid_spacing_m",
+    "substeps_per_frame",
+    "density_kg_m3",
+    "frame_rate_hz",
+    "frames",
+    "gravity_m_s2.1",
+    "initial_velocity_m_s.1",
+    "material.youngs_modulus_pa",
+    "material.poisson_ratio",
+    "colliders.0.point.1",
+    "continuum.size_m.0",
+];
+const HOSTILE_VALUES: [&str; 14] = [
+    "0",
+    "-1",
+    "1e-320",
+    "1e-6",
+    "1e-3",
+    "0.5",
+    "50",
+    "1e4",
+    "1e9",
+    "1e16",
+    "1e308",
+    "18446744073709551615",
+    "nan",
+    "slip",
+];
 
 /// Numbers without end, the same for the same seed (splitmix64).
 pub(crate) struct Random(u64);
@@ -43,6 +90,10 @@ pub(crate) enum Target {
     Scene(PathBuf),
     /// A folder with `scene` and `run`, the run's reconstruction finished with these flags.
     Run(PathBuf, Vec<String>),
+    /// A folder with `run`, all its stages finished, to be read.
+    WholeRun(PathBuf),
+    /// A folder with `twin.json`, its matter and `frames`, to be simulated, drawn, gripped and exported.
+    Twin(PathBuf),
 }
 
 /// One attack: a target, and the seeds of the changes to it.
@@ -77,6 +128,14 @@ impl Case {
                 copy(made, folder);
                 self.play_run(gic, folder, flags)
             }
+            Target::WholeRun(made) => {
+                copy(made, folder);
+                self.play_whole_run(gic, folder)
+            }
+            Target::Twin(made) => {
+                copy(made, folder);
+                self.play_twin(gic, folder)
+            }
         }
     }
 
@@ -98,6 +157,56 @@ impl Case {
             check(ran || fs::read(path).is_ok_and(|now| now == *bytes), || format!("{told}: {path:?} was changed"))?;
         }
         Ok(())
+    }
+
+    /// A report is made of whole results only.
+    fn play_whole_run(&self, gic: &Path, folder: &Path) -> Result<(), String> {
+        let run = folder.join("run");
+        let whole = contents(&run);
+        let told = self.change(&run);
+        let changed = contents(&run);
+        let is_result = |path: &Path| {
+            let name = path.strip_prefix(&run).unwrap_or(path);
+            RESULTS.iter().any(|result| name.starts_with(result)) && !text(path).ends_with(".state")
+        };
+        let damaged = whole.iter().find(|file| is_result(&file.0) && !changed.contains(file));
+        let kept: Vec<_> = changed.into_iter().filter(|(path, _)| is_result(path)).collect();
+        let answer = answer(gic, &["report".into(), text(&run)])?;
+        check(answer.code == 0 || answer.says_what(), || format!("{told}: no reason given: {}", answer.message))?;
+        if let Some((path, _)) = damaged {
+            check(answer.code == 1, || format!("{told}: {} is taken for whole", path.display()))?;
+        }
+        let is_kept = |(path, bytes): &(PathBuf, Vec<u8>)| fs::read(path).is_ok_and(|now| now == *bytes);
+        check(kept.iter().all(is_kept), || format!("{told}: a report changed a result"))
+    }
+
+    /// A twin and a motion are used, or refused with the reason, and stay as they are.
+    fn play_twin(&self, gic: &Path, folder: &Path) -> Result<(), String> {
+        let mut random = Random::new(self.changes[0]);
+        let told = match random.below(2) {
+            0 => self.change(folder),
+            _ => "unchanged".into(),
+        };
+        let before = contents(folder);
+        let [twin, frames] = ["twin.json", "frames"].map(|name| text(&folder.join(name)));
+        let out = |name: &str| text(&folder.join("made").join(name));
+        let budget = ["--budget-hours", "0.002", "--budget-gb", "2"];
+        let commands: [Vec<String>; 7] = [
+            words(&["simulate", &twin, "-o", &out("future"), "--set", &setting(&mut random)], &budget),
+            words(&["simulate", &twin, "-o", &out("future")], &budget),
+            words(&["grasp", &twin, "-o", &out("grasp"), "--width-m", "0.1", "--no-pictures"], &budget),
+            words(&["export", &twin, "--format", "usd", "-o", &out("twin.usda")], &[]),
+            words(&["export", &twin, "--format", "particles", "-o", &out("twin.npz")], &[]),
+            words(&["view", &frames, "-o", &out("view.html")], &[]),
+            words(&["render", &frames, "-o", &out("pictures"), "--size", "32x32"], &[]),
+        ];
+        let command = &commands[random.below(commands.len())];
+        fs::create_dir(folder.join("made")).map_err(|error| error.to_string())?;
+        let answer = answer(gic, command)?;
+        let told = format!("{told}; `gic {}`", command.join(" "));
+        check(answer.code == 0 || answer.says_what(), || format!("{told}: no reason given: {}", answer.message))?;
+        let _ = fs::remove_dir_all(folder.join("made"));
+        check(before == contents(folder), || format!("{told}: an input was changed"))
     }
 
     /// Changes files of a folder; says what it did.
@@ -249,6 +358,16 @@ fn spoil(value: &mut Value, random: &mut Random) {
     }
 }
 
+/// A setting of a twin with a hostile value.
+fn setting(random: &mut Random) -> String {
+    format!("{}={}", SETTINGS[random.below(SETTINGS.len())], HOSTILE_VALUES[random.below(HOSTILE_VALUES.len())])
+}
+
+fn words(command: &[&str], more: &[&str]) -> Vec<String> {
+    let threads = ["--threads", "1"];
+    command.iter().chain(more).chain(&threads).map(|word| (*word).to_owned()).collect()
+}
+
 fn text(path: &Path) -> String {
     path.to_string_lossy().into_owned()
 }
@@ -296,4 +415,42 @@ pub(crate) fn run(gic: &Path, folder: &Path) -> Target {
     let made = answer(gic, &args).expect("gic runs");
     assert_eq!(made.code, 0, "{}", made.message);
     Target::Run(folder.to_owned(), flags)
+}
+
+/// A small twin of particles and its motion, in `folder`.
+pub(crate) fn twin(gic: &Path, folder: &Path) -> Target {
+    let file = |name: &str| folder.join(name);
+    let mut twin = json!({
+        "schema": "gic.twin/1",
+        "material": {"model": "elastic", "youngs_modulus_pa": 1e5, "poisson_ratio": 0.3},
+        "initial_velocity_m_s": [0.0, -2.0, 0.0],
+        "colliders": [{"shape": "half_space", "point": [0, 0, 0], "normal": [0, 1, 0], "contact": "sticky"}],
+        "grid_spacing_m": 0.04,
+        "frames": 3,
+        "continuum": {"shape": "box", "size_m": [0.12, 0.12, 0.12], "centre_m": [0.0, 0.2, 0.0]}
+    });
+    let simulate = |twin: &Value, out: &str| {
+        fs::write(file("twin.json"), twin.to_string()).expect("a twin");
+        let made = answer(gic, &words(&["simulate", &text(&file("twin.json")), "-o", &text(&file(out))], &[]));
+        let made = made.expect("gic runs");
+        assert_eq!(made.code, 0, "{}", made.message);
+    };
+    simulate(&twin, "first");
+    fs::copy(file("first/particles_0000.ply"), file("matter.ply")).expect("copied");
+    fs::remove_dir_all(file("first")).expect("removed");
+    twin["continuum"] = "matter.ply".into();
+    twin["particle_spacing_m"] = 0.02.into();
+    simulate(&twin, "frames");
+    Target::Twin(folder.to_owned())
+}
+
+/// A run of the bundled scene through all stages, far from converged, in `folder`: minutes.
+pub(crate) fn whole_run(gic: &Path, folder: &Path) -> Target {
+    let scene = Path::new(env!("CARGO_MANIFEST_DIR")).join("demo");
+    let (scene, run) = (text(&scene), text(&folder.join("run")));
+    let mut command = Command::new(gic);
+    command.args(["run", &scene, "-o", &run, "--material", "elastic", "--steps", "400", "--cameras", "0,2,4,6,8,10"]);
+    let ended = command.stdout(Stdio::null()).stderr(Stdio::null()).status().expect("gic runs");
+    assert!(ended.success());
+    Target::WholeRun(folder.to_owned())
 }
