@@ -10,11 +10,11 @@ use serde::Serialize;
 use crate::camera::Camera;
 use crate::contact_sheet;
 use crate::error::{Problem, SceneError};
-use crate::flight::FreeFlight;
+use crate::flight::{FlightView, FreeFlight};
 use crate::hull::{Hull, HullSettings, HullView};
 use crate::picture::{Mask, Picture};
 use crate::scene::Scene;
-use crate::view::{MaskSource, Split};
+use crate::view::{MaskSource, Split, View};
 
 /// Everything worth knowing about a scene before working with it. Lengths in metres where [`Inspection::metric`] says
 /// so.
@@ -100,8 +100,21 @@ pub struct FlightReport {
     pub acceleration_m_s2: [f64; 3],
     /// Angular velocity [rad/s].
     pub angular_velocity_rad_s: [f64; 3],
+    /// By how much the pictures of each camera are later than those of the first one [frames]; zeros where common times
+    /// explain the outlines.
+    pub delays_frames: Vec<f64>,
     /// How far outlines are from touching common tangents, root mean square in pixels.
     pub miss_px: f64,
+}
+
+impl FlightReport {
+    /// The cameras that do not take their pictures at the times of the first one.
+    fn lags(&self) -> Option<String> {
+        let lag = |(camera, delay): (usize, &f64)| format!("{camera} by {delay:+.2} frames");
+        let late = self.delays_frames.iter().enumerate().filter(|(_, delay)| **delay != 0.0);
+        let lags: Vec<String> = late.map(lag).collect();
+        (!lags.is_empty()).then(|| format!("cameras lag behind the first one: {}", lags.join(", ")))
+    }
 }
 
 /// Where knowledge about up and the ground comes from.
@@ -188,6 +201,7 @@ pub fn inspect(scene: &Scene) -> Result<Inspection, SceneError> {
     let up = scene.world.up.map(|up| (up, GroundSource::Format)).or_else(|| mean_up(scene));
     let ground = find_ground(scene, &masks, &ground_frames, hull.as_ref(), up, &mut warnings);
     let flight = if moving { None } else { find_flight(scene)? };
+    warnings.extend(flight.as_ref().and_then(FlightReport::lags));
     warnings.extend(scene.warnings.iter().chain(&problems).map(Problem::to_string));
 
     Ok(Inspection {
@@ -248,8 +262,13 @@ const FEWEST_FLIGHT_FRAMES: usize = 3;
 
 fn find_flight(scene: &Scene) -> Result<Option<FlightReport>, SceneError> {
     let views = |frame: usize| {
-        let cameras = scene.views_at(frame).iter().map(|view| scene.camera_of(view).clone());
-        Ok::<_, SceneError>(cameras.zip(scene.load_masks(scene.views_at(frame))?).collect())
+        let masks = scene.load_masks(scene.views_at(frame))?;
+        let view = |(view, mask): (&View, Mask)| FlightView {
+            index: view.camera,
+            camera: scene.camera_of(view).clone(),
+            mask,
+        };
+        Ok::<_, SceneError>(scene.views_at(frame).iter().zip(masks).map(view).collect())
     };
     let flight = FreeFlight::find(&scene.times, views)?.filter(|flight| flight.frames() >= FEWEST_FLIGHT_FRAMES);
     Ok(flight.map(|flight| FlightReport {
@@ -257,6 +276,7 @@ fn find_flight(scene: &Scene) -> Result<Option<FlightReport>, SceneError> {
         velocity_m_s: flight.velocity.to_array(),
         acceleration_m_s2: flight.acceleration.to_array(),
         angular_velocity_rad_s: flight.angular_velocity.to_array(),
+        delays_frames: flight.delays.iter().map(|delay| delay / flight.frame_seconds()).collect(),
         miss_px: flight.miss_px,
     }))
 }

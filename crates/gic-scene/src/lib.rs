@@ -26,7 +26,7 @@ mod world;
 
 pub use camera::Camera;
 pub use error::{Problem, SceneError, Severity};
-pub use flight::FreeFlight;
+pub use flight::{FlightView, FreeFlight};
 pub use format::Format;
 pub use hull::{Hull, HullSettings, HullView};
 pub use inspect::{CameraReport, FlightReport, GroundSource, HullReport, Inspection, inspect};

@@ -8,7 +8,8 @@
 //! `x(t) = m + R(w t) (x0 - m) + v t + a t^2 / 2`, with m near the body's middle at the first frame,
 //!
 //! so that all outlines can, and follows the frames until they no longer can: then the body has touched something, or
-//! changed its shape. A body at rest is one that flies with v, a and w zero.
+//! changed its shape. A body at rest is one that flies with v, a and w zero. Cameras that lag behind the first one are
+//! found with it: their delays are unknowns as v, a and w are.
 
 mod fit;
 mod outline;
@@ -19,9 +20,10 @@ mod tests;
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::Camera;
+pub use fit::FlightView;
 
 /// The motion of a rigid body in its first frames.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct FreeFlight {
     /// The point about which it turns, at the first frame [m].
     pub about: DVec3,
@@ -33,6 +35,8 @@ pub struct FreeFlight {
     pub acceleration: DVec3,
     /// Times of the frames since the first [s], one a frame.
     pub times: Vec<f64>,
+    /// By how much each camera's pictures are later than the frames' times [s], by its index; the first one's are not.
+    pub delays: Vec<f64>,
     /// How far outlines are from touching common tangents, root mean square [pixels].
     pub miss_px: f64,
 }
@@ -49,29 +53,24 @@ impl FreeFlight {
         (turn, time * self.velocity + 0.5 * time * time * self.acceleration)
     }
 
-    /// Where in the first frame a point of the body was that is at `point` [m] in a frame.
-    pub fn back(&self, point: DVec3, frame: usize) -> DVec3 {
-        let (turn, shift) = self.pose(self.times[frame]);
+    /// Where in the first frame a point of the body was that is at `point` [m] after `time` [s].
+    pub fn back(&self, point: DVec3, time: f64) -> DVec3 {
+        let (turn, shift) = self.pose(time);
         self.about + turn.transpose() * (point - self.about - shift)
     }
 
-    /// Where in a frame a point of the body is that was at `point` [m] in the first one.
-    pub fn forth(&self, point: DVec3, frame: usize) -> DVec3 {
-        let (turn, shift) = self.pose(self.times[frame]);
+    /// Where after `time` [s] a point of the body is that was at `point` [m] in the first frame.
+    pub fn forth(&self, point: DVec3, time: f64) -> DVec3 {
+        let (turn, shift) = self.pose(time);
         self.about + shift + turn * (point - self.about)
     }
 
-    /// By how much the body has turned since the first frame [rad].
-    pub fn turn(&self, frame: usize) -> f64 {
-        self.times[frame] * self.angular_velocity.length()
-    }
-
-    /// A camera that sees the body of the first frame as `camera` sees it in another one.
-    pub fn camera_at_start(&self, camera: &Camera, frame: usize) -> Camera {
-        let (turn, _) = self.pose(self.times[frame]);
+    /// A camera that sees the body of the first frame as `camera` sees it after `time` [s].
+    pub fn camera_at_start(&self, camera: &Camera, time: f64) -> Camera {
+        let (turn, _) = self.pose(time);
         Camera {
             rotation: turn.transpose() * camera.rotation,
-            centre: self.back(camera.centre, frame),
+            centre: self.back(camera.centre, time),
             ..camera.clone()
         }
     }

@@ -3,7 +3,7 @@ use std::convert::Infallible;
 use glam::{DMat3, DQuat, DVec2, DVec3};
 use proptest::prelude::*;
 
-use super::FreeFlight;
+use super::{FlightView, FreeFlight};
 use crate::{Camera, Mask};
 
 const SIZE: usize = 160;
@@ -52,10 +52,18 @@ fn mask(camera: &Camera, place: impl Fn(DVec3) -> DVec3) -> Mask {
 
 /// What is found of a body that moves so.
 fn find(times: &[f64], place: impl Fn(f64, DVec3) -> DVec3) -> Option<FreeFlight> {
+    find_by_late_cameras(times, [0.0; 3], place)
+}
+
+/// The same by cameras that are late [s].
+fn find_by_late_cameras(times: &[f64], delays: [f64; 3], place: impl Fn(f64, DVec3) -> DVec3) -> Option<FreeFlight> {
     let cameras = cameras();
     let views = |frame: usize| {
-        let masks = cameras.iter().map(|camera| mask(camera, |p| place(times[frame], p)));
-        Ok::<_, Infallible>(cameras.iter().cloned().zip(masks).collect())
+        let late = |(camera, delay): (&Camera, f64)| mask(camera, |p| place(times[frame] + delay, p));
+        let masks = cameras.iter().zip(delays).map(late);
+        let view =
+            |(index, (camera, mask)): (usize, (&Camera, Mask))| FlightView { index, camera: camera.clone(), mask };
+        Ok::<_, Infallible>(cameras.iter().zip(masks).enumerate().map(view).collect())
     };
     let Ok(found) = FreeFlight::find(times, views);
     found
@@ -76,12 +84,25 @@ fn a_tumbling_body_is_followed_to_a_millimetre() {
     for spin in [DVec3::ZERO, DVec3::new(0.6, -0.3, 0.9)] {
         let found = find(&times(), |t, p| flown(t, p, spin)).expect("it flies");
         assert_eq!(found.frames(), 6);
-        let off = BALLS.iter().map(|(centre, _)| found.forth(*centre, 5).distance(flown(5.0 / 24.0, *centre, spin)));
+        let off =
+            BALLS.iter().map(|(centre, _)| found.forth(*centre, 5.0 / 24.0).distance(flown(5.0 / 24.0, *centre, spin)));
         let off = off.fold(0.0, f64::max);
         let falls = found.acceleration.distance(DVec3::new(0.0, -9.8, 0.0));
         println!("{off:.5} m off, gravity by {falls:.3}, {:.3} pixels", found.miss_px);
         assert!(off < 1e-3 && falls < 0.2, "{off} {falls}");
+        assert_eq!(found.delays, [0.0; 3], "the cameras are synchronised");
     }
+}
+
+#[test]
+fn cameras_that_are_late_are_found_with_the_flight() {
+    let frame = 1.0 / 24.0;
+    let delays = [0.0, 0.6 * frame, -0.25 * frame];
+    let found = find_by_late_cameras(&times(), delays, |t, p| flown(t, p, DVec3::ZERO)).expect("it flies");
+    let off = found.delays.iter().zip(delays).map(|(found, truth)| (found - truth).abs() / frame).fold(0.0, f64::max);
+    let falls = found.acceleration.distance(DVec3::new(0.0, -9.8, 0.0));
+    println!("{off:.4} frames off, gravity by {falls:.3}, {:.3} pixels", found.miss_px);
+    assert!(found.frames() == 6 && off < 0.02 && falls < 0.2, "{off} {falls}");
 }
 
 #[test]
@@ -103,7 +124,8 @@ fn a_body_at_rest_flies_nowhere() {
 #[test]
 fn one_camera_tells_no_flight() {
     let camera = cameras().remove(0);
-    let views = |_| Ok::<_, Infallible>(vec![(camera.clone(), mask(&camera, |p| p))]);
+    let views =
+        |_| Ok::<_, Infallible>(vec![FlightView { index: 0, camera: camera.clone(), mask: mask(&camera, |p| p) }]);
     assert_eq!(FreeFlight::find(&times(), views), Ok(None));
 }
 
@@ -120,13 +142,14 @@ proptest! {
             acceleration: vector(3),
             angular_velocity: vector(6),
             times: vec![0.0, 0.2],
+            delays: vec![0.0],
             miss_px: 0.0,
         };
         let (camera, point) = (&cameras()[1], DVec3::from_array(point));
-        let moved = flight.forth(point, 1);
-        prop_assert!(flight.back(moved, 1).distance(point) < 1e-12);
+        let moved = flight.forth(point, 0.2);
+        prop_assert!(flight.back(moved, 0.2).distance(point) < 1e-12);
         let (then, _) = camera.project(moved).expect("in front");
-        let (now, _) = flight.camera_at_start(camera, 1).project(point).expect("in front");
+        let (now, _) = flight.camera_at_start(camera, 0.2).project(point).expect("in front");
         prop_assert!(then.distance(now) < 1e-9, "{} {}", then, now);
     }
 }
