@@ -42,7 +42,7 @@ const SETTINGS: [&str; 12] = [
     "initial_velocity_m_s.1",
     "material.youngs_modulus_pa",
     "material.poisson_ratio",
-    "colliders.0.point.1",
+    "colliders.0.point_m.1",
     "continuum.size_m.0",
 ];
 const HOSTILE_VALUES: [&str; 14] = [
@@ -92,7 +92,7 @@ pub(crate) enum Target {
     Run(PathBuf, Vec<String>),
     /// A folder with `run`, all its stages finished, to be read.
     WholeRun(PathBuf),
-    /// A folder with `twin.json`, its matter and `frames`, to be simulated, drawn, gripped and exported.
+    /// A folder with `twin.json`, its matter and `frames`, to be simulated, drawn and gripped.
     Twin(PathBuf),
 }
 
@@ -191,12 +191,10 @@ impl Case {
         let [twin, frames] = ["twin.json", "frames"].map(|name| text(&folder.join(name)));
         let out = |name: &str| text(&folder.join("made").join(name));
         let budget = ["--budget-hours", "0.002", "--budget-gb", "2"];
-        let commands: [Vec<String>; 7] = [
+        let commands: [Vec<String>; 5] = [
             words(&["simulate", &twin, "-o", &out("future"), "--set", &setting(&mut random)], &budget),
             words(&["simulate", &twin, "-o", &out("future")], &budget),
             words(&["grasp", &twin, "-o", &out("grasp"), "--width-m", "0.1", "--no-pictures"], &budget),
-            words(&["export", &twin, "--format", "usd", "-o", &out("twin.usda")], &[]),
-            words(&["export", &twin, "--format", "particles", "-o", &out("twin.npz")], &[]),
             words(&["view", &frames, "-o", &out("view.html")], &[]),
             words(&["render", &frames, "-o", &out("pictures"), "--size", "32x32"], &[]),
         ];
@@ -424,7 +422,7 @@ pub(crate) fn twin(gic: &Path, folder: &Path) -> Target {
         "schema": "gic.twin/1",
         "material": {"model": "elastic", "youngs_modulus_pa": 1e5, "poisson_ratio": 0.3},
         "initial_velocity_m_s": [0.0, -2.0, 0.0],
-        "colliders": [{"shape": "half_space", "point": [0, 0, 0], "normal": [0, 1, 0], "contact": "sticky"}],
+        "colliders": [{"shape": "half_space", "point_m": [0, 0, 0], "normal": [0, 1, 0], "contact": "sticky"}],
         "grid_spacing_m": 0.04,
         "frames": 3,
         "continuum": {"shape": "box", "size_m": [0.12, 0.12, 0.12], "centre_m": [0.0, 0.2, 0.0]}
