@@ -167,16 +167,21 @@ impl Case {
         let changed = contents(&run);
         let is_result = |path: &Path| {
             let name = path.strip_prefix(&run).unwrap_or(path);
-            RESULTS.iter().any(|result| name.starts_with(result)) && !text(path).ends_with(".state")
+            let is_note = name.file_name().is_some_and(|file| file.to_string_lossy().starts_with('.'));
+            !is_note && RESULTS.iter().any(|result| name.starts_with(result))
         };
-        let damaged = whole.iter().find(|file| is_result(&file.0) && !changed.contains(file));
-        let kept: Vec<_> = changed.into_iter().filter(|(path, _)| is_result(path)).collect();
+        // Without its stamp, nothing is known of a stage's results.
+        let is_stamped =
+            |whole: &(PathBuf, Vec<u8>)| !whole.0.starts_with(run.join("stamps")) || changed.contains(whole);
+        let all_stamps = whole.iter().all(is_stamped);
+        let damaged = whole.iter().find(|file| all_stamps && is_result(&file.0) && !changed.contains(file));
+        let kept: Vec<_> = changed.iter().filter(|(path, _)| is_result(path)).collect();
         let answer = answer(gic, &["report".into(), text(&run)])?;
         check(answer.code == 0 || answer.says_what(), || format!("{told}: no reason given: {}", answer.message))?;
         if let Some((path, _)) = damaged {
             check(answer.code == 1, || format!("{told}: {} is taken for whole", path.display()))?;
         }
-        let is_kept = |(path, bytes): &(PathBuf, Vec<u8>)| fs::read(path).is_ok_and(|now| now == *bytes);
+        let is_kept = |(path, bytes): &&(PathBuf, Vec<u8>)| fs::read(path).is_ok_and(|now| now == *bytes);
         check(kept.iter().all(is_kept), || format!("{told}: a report changed a result"))
     }
 
