@@ -50,12 +50,8 @@ pub struct Tuning {
     pub filling: FillingTuning,
     /// The boundary that no view sees.
     pub unseen: UnseenTuning,
-    /// Mirror planes of a surface.
-    pub surface_symmetry: SurfaceSymmetryTuning,
-    /// Mirror planes of outlines.
-    pub outline_symmetry: OutlineSymmetryTuning,
-    /// Averaging a body with its mirror images.
-    pub completion: CompletionTuning,
+    /// Mirror planes of surfaces and of outlines.
+    pub symmetry: SymmetryTuning,
     /// Space carving.
     pub carving: CarvingTuning,
     /// The plane sweep after carving.
@@ -207,126 +203,37 @@ tuned! {
 }
 
 tuned! {
-    /// Mirror planes of a surface. Lengths are shares of the body's size, its largest side.
-    SurfaceSymmetryTuning {
-        /// Points of the surface that are less in doubt than this are seen, in [0, 1]. Fitted on: the nine scenes.
-        seen_below_doubt: f32 = 0.3,
-        /// Normals of a first plane that are tried, evenly over a half sphere. Budget: 8 degrees apart.
+    /// Mirror planes of a surface, and of outlines. Sizes are the largest side of the body's box.
+    SymmetryTuning {
+        /// Normals of a first plane that are tried on a surface, evenly over a half sphere; those of a second plane, at
+        /// right angles to it, are as close together. Budget: 7 degrees apart.
         normals: usize = 400,
-        /// Normals of a second plane, at right angles to the first. Budget: 4 degrees apart.
-        second_normals: usize = 48,
-        /// Planes that are tried on each side of the middle along each normal. Budget.
-        offsets: usize = 3,
-        /// Distance between these planes [sizes]. Budget.
-        offset_step: f64 = 0.02,
-        /// The best so many planes are fitted. Budget.
+        /// Points of the surface whose mirror images rate a plane and fit it. Budget.
+        points: usize = 1000,
+        /// The best so many planes are fitted, and the best so many sets of planes of outlines. Budget.
         candidates: usize = 12,
-        /// ... of which no two have normals with a larger cosine between them. Budget.
-        distinct_cosine: f64 = 0.95,
-        /// Mirrored points that rate a plane which is tried. Budget.
-        points_tried: usize = 150,
-        /// Mirrored points that fit a candidate. Budget.
-        points_candidate: usize = 600,
-        /// Mirrored points that fit the best plane. Budget.
-        points_final: usize = 2000,
         /// A mirrored point counts as this far from the surface at most, so that a handle on one side only does not
         /// decide [sizes]. Fitted on: the nine scenes.
         farthest_miss: f64 = 0.1,
-        /// ... and this far inside of a surface that no view sees, as notches are filled too far [sizes]. Fitted on:
-        /// the nine scenes.
-        farthest_miss_unseen: f64 = 0.015,
-        /// Within this of the surface distances are measured from its tangent plane [sizes]. Fitted on: the nine
-        /// scenes.
-        tangent_within: f64 = 0.02,
-        /// A plane whose mirrored points lie further from the surface in the mean is none [sizes]. Fitted on: the nine
-        /// scenes, whose true planes have .003 to .008, and a toy with one plane, whose other candidates have .016 and
-        /// more.
+        /// Up to this far from the surface distances are measured from its tangent plane [spacings of its points].
+        /// Derived: where the nearest of these is one of the next ones.
+        tangent_spacings: f64 = 2.0,
+        /// A plane whose mirrored points lie further from the surface in the mean is none; and this far inside of a
+        /// surface that no view sees a point counts at most, as notches are filled too far [sizes]. Fitted on: the nine scenes, whose true planes have .003 to .008, and a
+        /// toy with one plane, whose other candidates have .016 and more.
         largest_misfit: f64 = 1.0 / 110.0,
-        /// A body has kept its shape while its planes fit at most so many times worse than at first. Fitted on: the
-        /// nine scenes.
-        undeformed: f64 = 1.2,
-        /// Rounds of fitting. Budget.
-        fit_rounds: usize = 25,
-        /// Share of each unknown's curvature that is added to it, so that one without effect stays where it is. Budget.
-        damping: f64 = 1e-3,
-        /// Distances below this count as this when points are weighted by their inverse [sizes]. Budget: a guard.
-        least_distance: f64 = 1e-3,
-        /// Largest turn of a round [rad]. Budget: a guard.
-        largest_turn: f64 = 0.1,
-        /// Largest shift of a round [sizes]. Budget: a guard.
-        largest_shift: f64 = 0.05,
-        /// A fit ends with a round that turns planes by less than this [rad] and shifts them by less than this [sizes].
-        /// Budget.
-        converged_step: f64 = 1e-4,
-    }
-}
-
-tuned! {
-    /// Mirror planes of outlines. Sizes are the largest side of the box around the hull.
-    OutlineSymmetryTuning {
-        /// Rays along the outline of each view. Budget.
-        rays: usize = 70,
-        /// Places on each ray. Budget.
-        places_per_ray: usize = 80,
-        /// How far the places go to both sides of the body's middle [sizes]. Derived: beyond half of a box's diagonal.
-        ray_half_length: f64 = 0.75,
-        /// Pixels within this of the outline are on it [pixels]. Derived: a closed line of pixels.
-        on_outline_within: f32 = 1.3,
-        /// Places that lie further outside of a view's own outlines are not looked at [pixels]. Budget.
-        skip_outside: f32 = 6.0,
+        /// Planes agree as well as others, and a body has kept its shape, where they miss by at most so many times as
+        /// much. Fitted on: the nine scenes, with all cameras and with three.
+        same_misfit: f64 = 1.25,
+        /// Normals of a first plane that are tried on outlines, as above. Budget: 18 degrees apart.
+        outline_normals: usize = 60,
+        /// Rays along the outline of each view, and places on each. Budget.
+        outline_rays: usize = 75,
         /// A ray misses by no more than this [pixels]. Budget: a guard against outliers.
-        farthest_miss: f32 = 10.0,
-        /// Normals of a first plane that are tried. Budget.
-        normals: usize = 60,
-        /// Normals of a second plane around each. Budget.
-        second_normals: usize = 5,
-        /// The best so many sets of planes are fitted. Budget.
-        candidates: usize = 16,
-        /// Rounds of fitting. Budget.
-        fit_rounds: usize = 16,
-        /// Step of the finite differences [rad, sizes]. Budget.
-        difference_step: f64 = 2e-3,
-        /// Damping of the first round, over each unknown's curvature. Budget.
-        first_damping: f64 = 1e-2,
-        /// Factor of the damping after a step that gains. Budget.
-        damping_falls: f64 = 0.2,
-        /// Factor of the damping after a step that loses. Budget.
-        damping_rises: f64 = 10.0,
-        /// Steps that are tried in a round. Budget.
-        steps_tried: usize = 5,
-        /// Largest turn of a step [rad]. Budget: a guard.
-        largest_turn: f64 = 0.2,
-        /// Largest shift of a step [sizes]. Budget: a guard.
-        largest_shift: f64 = 0.05,
-        /// A fit has converged where a round gains less than this share. Budget.
-        converged_gain: f64 = 1e-3,
+        farthest_miss_px: f32 = 10.0,
         /// Planes are none where rays miss by more than this, root mean square [pixels]. Fitted on: three cameras,
         /// where true planes have .1 to .4 and others 1.6 and more.
-        largest_miss: f64 = 0.5,
-        /// A body has kept its shape while its planes fit at most so many times worse than at first. Fitted on: three
-        /// cameras.
-        undeformed: f64 = 1.5,
-        /// Sets of planes agree as well as the best where their rays miss by at most so many times as much. Fitted on:
-        /// three cameras.
-        as_good_as_best: f64 = 1.25,
-    }
-}
-
-tuned! {
-    /// Averaging a body with its mirror images.
-    CompletionTuning {
-        /// Signed distances are known up to this far from the surface [voxels]. Budget.
-        band: f64 = 6.0,
-        /// Up to this far from the surface they are measured from its tangent plane [voxels]. Derived: the spacing of
-        /// its points.
-        tangent_within: f64 = 2.0,
-        /// What no view sees counts as this much of what one does. Derived: small, so that it decides only where it is
-        /// alone.
-        unseen_share: f64 = 1e-3,
-        /// Power of the certainty (one less the doubt) with which an image counts. Fitted on: the nine scenes.
-        certainty_power: i32 = 2,
-        /// The density falls from 1 to 0 over this width across the surface [voxels]. Fitted on: the nine scenes.
-        ramp: f64 = 1.5,
+        largest_miss_px: f64 = 0.5,
     }
 }
 

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::planes::Symmetry;
 use super::surface::KnownSurface;
 use crate::shape_from::FEWEST_VIEWS;
-use crate::tuning::{CompletionTuning, Tuning};
+use crate::tuning::Tuning;
 use crate::{Filling, MaskedView};
 
 /// Completes a body by its symmetry in the frames of a video, as long as it keeps the shape that it has in the first.
@@ -28,16 +28,15 @@ impl Completion {
         if self.deformed || filling.views_used < FEWEST_VIEWS {
             return;
         }
-        let surface = KnownSurface::new(filling, &tuning.surface_symmetry);
+        let surface = KnownSurface::new(filling, &tuning.symmetry);
         let symmetry = surface.symmetry();
         let rest = self.rest.get_or_insert_with(|| symmetry.clone());
-        self.deformed = rest.planes.is_empty() || !symmetry.is_still(rest, tuning.surface_symmetry.undeformed);
+        self.deformed = rest.planes.is_empty() || !symmetry.is_still(rest, tuning.symmetry.same_misfit);
         if !self.deformed {
             // Outlines are sharper than surfaces.
-            let sharper =
-                symmetry.on_outlines(views, &tuning.outline_symmetry).map(|sharper| surface.measured(sharper));
+            let sharper = symmetry.on_outlines(views, &tuning.symmetry).map(|sharper| surface.measured(sharper));
             let symmetry = sharper.unwrap_or(symmetry);
-            filling.complete(&symmetry, &surface, &tuning.completion);
+            filling.complete(&symmetry, &surface);
             self.first.get_or_insert(symmetry);
         }
     }
@@ -51,12 +50,12 @@ impl Completion {
 
 impl Filling {
     /// Completes a body with this surface by its mirror images: afterwards what no view sees is what its images show.
-    pub(super) fn complete(&mut self, symmetry: &Symmetry, surface: &KnownSurface, tuning: &CompletionTuning) {
+    pub(super) fn complete(&mut self, symmetry: &Symmetry, surface: &KnownSurface) {
         if symmetry.planes.is_empty() {
             return;
         }
-        let (distances, doubts) = surface.distances(self, tuning);
-        let (band, images) = (tuning.band * self.field.spacing, symmetry.images());
+        let (distances, doubts) = surface.distances(self);
+        let (band, images) = (surface.band(), symmetry.images());
         let distance_and_doubt = |point: DVec3| {
             // Beyond the grid there is nothing.
             let Some(i) = self.field.discretize(point) else { return (band, 0.0) };
@@ -68,13 +67,15 @@ impl Filling {
                 let (mut sum, mut total, mut doubt) = (0.0, 0.0, 1.0f64);
                 for image in images.of(self.field.centre(self.field.voxel(i))) {
                     let (distance, doubtful) = distance_and_doubt(image);
-                    let share = tuning.unseen_share + (1.0 - doubtful).powi(tuning.certainty_power);
+                    // What no view sees decides only where it is alone.
+                    let share = f64::EPSILON.sqrt() + 1.0 - doubtful;
                     sum += share * distance;
                     total += share;
                     doubt = doubt.min(doubtful);
                 }
                 let distance = sum / total / self.field.spacing;
-                ((0.5 - distance / tuning.ramp).clamp(0.0, 1.0) as f32, doubt as f32)
+                // The density falls from 1 to 0 over one voxel.
+                ((0.5 - distance).clamp(0.0, 1.0) as f32, doubt as f32)
             })
             .collect();
         for (i, (density, doubt)) in merged.into_iter().enumerate() {

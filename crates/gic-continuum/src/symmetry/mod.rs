@@ -74,7 +74,7 @@ mod tests {
         let truth = filled(|p| upright_cross(turned().inverse() * (p - centre()))).volume();
         let before = filling.volume() / truth - 1.0;
         let tuning = Tuning::default();
-        let surface = KnownSurface::new(&filling, &tuning.surface_symmetry);
+        let surface = KnownSurface::new(&filling, &tuning.symmetry);
         let symmetry = surface.symmetry();
         assert_eq!(symmetry.planes.len(), 3);
         for plane in &symmetry.planes {
@@ -83,7 +83,7 @@ mod tests {
             let off = plane.normal.dot(centre()) - plane.offset;
             assert!(angle < 0.5 && off.abs() < 0.001, "{angle} degrees, {off} m");
         }
-        filling.complete(&symmetry, &surface, &tuning.completion);
+        filling.complete(&symmetry, &surface);
         let after = filling.volume() / truth - 1.0;
         println!("volume {before:+.4} before, {after:+.4} after");
         assert!(before > 0.01 && after.abs() < 0.005, "{before} before, {after} after");
@@ -101,11 +101,11 @@ mod tests {
         let body = |p: DVec3| balls.iter().map(|(c, r)| (p - centre() - *c).length() - r).fold(f64::INFINITY, f64::min);
         let mut filling = filled(body);
         let tuning = Tuning::default();
-        let surface = KnownSurface::new(&filling, &tuning.surface_symmetry);
+        let surface = KnownSurface::new(&filling, &tuning.symmetry);
         let symmetry = surface.symmetry();
         assert_eq!(symmetry.planes, Vec::new());
         let before = filling.field.clone();
-        filling.complete(&symmetry, &surface, &tuning.completion);
+        filling.complete(&symmetry, &surface);
         assert_eq!(filling.field, before);
     }
 
@@ -113,7 +113,7 @@ mod tests {
     fn a_body_that_no_view_sees_has_no_planes() {
         let mut filling = filled(|p| upright_cross(turned().inverse() * (p - centre())));
         filling.doubt = vec![1.0; filling.field.len()];
-        assert_eq!(KnownSurface::new(&filling, &Tuning::default().surface_symmetry).symmetry().planes, Vec::new());
+        assert_eq!(KnownSurface::new(&filling, &Tuning::default().symmetry).symmetry().planes, Vec::new());
     }
 
     #[test]

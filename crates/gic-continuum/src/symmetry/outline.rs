@@ -6,15 +6,14 @@
 //! planes make twenty-four outlines, which a wrong plane contradicts by pixels.
 
 use gic_geometry::distance_transform;
-use gic_optimize::damped_step;
 use gic_scene::{Camera, Hull, HullSettings, HullView, Mask};
-use glam::{DQuat, DVec3};
-use nalgebra::{DMatrix, DVector};
+use glam::DVec3;
+use nalgebra::DVector;
 use rayon::prelude::*;
 
-use super::planes::{Images, MirrorPlane, Symmetry, direction, normals_beside};
+use super::planes::{Images, MirrorPlane, Symmetry, normals_beside};
 use crate::MaskedView;
-use crate::tuning::OutlineSymmetryTuning;
+use crate::tuning::SymmetryTuning;
 
 /// One view's outline.
 struct Outline {
@@ -51,7 +50,7 @@ impl Outline {
 
 /// The outlines of a body in one moment.
 struct Outlines<'a> {
-    tuning: &'a OutlineSymmetryTuning,
+    tuning: &'a SymmetryTuning,
     views: Vec<Outline>,
     /// Places along rays that touch the outlines, with how far they are within the outlines of all views, the innermost
     /// first.
@@ -61,11 +60,13 @@ struct Outlines<'a> {
     middle: DVec3,
     /// Largest side of the hull's box [m].
     size: f64,
+    /// Half of its diagonal [m].
+    half_diagonal: f64,
 }
 
 impl Outlines<'_> {
     /// `None` where masks are missing or empty, or have no hull in common.
-    fn new<'a>(views: &[MaskedView], tuning: &'a OutlineSymmetryTuning) -> Option<Outlines<'a>> {
+    fn new<'a>(views: &[MaskedView], tuning: &'a SymmetryTuning) -> Option<Outlines<'a>> {
         let masked = views.iter().filter_map(|view| Some((view.camera, view.mask?)));
         let masks: Vec<(&Camera, Mask)> = masked
             .map(|(camera, mask)| {
@@ -82,6 +83,7 @@ impl Outlines<'_> {
             rays: Vec::new(),
             middle: points.iter().sum::<DVec3>() / points.len() as f64,
             size: (high - low).max_element(),
+            half_diagonal: 0.5 * (high - low).length(),
             hull: points,
         };
         outlines.rays = outlines.views.iter().flat_map(|view| outlines.rays_of(view)).collect();
@@ -90,16 +92,17 @@ impl Outlines<'_> {
 
     fn rays_of<'a>(&'a self, view: &'a Outline) -> impl Iterator<Item = Vec<(f32, DVec3)>> + 'a {
         let (width, tuning) = (view.camera.width, self.tuning);
-        let touching = |(i, d): (usize, &f32)| (*d > 0.0 && *d < tuning.on_outline_within).then_some(i);
+        // A closed line of pixels: what touches the outside along a side or at a corner.
+        let touching = |(i, d): (usize, &f32)| (*d > 0.0 && *d < 1.0).then_some(i);
         let pixels: Vec<usize> = view.distance.iter().enumerate().filter_map(touching).collect();
         let depth = view.camera.to_camera(self.middle).z;
-        let (rays, count) = (tuning.rays.min(pixels.len()), tuning.places_per_ray);
+        let (rays, count) = (tuning.outline_rays.min(pixels.len()), tuning.outline_rays);
         (0..rays).map(move |k| {
             let i = pixels[k * pixels.len() / rays];
             let pixel = glam::DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
-            let along = |n: usize| tuning.ray_half_length * self.size * (2.0 * n as f64 / (count - 1) as f64 - 1.0);
+            let along = |n: usize| self.half_diagonal * (2.0 * n as f64 / (count - 1) as f64 - 1.0);
             let places = (0..count).map(|n| view.camera.unproject(pixel, (depth + along(n)).max(1e-3)));
-            let known = places.map(|p| (self.within_all(p), p)).filter(|(d, _)| *d > -tuning.skip_outside);
+            let known = places.map(|p| (self.within_all(p), p)).filter(|(d, _)| *d > -tuning.farthest_miss_px);
             let mut places: Vec<(f32, DVec3)> = known.collect();
             places.sort_by(|a, b| b.0.total_cmp(&a.0));
             places
@@ -130,7 +133,7 @@ impl Outlines<'_> {
     fn misses(&self, symmetry: &Symmetry) -> DVector<f64> {
         let images = symmetry.images();
         let miss = |ray: &Vec<(f32, DVec3)>| {
-            let mut best = -self.tuning.farthest_miss;
+            let mut best = -self.tuning.farthest_miss_px;
             for &(own, place) in ray {
                 if own <= best || best >= 0.0 {
                     break;
@@ -142,56 +145,16 @@ impl Outlines<'_> {
         DVector::from_iterator(self.rays.len(), self.rays.iter().map(miss))
     }
 
-    /// Planes fitted so that no ray misses, by Gauss-Newton's method with damping, and how far they miss, root mean
-    /// square [pixels].
-    fn fit(&self, start: Symmetry) -> (f64, Symmetry) {
-        let (unknowns, tuning) = (3 + start.planes.len(), self.tuning);
-        let (mut symmetry, mut damping) = (start, tuning.first_damping);
-        let mut misses = self.misses(&symmetry);
-        for _ in 0..tuning.fit_rounds {
-            let mut jacobian = DMatrix::zeros(misses.len(), unknowns);
-            for k in 0..unknowns {
-                let mut step = DVector::zeros(unknowns);
-                step[k] = tuning.difference_step;
-                let moved = self.misses(&self.moved(&symmetry, &step));
-                jacobian.set_column(k, &((moved - &misses) / tuning.difference_step));
-            }
-            let (hessian, gradient) = (jacobian.tr_mul(&jacobian), jacobian.tr_mul(&misses));
-            let before = misses.norm_squared();
-            let least = 1e-9 + 1e-6 * hessian.trace();
-            let mut gained = 0.0;
-            for _ in 0..tuning.steps_tried {
-                let Some(step) = damped_step(&hessian, &gradient, |own| damping * (own + least)) else { break };
-                let moved = self.moved(&symmetry, &step);
-                let new = self.misses(&moved);
-                gained = before - new.norm_squared();
-                if gained > 0.0 {
-                    (symmetry, misses, damping) = (moved, new, damping * tuning.damping_falls);
-                    break;
-                }
-                damping *= tuning.damping_rises;
-            }
-            if gained <= tuning.converged_gain * before {
-                break;
-            }
-        }
-        ((misses.norm_squared() / misses.len().max(1) as f64).sqrt(), symmetry)
+    /// Planes fitted so that no ray misses, and how far they miss, root mean square [pixels].
+    fn fit(&self, start: &Symmetry) -> (f64, Symmetry) {
+        let half_a_pixel = 0.5 * self.pixel() / self.size;
+        start.fitted((self.middle, self.size), half_a_pixel, |planes| self.misses(planes))
     }
 
-    /// The planes turned together about the body's middle by the first three unknowns [rad], and each shifted by its
-    /// own [sizes].
-    fn moved(&self, symmetry: &Symmetry, step: &DVector<f64>) -> Symmetry {
-        let turn = DVec3::new(step[0], step[1], step[2]).clamp_length_max(self.tuning.largest_turn);
-        let rotation = DQuat::from_scaled_axis(turn);
-        let largest_shift = self.tuning.largest_shift;
-        let planes = symmetry.planes.iter().enumerate().map(|(k, plane)| {
-            let turned = plane.turned(rotation * plane.normal, self.middle);
-            MirrorPlane {
-                offset: turned.offset + self.size * step[3 + k].clamp(-largest_shift, largest_shift),
-                ..turned
-            }
-        });
-        Symmetry { planes: planes.collect(), interchangeable_planes: symmetry.interchangeable_planes.clone() }
+    /// Side of a pixel at the body, the mean of the views [m].
+    fn pixel(&self) -> f64 {
+        let pixel = |view: &Outline| view.camera.to_camera(self.middle).z / view.camera.focal.x;
+        self.views.iter().map(pixel).sum::<f64>() / self.views.len().max(1) as f64
     }
 
     /// The volume, in cells of the hull, that all outlines and their images leave.
@@ -205,10 +168,11 @@ impl Outlines<'_> {
     fn planes(&self) -> Option<Symmetry> {
         let tuning = self.tuning;
         let through = |normal: DVec3| MirrorPlane { normal, offset: normal.dot(self.middle), misfit: 0.0 };
-        let starts: Vec<Symmetry> = (0..tuning.normals)
-            .map(|k| through(direction(k, tuning.normals)))
+        let starts: Vec<Symmetry> = normals_beside(&[], tuning.outline_normals)
+            .into_iter()
+            .map(through)
             .flat_map(|first| {
-                let seconds = normals_beside(&[first], 0, tuning.second_normals).into_iter().map(through);
+                let seconds = normals_beside(&[first], tuning.outline_normals).into_iter().map(through);
                 seconds.map(move |second| vec![first, second, through(first.normal.cross(second.normal))])
             })
             .map(|planes| Symmetry { planes, interchangeable_planes: Vec::new() })
@@ -217,10 +181,10 @@ impl Outlines<'_> {
             starts.into_par_iter().map(|start| (self.misses(&start).norm_squared(), start)).collect();
         rated.sort_by(|a, b| a.0.total_cmp(&b.0));
         rated.truncate(tuning.candidates);
-        let fits: Vec<(f64, Symmetry)> = rated.into_par_iter().map(|(_, start)| self.fit(start)).collect();
+        let fits: Vec<(f64, Symmetry)> = rated.into_par_iter().map(|(_, start)| self.fit(&start)).collect();
         let least = fits.iter().map(|(miss, _)| *miss).fold(f64::INFINITY, f64::min);
         let agreeing =
-            fits.into_iter().filter(|(miss, _)| *miss <= tuning.largest_miss.min(tuning.as_good_as_best * least));
+            fits.into_iter().filter(|(miss, _)| *miss <= tuning.largest_miss_px.min(tuning.same_misfit * least));
         let agreeing: Vec<_> = agreeing.collect();
         let complete =
             agreeing.into_par_iter().map(|(miss, symmetry)| self.with_interchangeable_planes(miss, symmetry));
@@ -232,16 +196,15 @@ impl Outlines<'_> {
     fn with_interchangeable_planes(&self, miss: f64, symmetry: Symmetry) -> (f64, Symmetry) {
         [[0, 1], [1, 2], [0, 2]].into_iter().fold((miss, symmetry), |(miss, symmetry), pair| {
             let interchangeable_planes = [&symmetry.interchangeable_planes[..], &[pair]].concat();
-            let more = self.fit(Symmetry { interchangeable_planes, ..symmetry.clone() });
-            if more.0 <= self.tuning.largest_miss { more } else { (miss, symmetry) }
+            let more = self.fit(&Symmetry { interchangeable_planes, ..symmetry.clone() });
+            if more.0 <= self.tuning.largest_miss_px { more } else { (miss, symmetry) }
         })
     }
 
     /// The planes with their misfit in metres at the body.
     fn measured(&self, miss: f64, mut symmetry: Symmetry) -> Symmetry {
-        let pixel = |view: &Outline| view.camera.to_camera(self.middle).z / view.camera.focal.x;
-        let pixel = self.views.iter().map(pixel).sum::<f64>() / self.views.len().max(1) as f64;
-        symmetry.planes.iter_mut().for_each(|plane| plane.misfit = miss * pixel);
+        let misfit = miss * self.pixel();
+        symmetry.planes.iter_mut().for_each(|plane| plane.misfit = misfit);
         symmetry
     }
 }
@@ -249,26 +212,26 @@ impl Outlines<'_> {
 impl Symmetry {
     /// Three mirror planes at right angles that all outlines of a body agree with; none where there are no three. Fewer
     /// are not looked for: three outlines of anything agree with some plane.
-    pub fn of_outlines(views: &[MaskedView], tuning: &OutlineSymmetryTuning) -> Symmetry {
+    pub fn of_outlines(views: &[MaskedView], tuning: &SymmetryTuning) -> Symmetry {
         let found = Outlines::new(views, tuning).and_then(|outlines| outlines.planes());
         found.unwrap_or_default()
     }
 
     /// The planes of the same body a moment later, if it has moved as a rigid one: by about `moved` [m], and turned but
     /// little.
-    pub fn followed(&self, views: &[MaskedView], moved: DVec3, tuning: &OutlineSymmetryTuning) -> Option<Symmetry> {
+    pub fn followed(&self, views: &[MaskedView], moved: DVec3, tuning: &SymmetryTuning) -> Option<Symmetry> {
         let shifted = |p: &MirrorPlane| MirrorPlane { offset: p.offset + p.normal.dot(moved), ..*p };
         let planes = self.planes.iter().map(shifted).collect();
         let interchangeable_planes = self.interchangeable_planes.clone();
         let later = Symmetry { planes, interchangeable_planes }.on_outlines(views, tuning)?;
-        (later.misfit() <= tuning.undeformed * self.misfit()).then_some(later)
+        (later.misfit() <= tuning.same_misfit * self.misfit()).then_some(later)
     }
 
     /// The planes, fitted to the outlines; `None` where they do not agree.
-    pub(super) fn on_outlines(&self, views: &[MaskedView], tuning: &OutlineSymmetryTuning) -> Option<Symmetry> {
+    pub(super) fn on_outlines(&self, views: &[MaskedView], tuning: &SymmetryTuning) -> Option<Symmetry> {
         let outlines = Outlines::new(views, tuning)?;
-        let (miss, symmetry) = outlines.fit(self.clone());
-        (miss <= tuning.largest_miss).then(|| outlines.measured(miss, symmetry))
+        let (miss, symmetry) = outlines.fit(self);
+        (miss <= tuning.largest_miss_px).then(|| outlines.measured(miss, symmetry))
     }
 }
 
@@ -279,11 +242,11 @@ mod tests {
     use crate::{FillSettings, fill_outlines};
 
     fn of_outlines(views: &[MaskedView]) -> Symmetry {
-        Symmetry::of_outlines(views, &OutlineSymmetryTuning::default())
+        Symmetry::of_outlines(views, &SymmetryTuning::default())
     }
 
     fn followed(symmetry: &Symmetry, views: &[MaskedView], moved: DVec3) -> Symmetry {
-        symmetry.followed(views, moved, &OutlineSymmetryTuning::default()).expect("it is the same body")
+        symmetry.followed(views, moved, &SymmetryTuning::default()).expect("it is the same body")
     }
 
     fn assert_planes(symmetry: &Symmetry, centre: DVec3) {

@@ -1,7 +1,9 @@
 //! Mirror planes at right angles, and the maps of a body onto itself that they make.
 
+use gic_optimize::least_squares;
 use gic_scene::Camera;
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DAffine3, DMat3, DQuat, DVec3};
+use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 
 /// Mirror planes at right angles to each other.
@@ -35,7 +37,7 @@ impl MirrorPlane {
     }
 
     /// The plane with another normal, as far from a point [m] as before.
-    pub(super) fn turned(&self, normal: DVec3, point: DVec3) -> MirrorPlane {
+    fn turned(&self, normal: DVec3, point: DVec3) -> MirrorPlane {
         MirrorPlane { normal, offset: self.offset + (normal - self.normal).dot(point), ..*self }
     }
 }
@@ -47,9 +49,34 @@ impl Symmetry {
     }
 
     /// Whether a body that had the symmetry `rest` before has kept its shape: it has as many planes, which fit at most
-    /// `undeformed` times worse.
-    pub(super) fn is_still(&self, rest: &Symmetry, undeformed: f64) -> bool {
-        self.planes.len() == rest.planes.len() && self.misfit() <= undeformed * rest.misfit()
+    /// `same_misfit` times worse.
+    pub(super) fn is_still(&self, rest: &Symmetry, same_misfit: f64) -> bool {
+        self.planes.len() == rest.planes.len() && self.misfit() <= same_misfit * rest.misfit()
+    }
+
+    /// The planes turned together about a point and shifted each, so that `residuals` are least, and these, root mean
+    /// square. `difference` is a turn [rad], and a shift in units of `size` [m], that changes little.
+    pub(super) fn fitted(
+        &self,
+        (middle, size): (DVec3, f64),
+        difference: f64,
+        residuals: impl Fn(&Symmetry) -> DVector<f64>,
+    ) -> (f64, Symmetry) {
+        let unknowns = 3 + self.planes.len();
+        let moved = |by: &DVector<f64>| self.moved(by, middle, size);
+        let fit = least_squares(|by| residuals(&moved(by)), DVector::zeros(unknowns), &vec![difference; unknowns]);
+        (fit.rms(), moved(&fit.unknowns))
+    }
+
+    /// The planes turned together about `middle` by the first three unknowns [rad], and each shifted by its own in
+    /// units of `size` [m].
+    fn moved(&self, by: &DVector<f64>, middle: DVec3, size: f64) -> Symmetry {
+        let rotation = DQuat::from_scaled_axis(DVec3::new(by[0], by[1], by[2]));
+        let planes = self.planes.iter().enumerate().map(|(k, plane)| {
+            let turned = plane.turned(rotation * plane.normal, middle);
+            MirrorPlane { offset: turned.offset + size * by[3 + k], ..turned }
+        });
+        Symmetry { planes: planes.collect(), interchangeable_planes: self.interchangeable_planes.clone() }
     }
 
     /// The maps of the body onto itself.
@@ -138,18 +165,24 @@ impl Images<'_> {
     }
 }
 
-/// Unit vectors at right angles to planes: of no plane `first` of them evenly over a half sphere, of one plane `second`
-/// evenly over a half circle, of two the one that is left.
-pub(super) fn normals_beside(planes: &[MirrorPlane], first: usize, second: usize) -> Vec<DVec3> {
+/// Unit vectors at right angles to planes: of no plane `count` of them evenly over a half sphere, of one plane as close
+/// together on a half circle, of two the one that is left.
+pub(super) fn normals_beside(planes: &[MirrorPlane], count: usize) -> Vec<DVec3> {
     match planes {
-        [] => (0..first).map(|k| direction(k, first)).collect(),
+        [] => (0..count).map(|k| direction(k, count)).collect(),
         [one] => {
             let (a, b) = one.normal.any_orthonormal_pair();
-            let angle = |k: usize| std::f64::consts::PI * k as f64 / second as f64;
-            (0..second).map(|k| angle(k).cos() * a + angle(k).sin() * b).collect()
+            let steps = (std::f64::consts::PI / angle_between(count)).ceil();
+            let angle = |k: usize| std::f64::consts::PI * k as f64 / steps;
+            (0..steps as usize).map(|k| angle(k).cos() * a + angle(k).sin() * b).collect()
         }
         [one, other, ..] => vec![one.normal.cross(other.normal).normalize_or(DVec3::Y)],
     }
+}
+
+/// About the angle between neighbours of `count` directions [rad]: each has its part of a half sphere.
+pub(super) fn angle_between(count: usize) -> f64 {
+    (2.0 * std::f64::consts::PI / count as f64).sqrt()
 }
 
 /// The k-th of `count` directions, evenly over a half sphere (a Fibonacci spiral).

@@ -41,7 +41,7 @@ impl FrameFiller {
         if frame > 0 {
             return Ok(filling);
         }
-        let by_outlines = || RigidFrames::find(input, &settings.tuning.outline_symmetry);
+        let by_outlines = || RigidFrames::find(input, &settings.tuning.symmetry);
         self.shape = ShapeFrom::decide(&filling, self.completion.first(), by_outlines)?;
         self.rigid_frames().map_or(Ok(filling), |rigid| rigid.fill(input, frame, settings))
     }

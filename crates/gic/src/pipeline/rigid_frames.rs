@@ -3,7 +3,7 @@
 //! Where cameras are so few that the reconstructed surface shows no symmetry, the outlines may: then each frame of
 //! flight shows the same body from as many sides again, and all of them together say where it is not.
 
-use gic_continuum::{ColouredView, FillSettings, Filling, MaskedView, OutlineSymmetryTuning, Symmetry, fill_outlines};
+use gic_continuum::{ColouredView, FillSettings, Filling, MaskedView, SymmetryTuning, Symmetry, fill_outlines};
 use gic_scene::{Camera, Mask, Picture};
 
 use super::fill_input::{FillInput, mean};
@@ -18,7 +18,7 @@ pub(super) struct RigidFrames {
 
 impl RigidFrames {
     /// `None` where the outlines of the first frame show no symmetry.
-    pub(super) fn find(input: &FillInput, tuning: &OutlineSymmetryTuning) -> Result<Option<RigidFrames>> {
+    pub(super) fn find(input: &FillInput, tuning: &SymmetryTuning) -> Result<Option<RigidFrames>> {
         let pictures = input.pictures(0)?;
         let first = Symmetry::of_outlines(&input.masked_views(0, pictures.iter().map(|(_, mask)| mask)), tuning);
         if first.planes.is_empty() {
