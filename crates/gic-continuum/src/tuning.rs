@@ -9,8 +9,8 @@
 //!   eleven cameras.
 //!
 //! [`Tuning`] can be written as a tree and read back, so that a program can vary each number. What stays outside of the
-//! table: voxels halve from level to level, levels of one half between empty and full, guards against division by zero,
-//! and [`SWEEP_DEPTHS`], which sizes arrays.
+//! table: voxels halve from level to level, levels of one half between empty and full, half a pixel and half a voxel,
+//! guards against division by zero, and [`SWEEP_DEPTHS`], which sizes arrays.
 
 use serde::{Deserialize, Serialize};
 
@@ -39,7 +39,7 @@ pub const SWEEP_DEPTHS: usize = 11;
 pub const SWEEP_SURFACE: usize = 6;
 
 /// All tuned numbers of filling.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Tuning {
     /// Which Gaussians count.
@@ -52,12 +52,33 @@ pub struct Tuning {
     pub unseen: UnseenTuning,
     /// Mirror planes of surfaces and of outlines.
     pub symmetry: SymmetryTuning,
-    /// Space carving.
+    /// Space carving, and the plane sweep after it.
     pub carving: CarvingTuning,
-    /// The plane sweep after carving.
-    pub settling: SettlingTuning,
     /// Particles and how they are drawn.
     pub particles: ParticleTuning,
+    /// Where iterations end.
+    pub iterations: IterationTuning,
+    /// A camera sees a place only where the cosine between its normal and the direction to the camera is larger; what
+    /// it sees more obliquely counts as at this cosine. The sides of a wedge that hangs below an unseen part are what
+    /// rays along silhouettes leave behind, so that no camera looks at them from the front. Fitted on: the nine scenes,
+    /// with all cameras and with three.
+    pub facing_cosine: f64,
+}
+
+impl Default for Tuning {
+    fn default() -> Tuning {
+        Tuning {
+            gaussians: GaussianTuning::default(),
+            depth: DepthTuning::default(),
+            filling: FillingTuning::default(),
+            unseen: UnseenTuning::default(),
+            symmetry: SymmetryTuning::default(),
+            carving: CarvingTuning::default(),
+            particles: ParticleTuning::default(),
+            iterations: IterationTuning::default(),
+            facing_cosine: 0.25,
+        }
+    }
 }
 
 impl Tuning {
@@ -70,20 +91,16 @@ impl Tuning {
 tuned! {
     /// Which Gaussians count.
     GaussianTuning {
-        /// Fewer Gaussians than this are no body. Budget: any small number.
-        fewest: usize = 8,
-        /// A Gaussian is outside a mask where the coverage at its centre is below this, in [0, 1]. Fitted on: the nine
-        /// scenes.
-        outside_coverage: f32 = 0.05,
+        /// Where a Gaussian ends [standard deviations]: so wide is the air around a body, and a hole between two of
+        /// them; centres further from the rendered surface are hidden or stray. Derived: along an axis it holds 99.7 %.
+        extent: f64 = 3.0,
         /// A Gaussian with no more than this many Gaussians around it, itself included, is a fleck. Fitted on: the nine
         /// scenes.
         fleck_neighbours: usize = 2,
-        /// How far around a Gaussian others count as its neighbours [voxels of the level below]. Fitted on: the nine
-        /// scenes.
-        fleck_distance: usize = 2,
-        /// The level whose voxels measure that distance: how far Gaussians lie apart does not depend on how many levels
-        /// are filled. Fitted on: the nine scenes (with the last of five levels, bodies become hollow).
-        fleck_level: usize = 4,
+        /// How far around a Gaussian others count as its neighbours [the object's sizes]: how far they lie apart does
+        /// not depend on the voxels. Fitted on: the nine scenes (with two voxels of the last of five levels, bodies
+        /// become hollow).
+        fleck_distance: f64 = 0.04,
     }
 }
 
@@ -95,30 +112,14 @@ tuned! {
         /// deviations above their centres, and the emptiest of several noisy depth maps takes away more. Small
         /// Gaussians decide where edges are, so the lower quartile tells more than the median. A constant, because
         /// silhouettes cannot tell it better: the inset at which the re-rendered area equals the masks' depends on the
-        /// scale the particles are drawn with. Fitted on: volumes of the nine scenes.
-        inset: f64 = 2.45,
-        /// The part of that distance that does not depend on the Gaussians: the object's size over this number.
-        /// Pictures of particles are drawn a little smaller than the room that the particles take up. Fitted on:
-        /// volumes of the nine scenes.
-        inset_size_divisor: f64 = 200.0,
+        /// scale the particles are drawn with. Fitted on: volumes of plasticine_3 and bunny_elastic.
+        inset: f64 = 3.2,
         /// Photographs of a scan that filling looks at: these numbers are for the emptiest of about so many views.
         /// Fitted on: a scan, of whose fifty depth maps three are wrong nearly everywhere, so that the body shrank by 7
         /// %.
         scan_photographs: usize = 12,
-        /// Pixels with less accumulated alpha than this have no rendered surface. Derived: half.
-        solid_alpha: f32 = 0.5,
         /// Ranges of obliqueness (the sine between ray and normal) in which the bias of the depth is measured. Budget.
         obliqueness_bins: usize = 5,
-        /// Fewer centres than this say nothing about a range of obliqueness. Budget.
-        fewest_centres: usize = 30,
-        /// Centres further than this from the rendered surface are hidden or stray [median standard deviations]. Fitted
-        /// on: the nine scenes.
-        visible_within: f32 = 2.5,
-        /// Half of the width of a hole that may be a gap between Gaussians [median standard deviations]. Fitted on:
-        /// test bodies that miss a third of their Gaussians.
-        hole_half_width: f64 = 3.0,
-        /// Such a hole is at least this deep [median standard deviations]. Fitted on: the same test bodies.
-        hole_depth: f32 = 1.0,
         /// Gaussians of more than this many median standard deviations are large: they draw flat faces that cameras
         /// look at from the front. Fitted on: flat faces of four of the nine scenes.
         large_from: f32 = 1.3,
@@ -126,9 +127,6 @@ tuned! {
         /// that]. Fitted on: flat faces of four of the nine scenes, where centres lie 1.7 to 2 standard deviations
         /// deep, whichever way they look.
         large_inset: f32 = 1.4,
-        /// Surfaces seen more obliquely than this cosine between ray and normal are moved as at this cosine. Budget: a
-        /// guard.
-        least_cosine: f32 = 0.3,
         /// Depths of neighbouring pixels are interpolated where they differ by no more than this [widths of a pixel at
         /// that depth]. Fitted on: the nine scenes.
         continuous_within: f32 = 4.0,
@@ -142,26 +140,17 @@ tuned! {
         /// 1/80 of it, half of a simulated particle's spacing, so that corners are not rounded off. Fitted on: the nine
         /// scenes (with 1/48 tips are cut).
         first_level_divisor: f64 = 10.0,
-        /// Air around the Gaussians' box [median standard deviations]. Derived: where a Gaussian ends.
-        margin_scales: f64 = 3.0,
-        /// Air around that [finest voxels]. Derived: what the filters and gradients look at.
-        margin_voxels: f64 = 3.0,
         /// A view sees matter at a point that lies less than this behind its surface [voxels of the first level]; what
         /// lies deeper may be hidden by something else. Fitted on: the nine scenes.
         matter_within: f64 = 0.1,
-        /// Views that must see in front of the surface at a point before it is empty although another view sees matter
-        /// there. A point that fewer views (but at least one) call empty is left to the density field: a hole between
-        /// Gaussians in one view does not dig a tunnel. Where no view sees matter, one is enough. At most four count.
-        /// Fitted on: the nine scenes.
-        empty_votes: usize = 3,
-        /// ... but no more than one of so many views. Fitted on: the nine scenes with fewer cameras.
-        views_per_vote: usize = 3,
-        /// Mean filtering and reassigning is repeated so often on each level. Paper: line 12 of Algorithm 1.
+        /// One of so many views must see in front of the surface at a point, at most four, before it is empty although
+        /// another view sees matter there. A point that fewer views (but at least one) call empty is left to the
+        /// density field: a hole between Gaussians in one view does not dig a tunnel. Where no view sees matter, one is
+        /// enough. Fitted on: the nine scenes, with all cameras and with three.
+        views_per_vote: usize = 4,
+        /// Mean filters in a row: with reassigning after each on every level, and of the unseen boundary before it is
+        /// sharpened. Paper: line 12 of Algorithm 1.
         filter_rounds: usize = 2,
-        /// Weight of each of the two neighbours along an axis in the mean filter. Paper: the mean of three.
-        filter_side: f32 = 1.0 / 3.0,
-        /// The same in the last, gentler filter. Derived: a binomial filter.
-        last_filter_side: f32 = 0.25,
     }
 }
 
@@ -170,35 +159,20 @@ tuned! {
     UnseenTuning {
         /// Boundary within this distance of a rendered surface counts as seen [voxels]. Fitted on: the nine scenes.
         seen_within: f64 = 1.5,
-        /// ... from a camera that it faces: cosine between its normal and the direction to the camera. The sides of a
-        /// wedge that hangs below an unseen part are what rays along silhouettes leave behind, so that no camera looks
-        /// at them from the front. Fitted on: the nine scenes.
-        facing_cosine: f64 = 0.25,
         /// If less than this share of the boundary is seen, too little is known to say anything about the rest. Budget:
         /// a guard.
         least_seen: f64 = 0.3,
-        /// Rounds of filtering and sharpening; each moves the boundary by 0.67 voxels^2 times its curvature. Budget.
-        relax_rounds: usize = 30,
-        /// Mean filters a round. Budget.
-        relax_filters: usize = 2,
         /// Slope of the sharpening at one half. Budget.
         sharpness: f32 = 3.0,
-        /// Sweeps of the distance transform, forth and back, because paths inside the body may bend. Budget.
-        distance_sweeps: usize = 2,
-        /// How far above the smoothest surface undersides are expected: the object's size over this number. Notches
-        /// that no camera sees into make them higher, round bellies lower. Fitted on: the nine scenes.
-        lift_size_divisor: f64 = 80.0,
+        /// How far above the smoothest surface undersides are expected [voxels of the first level]. Notches that no
+        /// camera sees into make them higher, round bellies lower. Fitted on: the nine scenes.
+        lift: f64 = 0.125,
         /// Standard deviation of the change of a body's volume over a video, as a share: soft bodies are squeezed when
         /// they land. Fitted on: the nine scenes.
         volume_deviation: f64 = 0.02,
-        /// Standard deviation of how far the unseen boundary is from where it is expected [voxels of the first level].
-        /// Fitted on: the nine scenes.
+        /// Standard deviation of how far the unseen boundary is from where it is expected [voxels of the first level];
+        /// it is moved by two of these at most, and so deep below it matter is in doubt. Fitted on: the nine scenes.
         boundary_deviation: f64 = 0.25,
-        /// How far the unseen boundary is moved at most, and how deep below it matter is in doubt [voxels of the first
-        /// level]. Fitted on: the nine scenes.
-        furthest_move: f64 = 0.5,
-        /// Levels of the boundary that are tried [per voxel]. Budget.
-        levels_per_voxel: f64 = 8.0,
     }
 }
 
@@ -219,11 +193,12 @@ tuned! {
         /// Derived: where the nearest of these is one of the next ones.
         tangent_spacings: f64 = 2.0,
         /// A plane whose mirrored points lie further from the surface in the mean is none; and this far inside of a
-        /// surface that no view sees a point counts at most, as notches are filled too far [sizes]. Fitted on: the nine scenes, whose true planes have .003 to .008, and a
-        /// toy with one plane, whose other candidates have .016 and more.
+        /// surface that no view sees a point counts at most, as notches are filled too far [sizes]. Fitted on: the nine
+        /// scenes, whose true planes have .003 to .008, and a toy with one plane, whose other candidates have .016 and
+        /// more.
         largest_misfit: f64 = 1.0 / 110.0,
         /// Planes agree as well as others, and a body has kept its shape, where they miss by at most so many times as
-        /// much. Fitted on: the nine scenes, with all cameras and with three.
+        /// much. Fitted on: plasticine_3, with all cameras and with three.
         same_misfit: f64 = 1.25,
         /// Normals of a first plane that are tried on outlines, as above. Budget: 18 degrees apart.
         outline_normals: usize = 60,
@@ -238,79 +213,40 @@ tuned! {
 }
 
 tuned! {
-    /// Space carving.
+    /// Space carving, and the plane sweep after it.
     CarvingTuning {
         /// Standard deviation of a colour, in [0, 1]. Derived: a few steps of eight bits.
         colour_noise: f32 = 3.0 / 255.0,
-        /// How far a place may be off in a picture [pixels]. Derived: half a pixel.
-        reprojection_error_px: f32 = 0.5,
-        /// First tolerance: squared difference of colours over what is expected above which a place is carved. Fitted
-        /// on: three cameras.
+        /// First tolerance: squared difference of colours over what is expected above which a place is carved, and
+        /// colours agree at no depth. Fitted on: three cameras.
         first_tolerance: f32 = 2.88,
         /// Last tolerance. Fitted on: three cameras.
         last_tolerance: f32 = 0.09,
         /// From one tolerance to the next. Budget: two steps halve it.
         tolerance_factor: f32 = std::f32::consts::FRAC_1_SQRT_2,
-        /// Layers that are carved with one tolerance at most. Budget.
-        most_layers: usize = 40,
-        /// Carving has ended where a layer is no more than this share of the surface. Budget.
-        ended_share: f64 = 0.01,
         /// Carving takes the body apart where a layer is so many times as large as the smallest before it. Fitted on:
         /// three cameras.
         layer_growth: f64 = 1.5,
         /// A place is judged by so many differences of colour channels or more, around it and around its images. Fitted
         /// on: three cameras.
         fewest_differences: f32 = 9.0,
-        /// A place is seen where it lies no deeper than this behind what is nearest [voxels of half the field's side].
-        /// Fitted on: three cameras.
-        visible_depth: f64 = 2.7,
-        /// A place is seen where the cosine between its normal and the direction to the camera is larger. Fitted on:
-        /// three cameras.
-        least_cosine: f64 = 0.25,
-        /// Pixels are the body's own where they and those around them are covered by more than this, in [0, 1].
-        /// Derived: all but covered.
-        own_coverage: f32 = 0.98,
         /// The body fills its outlines while no view loses more than this share of its own. Fitted on: three cameras.
         lost_outline: f64 = 1e-3,
-        /// Voxels to each side of a place that tell which way its surface looks. Derived: as far as the weights below
-        /// reach.
-        normal_voxels: usize = 3,
-        /// How fast the weight of a voxel falls with the square of its distance [1/voxels^2]. Fitted on: three cameras.
-        normal_falloff: f64 = 0.22,
-    }
-}
-
-tuned! {
-    /// The plane sweep after carving; it takes colours to agree nowhere where they differ by more than carving's first
-    /// tolerance. Voxels have half the side of the field's.
-    SettlingTuning {
-        /// Distance between two depths of the sweep [voxels]. Derived: half a voxel.
-        depth_step: f64 = 0.5,
-        /// The field's level is looked for within this of a surface voxel's centre, outward [voxels]. Derived: the
-        /// voxel and the next one.
-        level_within: f64 = 2.0,
-        /// Halvings of that range. Budget.
-        level_halvings: usize = 8,
-        /// Rounds of moving and comparing again. Budget.
-        rounds: usize = 12,
-        /// The surface has arrived where it moves by less than this, root mean square [voxels]. Budget.
-        converged_move: f64 = 0.05,
-        /// A place moves no further in a round [voxels]. Budget: a guard.
-        furthest_move: f64 = 1.5,
-        /// Standard deviation of the difference between the moves of neighbours [voxels]. Fitted on: three cameras.
-        neighbour_deviation: f64 = 0.15,
-        /// Standard deviation of a move where nothing is seen [voxels]. Fitted on: three cameras.
+        /// Standard deviation of the weights with which voxels around a place tell which way its surface looks, and
+        /// places around share in a move; they end at two of these, and a place that lies no deeper behind what is
+        /// nearest is seen [voxels of half the field's side]. Fitted on: plasticine_3 with three cameras.
+        smoothing_deviation: f64 = 1.35,
+        /// The same while the surface settles. Derived: half a pixel along the outlines.
+        settled_lost_outline: f64 = 5e-3,
+        /// The surface has settled where it moves by less than this, root mean square [voxels of half the field's
+        /// side]. Budget.
+        settled_move: f64 = 0.05,
+        /// Standard deviation of a move where nothing is seen [voxels of half the field's side]. Fitted on: three
+        /// cameras.
         move_deviation: f64 = 1.0,
-        /// Sweeps over all places in which neighbours share their moves. Budget.
-        smoothing_sweeps: usize = 60,
-        /// How far from a place matter moves with it [voxels of the field]. Derived: as far as the weights below reach.
-        carried_within: usize = 3,
-        /// Standard deviation of the weights with which places around share in that [voxels of the field]. Fitted on:
-        /// three cameras.
-        carried_deviation: f64 = 0.75,
-        /// The body fills its outlines while no view loses more than this share of its own. Derived: half a pixel along
-        /// them.
-        lost_outline: f64 = 5e-3,
+        /// Standard deviation of the difference between the moves of neighbours [voxels of half the field's side].
+        /// Fitted on: three cameras.
+        neighbour_deviation: f64 = 0.15,
     }
 }
 
@@ -324,25 +260,21 @@ tuned! {
         spacing: f64 = 0.5,
         /// Points along each axis of a particle's cell that are asked to which particle they belong. Budget.
         share_points: usize = 4,
-        /// Layers below the surface that are straightened. Fitted on: the nine scenes.
-        layers: usize = 2,
-        /// How far of the way to the middle of their layer particles below the first layer move, in [0, 1]. Fitted on:
-        /// the nine scenes.
-        inner_layer_share: f64 = 0.5,
-        /// Particles with a place outside this near along an axis are surface particles [spacings]. Derived: the
-        /// outermost layer.
-        surface_within: f64 = 1.0,
         /// Spacing of the points that are drawn [spacings of the particles that are simulated]. Budget.
         drawing_spacing: f64 = 0.6,
         /// Opacity of a particle of density 1; the scale is then fitted to the masks. Derived: what eq. 7 leaves open,
         /// in place of the scale.
         opacity: f32 = 0.9,
-        /// Smallest scale of a drawn particle [spacings]. Budget: a bound of the bisection.
-        smallest_scale: f64 = 0.2,
-        /// Largest scale of a drawn particle [spacings]. Budget: a bound of the bisection.
-        largest_scale: f64 = 1.5,
-        /// Halvings of that range. Budget.
-        scale_halvings: usize = 8,
+    }
+}
+
+tuned! {
+    /// Where iterations end.
+    IterationTuning {
+        /// Rounds after which an iteration ends in any case. Budget.
+        most_rounds: usize = 30,
+        /// An iteration ends where it changes less than this: a share of the surface, voxels, spacings. Budget.
+        tolerance: f64 = 0.01,
     }
 }
 
@@ -352,11 +284,14 @@ mod tests {
 
     #[test]
     fn one_number_can_be_given_and_the_others_stay() {
-        let read: Tuning = serde_json::from_str(r#"{"carving": {"most_layers": 7}}"#).unwrap();
+        let read: Tuning = serde_json::from_str(r#"{"iterations": {"most_rounds": 7}}"#).unwrap();
         let mut expected = Tuning::default();
-        expected.carving.most_layers = 7;
+        expected.iterations.most_rounds = 7;
         assert_eq!(read, expected);
-        assert!(serde_json::from_str::<Tuning>(r#"{"carving": {"layers": 7}}"#).is_err(), "a name that there is not");
+        assert!(
+            serde_json::from_str::<Tuning>(r#"{"iterations": {"rounds": 7}}"#).is_err(),
+            "a name that there is not"
+        );
     }
 
     #[test]

@@ -8,7 +8,7 @@ use common::{
     sphere, torus, views,
 };
 use gic_continuum::{
-    ContinuumError, Drawing, FillSettings, Filling, MaskedView, ParticleTuning, Particles, Unseen, calibrate,
+    ContinuumError, Drawing, FillSettings, Filling, MaskedView, ParticleTuning, Particles, Tuning, Unseen, calibrate,
     compare_with_masks, fill, sample_particles,
 };
 use gic_geometry::{GeometryError, KdTree, Plane, SurfacePoint};
@@ -286,7 +286,7 @@ fn particles_share_the_volume_and_their_alpha_matches_the_masks() {
         assert!(surface || depth > 0.002, "what is not surface is deep: {depth}");
         assert!(!surface || depth < 0.016, "what is surface is not: {depth}");
     }
-    let appearance = calibrate(&particles, &views, &ParticleTuning::default()).unwrap();
+    let appearance = calibrate(&particles, &views, &Tuning::default()).unwrap();
     let agreements: Vec<_> =
         compare_with_masks(&particles, &appearance, &views).into_iter().map(Option::unwrap).collect();
     let mean = agreements.iter().map(|a| a.signed_area_error).sum::<f64>() / agreements.len() as f64;
@@ -340,7 +340,7 @@ fn a_finer_drawing_agrees_better_with_the_masks_and_follows_the_particles() {
     assert!(n > 7 * simulated.positions.len() && drawing.parents.len() == n);
 
     let worst = |particles: &Particles| {
-        let appearance = calibrate(particles, &views, &ParticleTuning::default()).unwrap();
+        let appearance = calibrate(particles, &views, &Tuning::default()).unwrap();
         compare_with_masks(particles, &appearance, &views).iter().map(|a| a.unwrap().iou).fold(1.0, f64::min)
     };
     let (coarse, fine) = (worst(&simulated), worst(&drawing.particles));

@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3, Vec3};
 
 use super::place::Place;
 use crate::evidence::pixel_index;
-use crate::tuning::CarvingTuning;
+use crate::tuning::Tuning;
 
 /// A camera and its picture of the body in one moment.
 #[derive(Clone, Copy, Debug)]
@@ -23,15 +23,15 @@ pub struct ColouredView<'a> {
 /// A picture ready to be compared with others.
 pub(super) struct Coloured<'a> {
     pub(super) view: &'a ColouredView<'a>,
-    /// What the squared difference of each colour from the others may be: its noise, and how fast it changes with
-    /// place.
+    /// What the squared difference of each colour from the others may be: its noise, and how much it changes within
+    /// half a pixel.
     variance: Vec<Vec3>,
     /// Pixels well within the outline.
     own: Vec<bool>,
 }
 
 impl Coloured<'_> {
-    pub(super) fn new<'a>(view: &'a ColouredView<'a>, tuning: &CarvingTuning) -> Coloured<'a> {
+    pub(super) fn new<'a>(view: &'a ColouredView<'a>, tuning: &Tuning) -> Coloured<'a> {
         let (width, height) = (view.camera.width, view.camera.height);
         let colour = |x: usize, y: usize| Vec3::from_array(view.picture.at(x, y));
         let near = |x: usize, n: usize| x.saturating_sub(1)..=(x + 1).min(n - 1);
@@ -47,11 +47,12 @@ impl Coloured<'_> {
             near(y, height).flat_map(move |y| near(x, width).map(move |x| y * width + x))
         };
         let steepest = |i: usize| around(i).map(|k| slopes[k]).fold(Vec3::ZERO, Vec3::max);
-        let (noise, error) = (tuning.colour_noise, tuning.reprojection_error_px);
+        let covered = 1.0 - tuning.iterations.tolerance as f32;
+        let noise = tuning.carving.colour_noise;
         Coloured {
             view,
-            variance: (0..width * height).map(|i| Vec3::splat(noise * noise) + error * error * steepest(i)).collect(),
-            own: (0..width * height).map(|i| around(i).all(|k| view.mask[k] > tuning.own_coverage)).collect(),
+            variance: (0..width * height).map(|i| Vec3::splat(noise * noise) + 0.25 * steepest(i)).collect(),
+            own: (0..width * height).map(|i| around(i).all(|k| view.mask[k] > covered)).collect(),
         }
     }
 

@@ -31,25 +31,24 @@ impl Filling {
     /// Takes away of a body what the colours of `views` contradict at a place and at its images by `symmetry`, and
     /// moves the surface of what is left to where they agree best.
     pub fn carve(&mut self, views: &[ColouredView], symmetry: &Symmetry, tuning: &Tuning) {
-        let carving = &tuning.carving;
-        let views: Vec<Coloured> = views.par_iter().map(|view| Coloured::new(view, carving)).collect();
+        let views: Vec<Coloured> = views.par_iter().map(|view| Coloured::new(view, tuning)).collect();
         let mut body = Solid::new(&self.field, self.th_min);
         let whole = body.inside.clone();
-        let filled = body.filled(&views, carving);
-        for tolerance in tolerances(carving) {
+        let filled = body.filled(&views, tuning);
+        for tolerance in tolerances(&tuning.carving) {
             let before = body.inside.clone();
-            let ended = body.carve_layers(&views, symmetry, tolerance, carving);
-            if !ended || body.loses_outlines(&views, &filled, carving.lost_outline, carving) {
+            let ended = body.carve_layers(&views, symmetry, tolerance, tuning);
+            if !ended || body.loses_outlines(&views, &filled, tuning.carving.lost_outline, tuning) {
                 body.inside = before;
                 break;
             }
         }
-        self.take_away(&body, &whole, tuning);
+        self.take_away(&body, &whole);
         self.settle(&views, symmetry, tuning);
     }
 
     /// Takes the voxels out of the field that a body has lost of the `whole`.
-    fn take_away(&mut self, body: &Solid, whole: &[bool], tuning: &Tuning) {
+    fn take_away(&mut self, body: &Solid, whole: &[bool]) {
         if body.inside == whole {
             return;
         }
@@ -64,7 +63,7 @@ impl Filling {
                 carved.around(i).for_each(|k| touched[k] = true);
             }
         }
-        smooth(&mut carved, &tuning.filling);
+        smooth(&mut carved);
         // Elsewhere edges stay as sharp as they were.
         let voxels = self.field.values.iter_mut().zip(carved.values).zip(touched);
         voxels.filter(|(_, touched)| *touched).for_each(|((own, carved), _)| *own = carved);
@@ -72,9 +71,9 @@ impl Filling {
 }
 
 /// The tolerances with which a body is carved, one after the other.
-fn tolerances(tuning: &CarvingTuning) -> impl Iterator<Item = f32> {
-    let (factor, last) = (tuning.tolerance_factor, tuning.last_tolerance);
-    let all = std::iter::successors(Some(tuning.first_tolerance), move |tolerance| Some(factor * tolerance));
+fn tolerances(carving: &CarvingTuning) -> impl Iterator<Item = f32> {
+    let (first, factor, last) = (carving.first_tolerance, carving.tolerance_factor, carving.last_tolerance);
+    let all = std::iter::successors(Some(first), move |tolerance| Some(factor * tolerance));
     all.take_while(move |tolerance| *tolerance >= last)
 }
 

@@ -13,45 +13,46 @@ use rayon::prelude::*;
 use super::coloured::Coloured;
 use super::difference::Difference;
 use super::place::Place;
-use super::solid::Solid;
-use crate::tuning::{SWEEP_DEPTHS, SWEEP_SURFACE, SettlingTuning, Tuning};
+use super::solid::{Solid, reach};
+use crate::tuning::{CarvingTuning, SWEEP_DEPTHS, SWEEP_SURFACE, Tuning};
 use crate::{Filling, Symmetry};
 
 impl Filling {
     /// Moves the surface to where the colours of `views` agree best at its places and at their images by `symmetry`.
     pub(super) fn settle(&mut self, views: &[Coloured], symmetry: &Symmetry, tuning: &Tuning) {
-        let (carving, settling) = (&tuning.carving, &tuning.settling);
+        let (carving, iterations) = (&tuning.carving, &tuning.iterations);
         let first = self.field.clone();
-        let filled = Solid::new(&first, self.th_min).filled(views, carving);
+        let filled = Solid::new(&first, self.th_min).filled(views, tuning);
         let mut moved = Displacement::none(&first);
-        for _ in 0..settling.rounds {
+        for _ in 0..iterations.most_rounds {
             let body = Solid::new(&self.field, self.th_min);
             let mut surface = body.surface(carving);
-            surface.par_iter_mut().for_each(|place| self.put_on_level(place, &body, settling));
+            surface.par_iter_mut().for_each(|place| self.put_on_level(place, &body, iterations.tolerance));
             let outward = body.normal_displacements(views, symmetry, &surface, tuning);
-            moved = moved.then(&Displacement::of(&first, &surface, &outward, body.grid.spacing, settling));
+            moved = moved.then(&Displacement::of(&first, &surface, &outward, body.grid.spacing, carving));
             let before = std::mem::replace(&mut self.field.values, moved.carry(&first));
             let moved_body = Solid::new(&self.field, self.th_min);
-            if moved_body.loses_outlines(views, &filled, settling.lost_outline, carving) {
+            if moved_body.loses_outlines(views, &filled, carving.settled_lost_outline, tuning) {
                 self.field.values = before;
                 return;
             }
             let squares: f64 = outward.iter().map(|d| d * d).sum();
-            if squares <= settling.converged_move * settling.converged_move * outward.len() as f64 {
+            if squares <= carving.settled_move * carving.settled_move * outward.len() as f64 {
                 return;
             }
         }
     }
 
-    /// Puts a place onto the field's level set, along its normal.
-    fn put_on_level(&self, place: &mut Place, body: &Solid, tuning: &SettlingTuning) {
+    /// Puts a place onto the field's level set, along its normal, to a part `tolerance` of a voxel: in its own voxel or
+    /// the next one.
+    fn put_on_level(&self, place: &mut Place, body: &Solid, tolerance: f64) {
         let centre = body.grid.centre(body.grid.voxel(place.voxel));
         let along = |t: f64| centre + t * body.grid.spacing * place.normal;
-        let (mut inside, mut outside) = (0.0, tuning.level_within);
+        let (mut inside, mut outside) = (0.0, 2.0);
         if self.field.sample(along(outside)) >= self.th_min {
             return;
         }
-        for _ in 0..tuning.level_halvings {
+        while outside - inside > tolerance {
             let middle = 0.5 * (inside + outside);
             let side = if self.field.sample(along(middle)) >= self.th_min { &mut inside } else { &mut outside };
             *side = middle;
@@ -62,6 +63,9 @@ impl Filling {
 
 /// How much colours differ at each depth that is tried.
 type Curve = Difference<SWEEP_DEPTHS>;
+
+/// Distance between two depths of the sweep [voxels].
+const DEPTH_STEP: f64 = 0.5;
 
 /// How far outward a depth lies [voxels], for depths `step` [voxels] apart.
 fn outward(depth: f64, step: f64) -> f64 {
@@ -96,18 +100,18 @@ impl Solid {
         surface: &[Place],
         tuning: &Tuning,
     ) -> Vec<f64> {
-        let step = tuning.settling.depth_step;
+        let step = DEPTH_STEP;
         let depths: [f64; SWEEP_DEPTHS] = std::array::from_fn(|k| outward(k as f64, step) * self.grid.spacing);
-        let around = self.differences_around(views, surface, &depths, &tuning.carving);
+        let around = self.differences_around(views, surface, &depths, tuning);
         let images = symmetry.images();
         let wanted = |place| self.at_images(&around, &images, place).least(step, tuning.carving.first_tolerance);
         let wanted: Vec<(f64, f64)> = surface.par_iter().map(wanted).collect();
-        self.smoothed(surface, &wanted, &tuning.settling)
+        self.smoothed(surface, &wanted, tuning)
     }
 
     /// How far places move outward [voxels], of how far each wants to and with which weight, where neighbours move
     /// alike: Gauss-Seidel's method.
-    fn smoothed(&self, surface: &[Place], wanted: &[(f64, f64)], tuning: &SettlingTuning) -> Vec<f64> {
+    fn smoothed(&self, surface: &[Place], wanted: &[(f64, f64)], tuning: &Tuning) -> Vec<f64> {
         let mut numbers = vec![usize::MAX; self.inside.len()];
         surface.iter().enumerate().for_each(|(i, place)| numbers[place.voxel] = i);
         let neighbours = |i: usize| {
@@ -115,9 +119,10 @@ impl Solid {
             around.filter(|k| *k != usize::MAX && *k != i).collect::<Vec<_>>()
         };
         let neighbours: Vec<Vec<usize>> = (0..surface.len()).into_par_iter().map(neighbours).collect();
-        let (neighbour, own) = (tuning.neighbour_deviation.powi(-2), tuning.move_deviation.powi(-2));
+        let carving = &tuning.carving;
+        let (neighbour, own) = (carving.neighbour_deviation.powi(-2), carving.move_deviation.powi(-2));
         let mut moves: Vec<f64> = vec![0.0; surface.len()];
-        for _ in 0..tuning.smoothing_sweeps {
+        for _ in 0..tuning.iterations.most_rounds {
             for i in 0..surface.len() {
                 let (at, weight) = wanted[i];
                 let sum: f64 = neighbours[i].iter().map(|k| moves[*k]).sum();
@@ -125,7 +130,7 @@ impl Solid {
                 moves[i] = (weight * at + neighbour * sum) / total;
             }
         }
-        moves.iter().map(|d| d.clamp(-tuning.furthest_move, tuning.furthest_move)).collect()
+        moves
     }
 }
 
@@ -139,18 +144,14 @@ impl Displacement {
     }
 
     /// Of places that move `outward` along their normals, in a unit [m], spread over the voxels around them.
-    fn of(
-        field: &DensityField,
-        surface: &[Place],
-        outward: &[f64],
-        unit: f64,
-        tuning: &SettlingTuning,
-    ) -> Displacement {
+    fn of(field: &DensityField, surface: &[Place], outward: &[f64], unit: f64, tuning: &CarvingTuning) -> Displacement {
+        // The field's voxels are twice as large as those of the surface.
+        let deviation = 0.5 * tuning.smoothing_deviation;
         let mut sums = vec![(0.0f64, DVec3::ZERO); field.len()];
         for (place, distance) in surface.iter().zip(outward) {
             let Some(own) = field.discretize(place.point) else { continue };
-            for i in field.within(own, tuning.carried_within) {
-                let off = (field.centre(field.voxel(i)) - place.point) / (tuning.carried_deviation * field.spacing);
+            for i in field.within(own, reach(deviation).ceil() as usize) {
+                let off = (field.centre(field.voxel(i)) - place.point) / (deviation * field.spacing);
                 let weight = (-0.5 * off.length_squared()).exp();
                 sums[i].0 += weight;
                 sums[i].1 += weight * distance * unit * place.normal;
@@ -205,7 +206,6 @@ impl Displacement {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tuning::CarvingTuning;
 
     #[test]
     fn the_least_of_a_parabola_is_found_exactly() {
@@ -237,9 +237,9 @@ mod tests {
     #[test]
     fn what_is_carried_twice_is_where_it_was_carried_to() {
         let (field, middle) = (ball(DVec3::splat(0.16)), DVec3::splat(0.16));
-        let tuning = SettlingTuning::default();
+        let tuning = CarvingTuning::default();
         let body = Solid::new(&field, 0.5);
-        let surface = body.surface(&CarvingTuning::default());
+        let surface = body.surface(&tuning);
         // Outward by three quarters of a voxel, then one way along x by half a voxel, from all places around.
         let grow = Displacement::of(&field, &surface, &vec![1.0; surface.len()], 0.0075, &tuning);
         let along: Vec<f64> = surface.iter().map(|place| place.normal.x).collect();

@@ -9,7 +9,7 @@ use super::difference::{Difference, SumsAround, difference};
 use super::place::Place;
 use crate::Symmetry;
 use crate::symmetry::Images;
-use crate::tuning::CarvingTuning;
+use crate::tuning::{CarvingTuning, Tuning};
 
 /// A body of voxels half as large as those of the field that it comes from.
 pub(super) struct Solid {
@@ -70,8 +70,8 @@ impl Solid {
     }
 
     /// The share of each view's mask that the body fills.
-    pub(super) fn filled(&self, views: &[Coloured], tuning: &CarvingTuning) -> Vec<f64> {
-        let depths = self.depths(views, &self.surface(tuning));
+    pub(super) fn filled(&self, views: &[Coloured], tuning: &Tuning) -> Vec<f64> {
+        let depths = self.depths(views, &self.surface(&tuning.carving));
         let share = |(view, depths): (&Coloured, &Vec<f32>)| {
             let pixels = view.view.mask.iter().zip(depths).filter(|(m, _)| **m >= 0.5);
             let (sum, total) = pixels.fold((0usize, 0usize), |(s, n), (_, d)| (s + usize::from(d.is_finite()), n + 1));
@@ -81,7 +81,7 @@ impl Solid {
     }
 
     /// Whether some view's mask is less filled than the shares `filled` say, by more than `lost`.
-    pub(super) fn loses_outlines(&self, views: &[Coloured], filled: &[f64], lost: f64, tuning: &CarvingTuning) -> bool {
+    pub(super) fn loses_outlines(&self, views: &[Coloured], filled: &[f64], lost: f64, tuning: &Tuning) -> bool {
         self.filled(views, tuning).iter().zip(filled).any(|(now, first)| *now < first - lost)
     }
 
@@ -91,23 +91,23 @@ impl Solid {
         views: &[Coloured],
         symmetry: &Symmetry,
         tolerance: f32,
-        tuning: &CarvingTuning,
+        tuning: &Tuning,
     ) -> bool {
         let images = symmetry.images();
         let mut least = usize::MAX;
-        for _ in 0..tuning.most_layers {
-            let surface = self.surface(tuning);
+        for _ in 0..tuning.iterations.most_rounds {
+            let surface = self.surface(&tuning.carving);
             let around = self.differences_around(views, &surface, &[0.0], tuning);
             let contradicted = |place: &&Place| {
                 let all = self.at_images(&around, &images, place);
-                all.freedom >= tuning.fewest_differences && all.squared[0] > tolerance * all.freedom
+                all.freedom >= tuning.carving.fewest_differences && all.squared[0] > tolerance * all.freedom
             };
             let carved: Vec<usize> = surface.par_iter().filter(contradicted).map(|place| place.voxel).collect();
             carved.iter().for_each(|i| self.inside[*i] = false);
-            if carved.len() as f64 <= tuning.ended_share * surface.len() as f64 {
+            if carved.len() as f64 <= tuning.iterations.tolerance * surface.len() as f64 {
                 return true;
             }
-            if carved.len() as f64 > tuning.layer_growth * least as f64 {
+            if carved.len() as f64 > tuning.carving.layer_growth * least as f64 {
                 return false;
             }
             least = least.min(carved.len());
@@ -122,11 +122,11 @@ impl Solid {
         views: &[Coloured],
         surface: &[Place],
         outward: &[f64; N],
-        tuning: &CarvingTuning,
+        tuning: &Tuning,
     ) -> SumsAround<N> {
         let depths = self.depths(views, surface);
-        let depth = tuning.visible_depth * self.grid.spacing;
-        let visibility = Visibility { depth, least_cosine: tuning.least_cosine };
+        let depth = reach(tuning.carving.smoothing_deviation) * self.grid.spacing;
+        let visibility = Visibility { depth, least_cosine: tuning.facing_cosine };
         let differences: Vec<Difference<N>> =
             surface.par_iter().map(|place| difference(place, views, &depths, &visibility, outward)).collect();
         let mut around = SumsAround::none(self.inside.len());
@@ -153,14 +153,20 @@ impl Solid {
     }
 }
 
+/// How far from a place others count in a mean with weights of a standard deviation: two of these.
+pub(super) fn reach(deviation: f64) -> f64 {
+    2.0 * deviation
+}
+
 /// The voxels around one that tell which way its surface looks, and their offsets, weighted [voxels].
 fn normal_weights(tuning: &CarvingTuning) -> Vec<([i64; 3], DVec3)> {
-    let n = tuning.normal_voxels as i64;
+    let deviation = tuning.smoothing_deviation;
+    let n = reach(deviation).ceil() as i64;
     let offsets = (-n..=n).flat_map(|z| (-n..=n).flat_map(move |y| (-n..=n).map(move |x| [x, y, z])));
     offsets
         .map(|offset| {
             let towards = DVec3::from_array(offset.map(|c| c as f64));
-            (offset, towards * (-tuning.normal_falloff * towards.length_squared()).exp())
+            (offset, towards * (-0.5 * (towards / deviation).length_squared()).exp())
         })
         .collect()
 }

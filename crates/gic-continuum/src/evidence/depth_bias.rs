@@ -1,6 +1,6 @@
 //! How far the rendered depth of a surface lies from the centres of the Gaussians that draw it.
 
-use crate::tuning::DepthTuning;
+use crate::tuning::Tuning;
 
 /// Median distance of the Gaussians' centres behind the rendered depth, perpendicular to the surface [m], by
 /// obliqueness.
@@ -17,18 +17,18 @@ impl DepthBias {
     }
 
     /// Measured on `centres`, given by the cosine of the surface that is seen in front of each and by how far each lies
-    /// behind it [m]; those further away than what is visible of Gaussians of a median scale [m] do not count. Ranges
-    /// without enough centres take the nearest that has them.
-    pub(super) fn measure(centres: impl Iterator<Item = (f32, f32)>, scale: f64, tuning: &DepthTuning) -> DepthBias {
-        let window = tuning.visible_within * scale as f32;
-        let bins = tuning.obliqueness_bins;
+    /// behind it [m]; those further away than Gaussians of a median scale [m] reach are hidden or stray. Ranges without
+    /// centres take the nearest that has some.
+    pub(super) fn measure(centres: impl Iterator<Item = (f32, f32)>, scale: f64, tuning: &Tuning) -> DepthBias {
+        let window = (tuning.gaussians.extent * scale) as f32;
+        let bins = tuning.depth.obliqueness_bins;
         let mut samples: Vec<Vec<f32>> = vec![Vec::new(); bins];
         for (cosine, behind) in centres.filter(|(_, behind)| behind.abs() <= window) {
             samples[bin(cosine, bins)].push(behind);
         }
         let median = |mut s: Vec<f32>| {
             s.sort_by(f32::total_cmp);
-            (s.len() >= tuning.fewest_centres).then(|| s[s.len() / 2])
+            (!s.is_empty()).then(|| s[s.len() / 2])
         };
         let mut medians: Vec<Option<f32>> = samples.into_iter().map(median).collect();
         for i in 1..bins {

@@ -5,8 +5,6 @@ use gic_scene::Camera;
 use gic_splat::sh::C0;
 use gic_splat::{Gaussians, RenderSettings, render};
 
-use crate::tuning::DepthTuning;
-
 /// The Gaussians with their standard deviations as colours, in units of the largest, which comes with them [m].
 pub(super) fn tinted_by_scale(gaussians: &Gaussians) -> (Gaussians, f32) {
     let scales: Vec<f32> = (0..gaussians.len()).map(|i| gaussians.scale(i)).collect();
@@ -18,17 +16,11 @@ pub(super) fn tinted_by_scale(gaussians: &Gaussians) -> (Gaussians, f32) {
 
 /// D / A [m] where the Gaussians are solid and the mask covers, else infinite, and the mean standard deviation of what
 /// is drawn there [m]; of Gaussians that are tinted by it in this unit.
-pub(super) fn depth_and_scale(
-    tinted: &Gaussians,
-    unit: f32,
-    camera: &Camera,
-    mask: &[f32],
-    tuning: &DepthTuning,
-) -> (Vec<f32>, Vec<f32>) {
+pub(super) fn depth_and_scale(tinted: &Gaussians, unit: f32, camera: &Camera, mask: &[f32]) -> (Vec<f32>, Vec<f32>) {
     let rendered = render(tinted, camera, &RenderSettings::default());
     let pixel = |i: usize| {
         let alpha = rendered.alpha[i];
-        if alpha >= tuning.solid_alpha && mask[i] > 0.0 {
+        if alpha >= 0.5 && mask[i] > 0.0 {
             (rendered.depth[i] / alpha, unit * rendered.color[i][0] / alpha)
         } else {
             (f32::INFINITY, 0.0)
@@ -37,16 +29,17 @@ pub(super) fn depth_and_scale(
     (0..mask.len()).map(pixel).unzip()
 }
 
-/// Pixels where the surface [m] lies behind its morphological opening by more than a part of the Gaussians' median
-/// scale [m]. The opening fills every hole narrower than its window, and leaves slopes and steps as they are.
-pub(super) fn small_holes(depth: &[f32], camera: &Camera, scale: f64, tuning: &DepthTuning) -> Vec<bool> {
+/// Pixels where the surface [m] lies behind its morphological opening by more than the Gaussians' median scale [m]. The
+/// opening fills every hole no wider than a Gaussian, which ends at `extent` scales to each side, and leaves slopes and
+/// steps as they are.
+pub(super) fn small_holes(depth: &[f32], camera: &Camera, scale: f64, extent: f64) -> Vec<bool> {
     let solid = depth.iter().filter(|d| d.is_finite());
     let mean = solid.clone().map(|&d| f64::from(d)).sum::<f64>() / solid.count().max(1) as f64;
-    let half_width = tuning.hole_half_width * scale * camera.focal.x / mean.max(f64::MIN_POSITIVE);
+    let half_width = extent * scale * camera.focal.x / mean.max(f64::MIN_POSITIVE);
     let half_width = half_width.ceil().min(camera.width as f64) as usize;
     let nearest = square_window(depth, camera.width, half_width, |a, b| if b < a { b } else { a });
     let opened = square_window(&nearest, camera.width, half_width, |a, b| if b > a { b } else { a });
-    depth.iter().zip(&opened).map(|(&d, &o)| d - o > tuning.hole_depth * scale as f32).collect()
+    depth.iter().zip(&opened).map(|(&d, &o)| d - o > scale as f32).collect()
 }
 
 /// The least or largest value in a square of `half_width` pixels to each side of each pixel.

@@ -219,7 +219,7 @@ mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
-    use crate::tuning::DepthTuning;
+    use crate::tuning::Tuning;
 
     #[test]
     fn bounds_hold_at_every_point_of_a_box() {
@@ -242,7 +242,7 @@ mod tests {
                 depth[i] = 1.0 + 0.004 * x + if y > 5.0 { 0.1 } else { 0.0 };
             }
         }
-        let view = Evidence::with_depth(&camera, &mask, depth, &DepthTuning::default());
+        let view = Evidence::with_depth(&camera, &mask, depth, &Tuning::default());
         let pyramid = EvidencePyramid::with(&view, Arc::new(levels(&view)));
         let (mut seen, mut tight) = (0, 0);
         for _ in 0..3000 {

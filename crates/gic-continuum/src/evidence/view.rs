@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3};
 use super::depth_bias::DepthBias;
 use super::depth_map::{cosines, depth_and_scale, small_holes, tinted_by_scale};
 use crate::ContinuumError;
-use crate::tuning::DepthTuning;
+use crate::tuning::Tuning;
 
 /// A camera and the mask of the object in its image.
 #[derive(Clone, Copy, Debug)]
@@ -58,7 +58,7 @@ impl<'a> Evidence<'a> {
     pub(crate) fn gather(
         views: &[MaskedView<'a>],
         gaussians: Option<(&Gaussians, f64)>,
-        tuning: &DepthTuning,
+        tuning: &Tuning,
     ) -> Result<Vec<Evidence<'a>>, ContinuumError> {
         let tinted = gaussians.map(|(gaussians, _)| tinted_by_scale(gaussians));
         let (mut gathered, mut sizes) = (Vec::new(), Vec::new());
@@ -69,13 +69,13 @@ impl<'a> Evidence<'a> {
                 return Err(ContinuumError::MaskSize { view, found: mask.len(), width, height });
             }
             let (depth, size) = match &tinted {
-                Some((gaussians, unit)) => depth_and_scale(gaussians, *unit, camera, mask, tuning),
+                Some((gaussians, unit)) => depth_and_scale(gaussians, *unit, camera, mask),
                 None => (vec![f32::INFINITY; mask.len()], Vec::new()),
             };
             sizes.push(size);
             let mut view = Evidence::with_depth(camera, mask, depth, tuning);
             if let Some((_, scale)) = gaussians {
-                view.hole = Arc::new(small_holes(&view.depth, camera, scale, tuning));
+                view.hole = Arc::new(small_holes(&view.depth, camera, scale, tuning.gaussians.extent));
             }
             gathered.push(view);
         }
@@ -92,15 +92,10 @@ impl<'a> Evidence<'a> {
     }
 
     /// A view with a depth map [m], infinite where there is no surface; its bias is not measured yet.
-    pub(crate) fn with_depth(
-        camera: &'a Camera,
-        mask: &'a [f32],
-        depth: Vec<f32>,
-        tuning: &DepthTuning,
-    ) -> Evidence<'a> {
+    pub(crate) fn with_depth(camera: &'a Camera, mask: &'a [f32], depth: Vec<f32>, tuning: &Tuning) -> Evidence<'a> {
         let cosine = Arc::new(cosines(&depth, camera));
         let hole = Arc::new(vec![false; depth.len()]);
-        let continuous_within = tuning.continuous_within;
+        let continuous_within = tuning.depth.continuous_within;
         Evidence { camera, mask, depth: Arc::new(depth), cosine, hole, bias: DepthBias::none(), continuous_within }
     }
 
@@ -120,12 +115,12 @@ impl<'a> Evidence<'a> {
     }
 
     /// Brings the surface nearer where it is drawn by Gaussians that are larger than most, with the standard deviations
-    /// `sizes` [m] of each pixel's: their centres lie deeper (see [`DepthTuning::large_inset`]).
-    fn raise(&mut self, sizes: &[f32], median: f32, tuning: &DepthTuning) {
+    /// `sizes` [m] of each pixel's: their centres lie deeper (see [`crate::DepthTuning::large_inset`]).
+    fn raise(&mut self, sizes: &[f32], median: f32, tuning: &Tuning) {
         for ((depth, cosine), size) in Arc::make_mut(&mut self.depth).iter_mut().zip(self.cosine.iter()).zip(sizes) {
             if depth.is_finite() {
-                let excess = (size - tuning.large_from * median).max(0.0);
-                *depth -= tuning.large_inset * excess / cosine.max(tuning.least_cosine);
+                let excess = (size - tuning.depth.large_from * median).max(0.0);
+                *depth -= tuning.depth.large_inset * excess / cosine.max(tuning.facing_cosine as f32);
             }
         }
     }
@@ -214,9 +209,9 @@ mod tests {
     #[test]
     fn faces_of_large_gaussians_are_brought_nearer_and_others_stay() {
         let (camera, mask) = (camera(), vec![1.0; SIZE * SIZE]);
-        let (small, large, tuning) = (0.012, 0.03, DepthTuning::default());
+        let (small, large, tuning) = (0.012, 0.03, Tuning::default());
         let (tinted, unit) = tinted_by_scale(&wall(small, large));
-        let (depth, sizes) = depth_and_scale(&tinted, unit, &camera, &mask, &tuning);
+        let (depth, sizes) = depth_and_scale(&tinted, unit, &camera, &mask);
         let mut view = Evidence::with_depth(&camera, &mask, depth, &tuning);
         let before = view.depth.clone();
         view.raise(&sizes, small, &tuning);
@@ -225,6 +220,9 @@ mod tests {
         assert!((sizes[left] / small - 1.0).abs() < 0.01 && (sizes[right] / large - 1.0).abs() < 0.01);
         assert_eq!(view.depth[left], before[left]);
         let raised = before[right] - view.depth[right];
-        assert!((raised / (tuning.large_inset * (large - tuning.large_from * small)) - 1.0).abs() < 0.02, "{raised}");
+        assert!(
+            (raised / (tuning.depth.large_inset * (large - tuning.depth.large_from * small)) - 1.0).abs() < 0.02,
+            "{raised}"
+        );
     }
 }

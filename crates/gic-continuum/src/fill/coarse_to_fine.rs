@@ -7,7 +7,11 @@ use rayon::prelude::*;
 use super::gaussians::centre;
 use super::internal::InternalParticles;
 use crate::FillSettings;
-use crate::tuning::FillingTuning;
+
+/// Weight of each of the two neighbours along an axis in the mean of three.
+pub(super) const MEAN: f32 = 1.0 / 3.0;
+/// The same in the binomial filter, which is gentler.
+const BINOMIAL: f32 = 0.25;
 
 /// Lines 8 to 15: from the coarsest to the finest level, upsample, mean-filter and reassign.
 pub(super) fn coarse_to_fine(
@@ -15,7 +19,6 @@ pub(super) fn coarse_to_fine(
     gaussians: &Gaussians,
     settings: &FillSettings,
 ) -> DensityField {
-    let tuning = &settings.tuning.filling;
     let mut levels = vec![(particles.inside.clone(), particles.doubtful.clone())];
     for _ in 1..settings.levels {
         let (inside, doubtful) = &levels[levels.len() - 1];
@@ -27,8 +30,8 @@ pub(super) fn coarse_to_fine(
         let mut current =
             field.map_or_else(|| DensityField { values: vec![0.5; inside.len()], ..*inside }, |f| f.upsample());
         reassign(&mut current, inside, doubtful, gaussians, settings);
-        for _ in 0..tuning.filter_rounds {
-            current.mean_filter(tuning.filter_side);
+        for _ in 0..settings.tuning.filling.filter_rounds {
+            current.mean_filter(MEAN);
             reassign(&mut current, inside, doubtful, gaussians, settings);
         }
         field = Some(current);
@@ -65,9 +68,9 @@ fn dense_nearby(field: &DensityField, index: usize, density: f32) -> bool {
 }
 
 /// A last gentle filter, so that the level set is smooth; parts so thin that they would vanish keep their density.
-pub(crate) fn smooth(field: &mut DensityField, tuning: &FillingTuning) {
+pub(crate) fn smooth(field: &mut DensityField) {
     let before = field.values.clone();
-    field.mean_filter(tuning.last_filter_side);
+    field.mean_filter(BINOMIAL);
     let lost: Vec<usize> =
         (0..before.len()).into_par_iter().filter(|&i| before[i] >= 0.5 && !dense_nearby(field, i, 0.5)).collect();
     for i in lost {

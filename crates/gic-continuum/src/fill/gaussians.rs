@@ -1,12 +1,11 @@
 //! Which of the Gaussians count, and the box around them.
 
-use gic_geometry::DensityField;
+use gic_geometry::{DensityField, Neighbours};
 use gic_splat::{Gaussians, Shape};
 use glam::DVec3;
 use rayon::prelude::*;
 
 use crate::evidence::Evidence;
-use crate::tuning::GaussianTuning;
 use crate::{ContinuumError, FillSettings};
 
 /// The Gaussians that count: finite, opaque enough, outside no mask, and no flecks.
@@ -22,48 +21,33 @@ pub(super) fn usable_gaussians(
             && gaussians.scale(i) > 0.0
             && point.is_finite()
             && settings.ground.is_none_or(|g| g.height(point) >= -settings.finest_spacing())
-            && masks
-                .iter()
-                .all(|view| view.evidence_at(point).is_none_or(|seen| seen.coverage >= tuning.outside_coverage))
+            && masks.iter().all(|view| view.evidence_at(point).is_none_or(|seen| seen.coverage >= 0.5))
     };
     let total = gaussians.positions.len();
-    let needed = tuning.fewest;
+    let needed = tuning.fleck_neighbours + 1;
     let enough = |kept: usize| {
         if kept >= needed { Ok(()) } else { Err(ContinuumError::TooFewGaussians { total, kept, needed }) }
     };
     let kept: Vec<usize> = (0..total).into_par_iter().filter(|&i| counts(i)).collect();
     enough(kept.len())?;
     let usable = select(gaussians, &kept);
-    let flecks = FillSettings { levels: tuning.fleck_level, ..settings.clone() };
-    let usable = drop_isolated(&usable, &initialize_field(&usable, &flecks)?, tuning);
+    let usable = drop_isolated(&usable, tuning.fleck_distance * settings.size, tuning.fleck_neighbours);
     enough(usable.positions.len())?;
     Ok(usable)
 }
 
-/// Without the Gaussians that have too few others in the voxels of `grid` around them. A fleck that hovers inside the
-/// hull agrees with every image, since each view that could call it empty draws the fleck itself; but matter has
-/// neighbours.
-fn drop_isolated(gaussians: &Gaussians, grid: &DensityField, tuning: &GaussianTuning) -> Gaussians {
-    let voxels: Vec<Option<usize>> = gaussians.positions.iter().map(|p| grid.discretize(centre(*p))).collect();
-    let mut held = vec![0usize; grid.len()];
-    for &i in voxels.iter().flatten() {
-        held[i] += 1;
-    }
-    let distance = tuning.fleck_distance;
-    let around = |index: usize| -> usize {
-        let [x, y, z] = grid.voxel(index);
-        let range = |c: usize, n: usize| c.saturating_sub(distance)..(c + distance + 1).min(n);
-        range(z, grid.size[2])
-            .map(|z| {
-                let row = |y| range(x, grid.size[0]).map(|x| held[grid.index(x, y, z)]).sum::<usize>();
-                range(y, grid.size[1]).map(row).sum::<usize>()
-            })
-            .sum()
+/// Without the Gaussians that have no more than `most` within `radius` [m] around them, themselves included. A fleck
+/// that hovers inside the hull agrees with every image, since each view that could call it empty draws the fleck
+/// itself; but matter has neighbours.
+fn drop_isolated(gaussians: &Gaussians, radius: f64, most: usize) -> Gaussians {
+    let centres: Vec<DVec3> = gaussians.positions.iter().map(|p| centre(*p)).collect();
+    let neighbours = Neighbours::new(&centres, radius);
+    let around = |point: DVec3| {
+        let mut count = 0;
+        neighbours.within(point, radius, |_, _, _| count += 1);
+        count
     };
-    let kept: Vec<usize> = (0..voxels.len())
-        .into_par_iter()
-        .filter(|&i| voxels[i].is_some_and(|v| around(v) > tuning.fleck_neighbours))
-        .collect();
+    let kept: Vec<usize> = (0..centres.len()).into_par_iter().filter(|&i| around(centres[i]) > most).collect();
     select(gaussians, &kept)
 }
 
@@ -102,8 +86,10 @@ pub(super) fn initialize_field(gaussians: &Gaussians, settings: &FillSettings) -
         high = high.max(point);
     }
     let [_, scale] = quartiles_of_scale(gaussians);
-    let tuning = &settings.tuning.filling;
-    let margin = tuning.margin_scales * scale + tuning.margin_voxels * settings.finest_spacing();
+    let tuning = &settings.tuning;
+    // What the filters of a level look at, and the last one.
+    let filtered = (tuning.filling.filter_rounds + 1) as f64;
+    let margin = tuning.gaussians.extent * scale + filtered * settings.finest_spacing();
     let multiple = 1 << (settings.levels - 1);
     Ok(DensityField::covering(low - margin, high + margin, settings.finest_spacing(), multiple)?)
 }

@@ -97,7 +97,7 @@ struct Sampling<'a> {
 impl Sampling<'_> {
     fn new<'a>(grid: &'a DensityField, inset: f64, settings: &'a FillSettings, views: usize) -> Sampling<'a> {
         let tuning = &settings.tuning.filling;
-        let votes_needed = tuning.empty_votes.clamp(1, MOST_VOTES).min(views.div_ceil(tuning.views_per_vote));
+        let votes_needed = views.div_ceil(tuning.views_per_vote).clamp(1, MOST_VOTES);
         let matter_within = tuning.matter_within * settings.grid_spacing;
         Sampling { grid, inset, settings, width: 0.5 * grid.spacing, votes_needed, matter_within }
     }
@@ -234,7 +234,7 @@ mod tests {
     use super::*;
     use gic_geometry::Plane;
 
-    use crate::tuning::DepthTuning;
+    use crate::tuning::Tuning;
 
     /// A ball of radius 0.1 m before a camera at a distance of 1 m: mask and depth.
     fn ball(camera: &Camera) -> (Vec<f32>, Vec<f32>) {
@@ -265,7 +265,7 @@ mod tests {
         let views: Vec<Evidence> = cameras
             .iter()
             .zip(&pictures)
-            .map(|(camera, (mask, depth))| Evidence::with_depth(camera, mask, depth.clone(), &DepthTuning::default()))
+            .map(|(camera, (mask, depth))| Evidence::with_depth(camera, mask, depth.clone(), &Tuning::default()))
             .collect();
         let grid = DensityField::covering(DVec3::splat(-0.17), DVec3::splat(0.17), 0.01, 2).unwrap();
         let ground = Plane { point: -0.06 * DVec3::Y, normal: DVec3::Y };
@@ -298,7 +298,7 @@ mod tests {
         let (focal, principal) = (DVec2::splat(200.0), DVec2::splat(16.0));
         let camera = Camera { width: size, height: size, focal, principal, rotation, centre: -DVec3::Z };
         let mask = vec![1.0; size * size];
-        let wall = |depth: f32| Evidence::with_depth(&camera, &mask, vec![depth; size * size], &DepthTuning::default());
+        let wall = |depth: f32| Evidence::with_depth(&camera, &mask, vec![depth; size * size], &Tuning::default());
         let settings = FillSettings { grid_spacing: 0.2, ..FillSettings::for_size(1.0) };
         let grid = DensityField { origin: DVec3::splat(-0.005), spacing: 0.01, size: [1; 3], values: vec![0.0] };
         // The voxel is 1 m away. One view sees past it, the others a wall in front of it, so near that it may be this

@@ -40,11 +40,10 @@ pub use self::filling::Filling;
 /// Algorithm 1: the density field of one frame from its Gaussians and masks.
 pub fn fill(gaussians: &Gaussians, views: &[MaskedView], settings: &FillSettings) -> Result<Filling, ContinuumError> {
     settings.validate()?;
-    let depth = &settings.tuning.depth;
-    let usable = usable_gaussians(gaussians, &Evidence::gather(views, None, depth)?, settings)?;
+    let usable = usable_gaussians(gaussians, &Evidence::gather(views, None, &settings.tuning)?, settings)?;
     let [small, scale] = quartiles_of_scale(&usable);
-    let evidence = Evidence::gather(views, Some((&usable, scale)), depth)?;
-    let inset = depth.inset * small + settings.size / depth.inset_size_divisor;
+    let evidence = Evidence::gather(views, Some((&usable, scale)), &settings.tuning)?;
+    let inset = settings.tuning.depth.inset * small;
     let (field, doubt) = density_field(&usable, &evidence, inset, settings)?;
     Ok(Filling { field, doubt, th_min: settings.th_min, gaussians_used: usable.len(), views_used: evidence.len() })
 }
@@ -59,7 +58,7 @@ pub fn fill_outlines(
     settings: &FillSettings,
 ) -> Result<Filling, ContinuumError> {
     settings.validate()?;
-    let outlines = Evidence::gather(views, None, &settings.tuning.depth)?;
+    let outlines = Evidence::gather(views, None, &settings.tuning)?;
     let views_used = outlines.len();
     let mirrored: Vec<Vec<Camera>> = outlines.iter().map(|view| symmetry.mirrored_cameras(view.camera)).collect();
     let evidence = with_mirror_images(outlines, &mirrored);
@@ -90,7 +89,7 @@ fn density_field(
     let particles = internal_particles(&grid, evidence, inset, settings);
     let mut field = coarse_to_fine(&particles, usable, settings);
     let doubt = place_unseen(&mut field, evidence, inset, settings);
-    smooth(&mut field, &settings.tuning.filling);
+    smooth(&mut field);
     if !field.values.iter().any(|&v| f64::from(v) >= settings.th_min) {
         return Err(ContinuumError::Empty);
     }

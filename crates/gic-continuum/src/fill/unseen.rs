@@ -8,15 +8,16 @@
 //!    body, by filtering and sharpening in turn (motion by mean curvature: Merriman, Bence & Osher 1992). What is seen
 //!    stays.
 //! 2. The whole unseen boundary is moved along its normal. By how much is a compromise of two priors: the body keeps
-//!    the volume it is known to have ([`FillSettings::volume`]), and undersides lie [`UnseenTuning::lift_size_divisor`]
+//!    the volume it is known to have ([`FillSettings::volume`]), and undersides lie [`crate::UnseenTuning::lift`]
 //!    above the relaxed surface.
 //! 3. What lies close to where the boundary ends up is in doubt ([`crate::Filling::doubt`]).
 
 use gic_geometry::DensityField;
 use rayon::prelude::*;
 
+use super::coarse_to_fine::MEAN;
 use crate::evidence::Evidence;
-use crate::tuning::UnseenTuning;
+use crate::tuning::Tuning;
 use crate::{FillSettings, Unseen};
 
 /// Half of the neighbours of a voxel: one of each pair of opposite directions.
@@ -37,8 +38,8 @@ const DIRECTIONS: [[i64; 3]; 13] = [
 ];
 
 /// Puts the unseen boundary of the largest body where it is most likely. Returns how much each voxel's matter is in
-/// doubt: 1 at and beyond the unseen boundary, falling linearly to 0 at [`UnseenTuning::furthest_move`] below it.
-/// Linear in the number of voxels.
+/// doubt: 1 at and beyond the unseen boundary, falling linearly to 0 as far below it as it may move. Linear in the
+/// number of voxels.
 pub(crate) fn place_unseen(
     field: &mut DensityField,
     views: &[Evidence],
@@ -47,12 +48,11 @@ pub(crate) fn place_unseen(
 ) -> Vec<f32> {
     let body: Vec<bool> = field.values.iter().map(|&v| f64::from(v) >= settings.th_min).collect();
     let (seen, share) = seen_boundary(field, &body, views, inset, settings);
-    let tuning = &settings.tuning.unseen;
-    if share < tuning.least_seen {
+    if share < settings.tuning.unseen.least_seen {
         return Vec::new();
     }
-    let furthest = (tuning.furthest_move * settings.grid_spacing / field.spacing) as f32;
-    let depths = depths_below_unseen(field, &body, &seen, furthest, tuning);
+    let furthest = furthest_move(settings) / field.spacing;
+    let depths = depths_below_unseen(field, &body, &seen, furthest as f32, &settings.tuning);
     let level = match settings.unseen {
         Unseen::Smooth => likeliest_level(field, &depths, settings),
         Unseen::Fill => depths.iter().copied().fold(0.0, f32::min) - 0.5,
@@ -60,9 +60,15 @@ pub(crate) fn place_unseen(
     for (value, depth) in field.values.iter_mut().zip(&depths) {
         *value = value.min((0.5 + depth - level).clamp(0.0, 1.0));
     }
-    let doubt =
-        |(&depth, &body): (&f32, &bool)| if body { (1.0 - (depth - level) / furthest).clamp(0.0, 1.0) } else { 0.0 };
+    let doubt = |(&depth, &body): (&f32, &bool)| {
+        if body { (1.0 - (depth - level) / furthest as f32).clamp(0.0, 1.0) } else { 0.0 }
+    };
     depths.iter().zip(&body).map(doubt).collect()
+}
+
+/// How far the unseen boundary is moved at most, and how deep below it matter is in doubt: two standard deviations [m].
+fn furthest_move(settings: &FillSettings) -> f64 {
+    2.0 * settings.tuning.unseen.boundary_deviation * settings.grid_spacing
 }
 
 /// Voxels of the body that touch its outside where some view renders a surface, and the share of all that touch it of
@@ -87,7 +93,7 @@ fn seen_boundary(
             let point = field.centre(field.voxel(i));
             let normal = -field.gradient(point).normalize_or_zero();
             let seen = views.iter().any(|v| {
-                normal.dot(v.direction_from(point)) > tuning.facing_cosine
+                normal.dot(v.direction_from(point)) > settings.tuning.facing_cosine
                     && v.evidence_at(point).is_some_and(|s| (f64::from(s.behind) + inset).abs() < near)
             });
             let grounded = on_ground(point);
@@ -122,13 +128,7 @@ fn step(field: &DensityField, index: usize, direction: [i64; 3]) -> Option<usize
 
 /// Depth of every voxel of the body, and of those around it, below the relaxed unseen boundary [voxels], negative
 /// beyond it but not below `-furthest`; infinite where this boundary is not.
-fn depths_below_unseen(
-    field: &DensityField,
-    body: &[bool],
-    seen: &[bool],
-    furthest: f32,
-    tuning: &UnseenTuning,
-) -> Vec<f32> {
+fn depths_below_unseen(field: &DensityField, body: &[bool], seen: &[bool], furthest: f32, tuning: &Tuning) -> Vec<f32> {
     let fixed = shell(field, body, seen);
     let mut relaxed = relax(field, body, &fixed, tuning);
     for ((relaxed, &value), &body) in relaxed.values.iter_mut().zip(&field.values).zip(body) {
@@ -146,8 +146,8 @@ fn depths_below_unseen(
             height[j] = height[j].min(1.0 - share);
         }
     }
-    spread_distances(field, &mut depth, &inside, tuning.distance_sweeps);
-    spread_distances(field, &mut height, body, tuning.distance_sweeps);
+    spread_distances(field, &mut depth, &inside);
+    spread_distances(field, &mut height, body);
     (0..body.len())
         .map(|i| match (inside[i], body[i] || height[i].is_finite()) {
             (true, _) => depth[i],
@@ -164,18 +164,18 @@ fn shell(field: &DensityField, body: &[bool], seen: &[bool]) -> Vec<bool> {
 }
 
 /// Densities of the body with its boundary, at one half, relaxed where it is not fixed.
-fn relax(field: &DensityField, body: &[bool], fixed: &[bool], tuning: &UnseenTuning) -> DensityField {
+fn relax(field: &DensityField, body: &[bool], fixed: &[bool], tuning: &Tuning) -> DensityField {
     let values = body.iter().map(|&b| f32::from(u8::from(b))).collect();
     let mut relaxed = DensityField { values, ..*field };
-    for _ in 0..tuning.relax_rounds {
-        for _ in 0..tuning.relax_filters {
-            relaxed.mean_filter(1.0 / 3.0);
+    for _ in 0..tuning.iterations.most_rounds {
+        for _ in 0..tuning.filling.filter_rounds {
+            relaxed.mean_filter(MEAN);
         }
         relaxed.values.par_iter_mut().enumerate().for_each(|(i, value)| {
             *value = match (body[i], fixed[i]) {
                 (_, true) => 1.0,
                 (false, _) => 0.0,
-                _ => (0.5 + tuning.sharpness * (*value - 0.5)).clamp(0.0, 1.0),
+                _ => (0.5 + tuning.unseen.sharpness * (*value - 0.5)).clamp(0.0, 1.0),
             }
         });
     }
@@ -187,10 +187,10 @@ fn relax(field: &DensityField, body: &[bool], fixed: &[bool], tuning: &UnseenTun
 fn likeliest_level(field: &DensityField, depths: &[f32], settings: &FillSettings) -> f32 {
     let per_voxel = 1.0 / field.spacing;
     let tuning = &settings.tuning.unseen;
-    let expected = settings.size / tuning.lift_size_divisor * per_voxel;
+    let expected = tuning.lift * settings.grid_spacing * per_voxel;
     let Some(known) = settings.volume else { return expected as f32 };
     let deviation = tuning.boundary_deviation * settings.grid_spacing * per_voxel;
-    let most = tuning.furthest_move * settings.grid_spacing * per_voxel;
+    let most = furthest_move(settings) * per_voxel;
     let least = f64::from(depths.iter().copied().fold(0.0, f32::min));
     // Only these voxels change with the level.
     let near: Vec<(f32, f32)> = field
@@ -208,14 +208,15 @@ fn likeliest_level(field: &DensityField, depths: &[f32], settings: &FillSettings
         let deviations = [(volume / known - 1.0) / tuning.volume_deviation, (level - expected) / deviation];
         deviations.iter().map(|d| d * d).sum::<f64>()
     };
-    let levels = (0..).map(|i| least + f64::from(i) / tuning.levels_per_voxel).take_while(|level| *level <= most);
+    let levels =
+        (0..).map(|i| least + f64::from(i) * settings.tuning.iterations.tolerance).take_while(|level| *level <= most);
     let best = levels.map(|level| (level, cost(level))).min_by(|a, b| a.1.total_cmp(&b.1));
     best.map_or(expected, |(level, _)| level) as f32
 }
 
 /// Spreads distances [voxels] from where they are finite to all that can be reached inside `within`, by sweeps of the
 /// 26-neighbour distance transform (exact along the axes and diagonals, at most a tenth too long between).
-fn spread_distances(field: &DensityField, distance: &mut [f32], within: &[bool], sweeps: usize) {
+fn spread_distances(field: &DensityField, distance: &mut [f32], within: &[bool]) {
     // The half of the neighbours that comes before a voxel in memory, with their distances.
     let earlier: Vec<([i64; 3], f32)> = DIRECTIONS
         .iter()
@@ -226,8 +227,9 @@ fn spread_distances(field: &DensityField, distance: &mut [f32], within: &[bool],
         })
         .collect();
     let count = distance.len();
-    // Several sweeps, because paths inside `within` may bend.
-    for _ in 0..sweeps {
+    // Sweeps until nothing changes, because paths inside `within` may bend.
+    let mut changes = true;
+    while std::mem::take(&mut changes) {
         for pass in [1, -1] {
             for k in 0..count {
                 let i = if pass == 1 { k } else { count - 1 - k };
@@ -235,8 +237,10 @@ fn spread_distances(field: &DensityField, distance: &mut [f32], within: &[bool],
                     continue;
                 }
                 for &(d, length) in &earlier {
-                    if let Some(j) = step(field, i, d.map(|c| pass * c)) {
-                        distance[i] = distance[i].min(distance[j] + length);
+                    let Some(j) = step(field, i, d.map(|c| pass * c)) else { continue };
+                    if distance[j] + length < distance[i] {
+                        distance[i] = distance[j] + length;
+                        changes = true;
                     }
                 }
             }

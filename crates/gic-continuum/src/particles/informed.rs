@@ -4,7 +4,7 @@ use gic_splat::{Gaussians, RenderSettings, Shape, render};
 use glam::DVec3;
 
 use super::sample::Particles;
-use crate::tuning::ParticleTuning;
+use crate::tuning::Tuning;
 use crate::{ContinuumError, MaskedView};
 
 /// How particles are drawn: what eq. 7 leaves open, found from the masks by [`calibrate`].
@@ -72,16 +72,12 @@ pub fn agreement(alpha: &[f32], mask: &[f32]) -> Agreement {
 }
 
 /// The scale at which the drawn area equals the masks' area, summed over the views: a bisection, because the
-/// area grows with the scale.
+/// area grows with the scale, which is no larger than a spacing.
 ///
 /// # Errors
 /// No view has a mask.
-pub fn calibrate(
-    particles: &Particles,
-    views: &[MaskedView],
-    tuning: &ParticleTuning,
-) -> Result<Appearance, ContinuumError> {
-    let opacity = tuning.opacity;
+pub fn calibrate(particles: &Particles, views: &[MaskedView], tuning: &Tuning) -> Result<Appearance, ContinuumError> {
+    let opacity = tuning.particles.opacity;
     if views.iter().all(|v| v.mask.is_none()) {
         return Err(ContinuumError::NoMasks { views: views.len() });
     }
@@ -96,8 +92,8 @@ pub fn calibrate(
             })
             .sum()
     };
-    let (mut low, mut high) = (tuning.smallest_scale, tuning.largest_scale);
-    for _ in 0..tuning.scale_halvings {
+    let (mut low, mut high) = (0.0, 1.0);
+    while high - low > tuning.iterations.tolerance {
         let middle = 0.5 * (low + high);
         if excess(middle) > 0.0 { high = middle } else { low = middle }
     }

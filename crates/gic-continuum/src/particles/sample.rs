@@ -32,9 +32,9 @@ pub struct Particles {
 /// is nearest to it, so that a limb of six and a half layers is as heavy as that, whether six or seven of them fell
 /// inside.
 pub fn sample_particles(filling: &Filling, spacing: f64, tuning: &ParticleTuning) -> Result<Particles, ContinuumError> {
-    let mut positions = place(filling, spacing, tuning)?;
+    let mut positions = place(filling, spacing)?;
     let volume_factors = share_volume(filling, &mut positions, spacing, tuning);
-    Ok(describe(filling, positions, volume_factors, spacing, tuning))
+    Ok(describe(filling, positions, volume_factors, spacing))
 }
 
 /// As [`sample_particles`], but each particle stays where it is placed and has the mean volume: enough to compare
@@ -42,14 +42,14 @@ pub fn sample_particles(filling: &Filling, spacing: f64, tuning: &ParticleTuning
 ///
 /// # Errors
 /// Those of [`sample_particles`].
-pub fn sample_points(filling: &Filling, spacing: f64, tuning: &ParticleTuning) -> Result<Particles, ContinuumError> {
-    let positions = place(filling, spacing, tuning)?;
+pub fn sample_points(filling: &Filling, spacing: f64) -> Result<Particles, ContinuumError> {
+    let positions = place(filling, spacing)?;
     let volume_factors = vec![1.0; positions.len()];
-    Ok(describe(filling, positions, volume_factors, spacing, tuning))
+    Ok(describe(filling, positions, volume_factors, spacing))
 }
 
 /// Points inside the body [m]; at least one.
-fn place(filling: &Filling, spacing: f64, tuning: &ParticleTuning) -> Result<Vec<DVec3>, ContinuumError> {
+fn place(filling: &Filling, spacing: f64) -> Result<Vec<DVec3>, ContinuumError> {
     let good = spacing > 0.0 && spacing.is_finite();
     if !good {
         return Err(ContinuumError::Setting { setting: "particle spacing", value: spacing, must: "above 0 m" });
@@ -70,25 +70,19 @@ fn place(filling: &Filling, spacing: f64, tuning: &ParticleTuning) -> Result<Vec
         })
         .collect();
     let mut inside: Vec<DVec3> = points.into_par_iter().filter(|&p| field.sample(p) >= filling.th_min).collect();
-    arrange_in_layers(filling, &mut inside, spacing, tuning);
+    arrange_in_layers(filling, &mut inside, spacing);
     if inside.is_empty() { Err(ContinuumError::Empty) } else { Ok(inside) }
 }
 
 /// The particles at `positions` with their attributes.
-fn describe(
-    filling: &Filling,
-    positions: Vec<DVec3>,
-    volume_factors: Vec<f32>,
-    spacing: f64,
-    tuning: &ParticleTuning,
-) -> Particles {
+fn describe(filling: &Filling, positions: Vec<DVec3>, volume_factors: Vec<f32>, spacing: f64) -> Particles {
     let field = &filling.field;
     let doubt = |p: &DVec3| field.discretize(*p).and_then(|i| filling.doubt.get(i)).map_or(0.0, |d| *d);
     Particles {
         volume: filling.volume() / positions.len() as f64,
         volume_factors,
         densities: positions.par_iter().map(|p| (field.sample(*p) as f32).min(1.0)).collect(),
-        surface: positions.par_iter().map(|p| near_surface(filling, *p, tuning.surface_within * spacing)).collect(),
+        surface: positions.par_iter().map(|p| near_surface(filling, *p, spacing)).collect(),
         doubts: positions.iter().map(doubt).collect(),
         spacing,
         positions,
@@ -123,8 +117,9 @@ fn share_volume(filling: &Filling, positions: &mut [DVec3], spacing: f64, tuning
     sums.into_iter().map(|(count, _)| (count / mean) as f32).collect()
 }
 
-/// Moves particles of the outermost layers towards the middle of their layer; one that would leave the body stays.
-fn arrange_in_layers(filling: &Filling, points: &mut [DVec3], spacing: f64, tuning: &ParticleTuning) {
+/// Moves particles towards the middle of their layer: all the way in the outermost one, half as far from layer to layer.
+/// One that would leave the body stays.
+fn arrange_in_layers(filling: &Filling, points: &mut [DVec3], spacing: f64) {
     let mesh = filling.surface_mesh();
     let vertices: Vec<[f32; 3]> = mesh.vertices.iter().map(|v| v.as_vec3().to_array()).collect();
     let tree = KdTree::new(&vertices);
@@ -133,9 +128,8 @@ fn arrange_in_layers(filling: &Filling, points: &mut [DVec3], spacing: f64, tuni
         let normal = mesh.normals[nearest];
         let depth = (mesh.vertices[nearest] - *p).dot(normal);
         let layer = (depth / spacing).floor();
-        if (0.0..tuning.layers as f64).contains(&layer) {
-            let share = if layer == 0.0 { 1.0 } else { tuning.inner_layer_share };
-            let moved = *p + share * (depth - (layer + 0.5) * spacing) * normal;
+        if layer >= 0.0 {
+            let moved = *p + 0.5f64.powf(layer) * (depth - (layer + 0.5) * spacing) * normal;
             if filling.field.sample(moved) >= filling.th_min {
                 *p = moved;
             }

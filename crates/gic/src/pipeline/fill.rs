@@ -120,12 +120,14 @@ impl Run<'_> {
             let filling = filler.next(&input, frame, &views, &settings)?;
             let spacing =
                 *spacing.get_or_insert_with(|| self.particle_spacing(size, &filling, &settings.tuning.particles));
-            // Only the first frame's particles are simulated and need volumes of their own.
-            let place = if frame == 0 { sample_particles } else { sample_points };
-            let tuning = &settings.tuning.particles;
-            let particles = place(&filling, spacing, tuning).map_err(Error::filling(frame))?;
-            let finer = tuning.drawing_spacing * spacing;
-            let points = place(&filling, finer, tuning).map_err(Error::filling(frame))?;
+            let tuning = &settings.tuning;
+            let place = |spacing| match frame {
+                0 => sample_particles(&filling, spacing, &tuning.particles),
+                // Only the first frame's particles are simulated and need volumes of their own.
+                _ => sample_points(&filling, spacing),
+            };
+            let particles = place(spacing).map_err(Error::filling(frame))?;
+            let points = place(tuning.particles.drawing_spacing * spacing).map_err(Error::filling(frame))?;
             let surface_points = self.write_frame(frame, &filling, &particles)?;
             let drawn = match &first {
                 Some((_, _, drawn, _)) => *drawn,

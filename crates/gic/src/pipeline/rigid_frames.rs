@@ -3,7 +3,7 @@
 //! Where cameras are so few that the reconstructed surface shows no symmetry, the outlines may: then each frame of
 //! flight shows the same body from as many sides again, and all of them together say where it is not.
 
-use gic_continuum::{ColouredView, FillSettings, Filling, MaskedView, SymmetryTuning, Symmetry, fill_outlines};
+use gic_continuum::{ColouredView, FillSettings, Filling, MaskedView, Symmetry, SymmetryTuning, fill_outlines};
 use gic_scene::{Camera, Mask, Picture};
 
 use super::fill_input::{FillInput, mean};
