@@ -1,7 +1,5 @@
 //! The command `gic`.
 
-mod cli;
-
 use std::process::ExitCode;
 
 use mimalloc::MiMalloc;
@@ -12,5 +10,6 @@ use mimalloc::MiMalloc;
 static ALLOCATOR: MiMalloc = MiMalloc;
 
 fn main() -> ExitCode {
-    cli::main()
+    let program = std::env::current_exe().unwrap_or_else(|_| "gic".into());
+    ExitCode::from(gic::cli::main(std::env::args_os(), program))
 }

@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand};
-use gic::grasp::Gripper;
 use gic_mpm::MaterialKind;
 use gic_scene::SceneSettings;
 use gic_twin::twin::Setting;
 
 use super::flags::{AppearanceFlags, Flags, ReconstructFlags, SettingsFlags};
 use super::values::{Pad, coefficient, length, positive, positive_number, refinement, size, threads};
+use crate::grasp::Gripper;
 
 /// Video in, physical digital twin out.
 ///
@@ -137,7 +137,7 @@ pub(crate) struct ExportArgs {
     pub(crate) elsewhere: SceneElsewhere,
     /// What to write
     #[arg(long, value_enum)]
-    pub(crate) format: gic::pipeline::Export,
+    pub(crate) format: crate::pipeline::Export,
     /// The file [default: in the run folder]
     #[arg(short, long, value_name = "FILE")]
     pub(crate) out: Option<PathBuf>,
@@ -462,7 +462,7 @@ pub(crate) struct GraspArgs {
     /// Which way to close: along x, y or z of the world through the centre of mass, or between the two places of the
     /// surface that face each other best
     #[arg(long, value_name = "auto|x|y|z", default_value = "auto")]
-    pub(crate) axis: gic::grasp::AxisChoice,
+    pub(crate) axis: crate::grasp::AxisChoice,
     /// A pad's sides, across and along the finger [m]
     #[arg(long, value_name = "WIDTHxLENGTH", default_value_t = Pad(Gripper::default().pad_m))]
     pub(crate) pad: Pad,

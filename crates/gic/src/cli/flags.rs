@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 
 use clap::parser::ValueSource;
 use clap::{ArgMatches, Args};
-use gic::config::{Config, Layer};
-use gic::pipeline::open_scene;
 use gic_motion::TrainSettings;
 use gic_scene::SceneSettings;
 use serde::Serialize;
 use toml::{Table, Value};
+
+use crate::config::{Config, Layer};
+use crate::pipeline::open_scene;
 
 /// Reconstruction
 #[derive(Debug, Args)]

@@ -2,11 +2,10 @@
 
 use std::path::Path;
 
-use gic::grasp::{GraspRequest, Gripper, grasp};
-
 use super::Context;
 use super::args::GraspArgs;
 use super::simulate::{budget, inputs_of, twin_file};
+use crate::grasp::{GraspRequest, Gripper, grasp};
 
 pub(crate) fn run(args: &GraspArgs, context: &Context) -> anyhow::Result<()> {
     let twin = twin_file(&args.twin)?;

@@ -14,15 +14,16 @@ mod tests;
 mod values;
 mod view;
 
+use std::ffi::OsString;
 use std::io::{ErrorKind, Write};
-use std::process::ExitCode;
+use std::path::PathBuf;
 
 use clap::{CommandFactory, FromArgMatches};
-use gic::Error;
 use gic_twin::events::{Event, Events};
 use gic_twin::{Interrupt, TwinError};
 use gic_view::ViewError;
 
+use crate::Error;
 use args::{Cli, Command};
 use flags::Given;
 
@@ -32,6 +33,8 @@ pub(crate) struct Context {
     pub(crate) interrupt: Interrupt,
     /// What the command line gives to the command.
     pub(crate) given: Given,
+    /// The file to call for gic itself.
+    pub(crate) program: PathBuf,
 }
 
 impl Context {
@@ -39,7 +42,7 @@ impl Context {
     ///
     /// # Errors
     /// What the system says, such as that the disk is full; a closed pipe (`gic ... | head`) is no failure.
-    pub(crate) fn print(&self, text: impl std::fmt::Display) -> gic::Result<()> {
+    pub(crate) fn print(&self, text: impl std::fmt::Display) -> crate::Result<()> {
         let mut out = std::io::stdout();
         match writeln!(out, "{text}").and_then(|()| out.flush()) {
             Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Error::Print { source: error }),
@@ -48,20 +51,35 @@ impl Context {
     }
 }
 
-pub(crate) fn main() -> ExitCode {
-    let matches = Cli::command().get_matches();
-    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
-    let given = matches.subcommand().map(|(_, command)| Given::to(command)).unwrap_or_default();
-    match execute(cli, given) {
-        Ok(()) => ExitCode::SUCCESS,
+/// Runs a command line, whose first word is the program's name, and returns the exit code: 0 done, 1 failed, 2 bad
+/// usage, 130 interrupted. `program` is the file to call where a command calls gic again.
+///
+/// Takes over Ctrl-C and the number of threads: for processes that do nothing else.
+pub fn main(words: impl IntoIterator<Item = OsString>, program: PathBuf) -> u8 {
+    let (cli, given) = match parse(words) {
+        Ok(parsed) => parsed,
+        Err(error) => {
+            // Where nobody listens, nobody can be told.
+            let _ = error.print();
+            return error.exit_code() as u8;
+        }
+    };
+    match execute(cli, given, program) {
+        Ok(()) => 0,
         Err(error) => {
             report(&error);
-            ExitCode::from(if error.chain().any(is_interrupt) { 130 } else { 1 })
+            if error.chain().any(is_interrupt) { 130 } else { 1 }
         }
     }
 }
 
-fn execute(cli: Cli, given: Given) -> anyhow::Result<()> {
+fn parse(words: impl IntoIterator<Item = OsString>) -> Result<(Cli, Given), clap::Error> {
+    let matches = Cli::command().try_get_matches_from(words)?;
+    let given = matches.subcommand().map(|(_, command)| Given::to(command)).unwrap_or_default();
+    Ok((Cli::from_arg_matches(&matches)?, given))
+}
+
+fn execute(cli: Cli, given: Given, program: PathBuf) -> anyhow::Result<()> {
     if let Some(threads) = cli.global.threads {
         rayon::ThreadPoolBuilder::new().num_threads(threads).build_global()?;
     }
@@ -70,7 +88,7 @@ fn execute(cli: Cli, given: Given) -> anyhow::Result<()> {
     on_ctrl_c(&interrupt)?;
     let events = Events::default();
     events.add(progress::Progress::new(cli.global.quiet, cli.global.verbose));
-    let context = Context { events, interrupt, given };
+    let context = Context { events, interrupt, given, program };
     let done = dispatch(cli.command, &context);
     if let Err(error) = &done {
         context.events.send(&Event::Failed { causes: error.chain().map(ToString::to_string).collect() });

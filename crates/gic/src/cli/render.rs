@@ -1,13 +1,13 @@
 //! `gic render`.
 
-use gic::outputs::Inputs;
-use gic::pipeline::scene_of_run;
 use gic_scene::Scene;
 use gic_view::render::{RenderRequest, SimulatedMotion, Viewpoint, render};
 
 use super::Context;
 use super::args::RenderArgs;
 use super::view::check_motion;
+use crate::outputs::Inputs;
+use crate::pipeline::scene_of_run;
 
 pub(crate) fn run(args: &RenderArgs, context: &Context) -> anyhow::Result<()> {
     check_motion(&args.frames)?;
@@ -15,7 +15,7 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> anyhow::Result<()> {
     let scene = match (args.camera, &args.scene, &motion.run) {
         (Viewpoint::Orbit, ..) | (_, None, None) => None,
         (_, elsewhere, Some(run)) => Some(scene_of_run(run, elsewhere.as_deref())?),
-        (_, Some(path), None) => Some(Scene::open(path).map_err(gic::Error::stage("reading the scene"))?),
+        (_, Some(path), None) => Some(Scene::open(path).map_err(crate::Error::stage("reading the scene"))?),
     };
     let inputs = scene.iter().fold(Inputs::default(), |inputs, scene| inputs.scene(&scene.root));
     inputs.allow_folder(&args.out, &["frame_"])?;

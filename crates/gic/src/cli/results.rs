@@ -2,18 +2,18 @@
 
 use std::path::Path;
 
-use gic::eval::{Truth, evaluate};
-use gic::outputs::Inputs;
-use gic::{bench, demo, pipeline};
 use gic_twin::atomic;
 use pipeline::{Access, Run};
 
 use super::Context;
 use super::args::{BenchArgs, DemoArgs, EvalArgs, InspectArgs};
 use super::flags::Flags;
+use crate::eval::{Truth, evaluate};
+use crate::outputs::Inputs;
+use crate::{bench, demo, pipeline};
 
 pub(crate) fn inspect(args: &InspectArgs, context: &Context) -> anyhow::Result<()> {
-    let config = gic::config::Config::resolve(args.flags().layers(&context.given)?)?;
+    let config = crate::config::Config::resolve(args.flags().layers(&context.given)?)?;
     let scene = pipeline::open_scene(&config)?;
     args.sheet.iter().try_for_each(|sheet| Inputs::default().scene(&scene.root).allow_file(sheet))?;
     let inspection = gic_scene::inspect(&scene)?;
@@ -48,7 +48,7 @@ pub(crate) fn bench(args: &BenchArgs, context: &Context) -> anyhow::Result<()> {
         out: args.out.clone(),
         jobs: args.jobs,
         filter: args.filter.clone().unwrap_or_default(),
-        program: std::env::current_exe()?,
+        program: context.program.clone(),
         arguments: args.arguments.clone(),
     };
     let tables = bench::bench(&request, &context.events, &context.interrupt)?;
@@ -71,7 +71,7 @@ pub(crate) fn demo(args: &DemoArgs, context: &Context) -> anyhow::Result<()> {
     demo::unpack(&scene)?;
     let flags = Flags { scene_path: Some(&scene), ..Flags::default() };
     let mut layers = flags.layers(&context.given)?;
-    layers.push(gic::config::Layer::from_assignments(["identify.material=elastic"])?);
+    layers.push(crate::config::Layer::from_assignments(["identify.material=elastic"])?);
     let run = Run::open(&args.out.join("run"), Access::Make, layers, &context.events, &context.interrupt)?;
     super::run::finish(&run, context)?;
     context.print("\nAgainst the truth, which nothing above has seen:")?;

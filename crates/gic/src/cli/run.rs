@@ -2,12 +2,11 @@
 
 use std::path::Path;
 
-use gic::outputs::Inputs;
-use gic::pipeline::{Access, Run, Stage};
-
 use super::Context;
 use super::args::{ExportArgs, FillArgs, IdentifyArgs, ReconstructArgs, RegisterArgs, ReportArgs, RunArgs};
 use super::flags::Flags;
+use crate::outputs::Inputs;
+use crate::pipeline::{Access, Run, Stage};
 
 pub(crate) fn run(args: &RunArgs, context: &Context) -> anyhow::Result<()> {
     let run = open(&args.place.out, Access::Make, &args.flags(), context)?;
@@ -18,13 +17,13 @@ pub(crate) fn run(args: &RunArgs, context: &Context) -> anyhow::Result<()> {
 pub(crate) fn finish(run: &Run, context: &Context) -> anyhow::Result<()> {
     let last = if run.config.appearance.enabled { Stage::Appearance } else { Stage::Predict };
     run.bring_up_to_date(last)?;
-    gic::report::write(run, &context.events)?;
+    crate::report::write(run, &context.events)?;
     print_estimate(run, context)
 }
 
 pub(crate) fn report(args: &ReportArgs, context: &Context) -> anyhow::Result<()> {
     let run = open(&args.run, Access::Read, &args.elsewhere.flags(), context)?;
-    gic::report::write(&run, &context.events)?;
+    crate::report::write(&run, &context.events)?;
     context.print(format!("report in {}", args.run.join("report.html").display()))?;
     Ok(())
 }

@@ -2,8 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use gic::outputs::Inputs;
-use gic::pipeline::{Stage, check_results};
 use gic_mpm::Budget;
 use gic_twin::simulate::{Companion, SimulationRequest, simulate, usual_budget};
 use gic_twin::twin::{MatterSource, Setting, Twin};
@@ -11,6 +9,8 @@ use serde_json::json;
 
 use super::Context;
 use super::args::{BudgetArgs, SimulateArgs};
+use crate::outputs::Inputs;
+use crate::pipeline::{Stage, check_results};
 
 pub(crate) fn run(args: &SimulateArgs, context: &Context) -> anyhow::Result<()> {
     let mut companions = Vec::new();

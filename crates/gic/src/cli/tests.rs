@@ -1,11 +1,11 @@
 //! Every flag of every command: accepted, told apart, and where it is a setting, found in the settings.
 
-use clap::{Arg, ArgAction, Command as Clap, CommandFactory, FromArgMatches};
-use gic::config::Config;
+use clap::{Arg, ArgAction, Command as Clap, CommandFactory};
 use toml::{Table, Value};
 
 use super::args::{Cli, Command};
 use super::flags::Given;
+use crate::config::Config;
 
 /// All commands with a name, each with what has to be given besides its flags.
 fn commands() -> Vec<(Clap, Vec<String>)> {
@@ -49,9 +49,9 @@ fn example(arg: &Arg) -> String {
 }
 
 fn parse(words: &[String]) -> (Command, Given) {
-    let matches = Cli::command().try_get_matches_from(words).unwrap_or_else(|error| panic!("{words:?}: {error}"));
-    let given = matches.subcommand().map(|(_, command)| Given::to(command)).expect("a command");
-    (Cli::from_arg_matches(&matches).expect("parsed").command, given)
+    let parsed = super::parse(words.iter().map(Into::into));
+    let (cli, given) = parsed.unwrap_or_else(|error| panic!("{words:?}: {error}"));
+    (cli.command, given)
 }
 
 /// The settings that a command would run with.

@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use gic::grasp::MAX_REFINEMENT;
+use crate::grasp::MAX_REFINEMENT;
 
 /// Longest side of a picture [pixels].
 const LONGEST_SIDE_PX: usize = 8192;

@@ -3,13 +3,13 @@
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use gic::outputs::Inputs;
-use gic::pipeline::{Stage, check_results};
-use gic::recording::record;
 use gic_view::page::{PageRequest, default_page, view};
 
 use super::Context;
 use super::args::ViewArgs;
+use crate::outputs::Inputs;
+use crate::pipeline::{Stage, check_results};
+use crate::recording::record;
 
 pub(crate) fn run(args: &ViewArgs, context: &Context) -> anyhow::Result<()> {
     check_motion(&args.frames)?;
