@@ -102,6 +102,7 @@ fn forward(input: &Input, folder: &Path, truth: &common::Truth) {
             positions: input.positions.clone(),
             velocity_m_s: truth.velocity_m_s,
             angular_velocity_rad_s: DVec3::ZERO,
+            own_velocities_m_s: Vec::new(),
         }],
         colliders: input.colliders.clone(),
         gravity_m_s2: input.gravity_m_s2,

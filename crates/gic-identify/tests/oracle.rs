@@ -72,6 +72,7 @@ fn observed(material: Material, velocity: DVec3, frames: usize) -> Input {
             positions: positions.clone(),
             velocity_m_s: velocity,
             angular_velocity_rad_s: DVec3::ZERO,
+            own_velocities_m_s: Vec::new(),
         }],
         colliders: vec![ground()],
         gravity_m_s2: GRAVITY,

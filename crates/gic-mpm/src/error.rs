@@ -209,6 +209,9 @@ pub enum SimulationError {
         /// The budget given.
         budget_bytes: usize,
     },
+    /// The caller asked to stop.
+    #[error("interrupted")]
+    Interrupted,
     /// The loss returned a gradient of the wrong length or with a NaN.
     #[error("the loss gradient of frame {frame} {reason}")]
     LossGradient {
@@ -249,6 +252,12 @@ pub enum StateMismatch {
 /// What is wrong with the gradient that a loss returned.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum LossGradientError {
+    /// The frame was not simulated.
+    #[error("belongs to no frame: {frames} were simulated, counted from 0")]
+    NoSuchFrame {
+        /// Frames simulated.
+        frames: usize,
+    },
     /// Not one entry for each particle.
     #[error("has {found} entries for {particles} particles")]
     Length {

@@ -1,9 +1,12 @@
 //! How a world is simulated, as opposed to what is.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use gic_simd::Level;
 use serde::{Deserialize, Serialize};
 
-use crate::{Budget, Rules};
+use crate::{Budget, Rules, SimulationError};
 
 /// The numbers that a simulation computes with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -33,6 +36,18 @@ pub struct Options {
     pub budget: Budget,
     /// Whether a single rollout may use more than one thread. The result does not depend on it.
     pub parallel: bool,
+    /// A flag that, once raised, ends rollouts and gradients with [`SimulationError::Interrupted`] at their next frame
+    /// or segment.
+    pub interrupt: Option<Arc<AtomicBool>>,
+}
+
+impl Options {
+    /// # Errors
+    /// [`SimulationError::Interrupted`] once the flag is raised.
+    pub(crate) fn check_interrupt(&self) -> Result<(), SimulationError> {
+        let is_raised = self.interrupt.as_ref().is_some_and(|flag| flag.load(Ordering::SeqCst));
+        if is_raised { Err(SimulationError::Interrupted) } else { Ok(()) }
+    }
 }
 
 impl Default for Options {
@@ -45,6 +60,7 @@ impl Default for Options {
             gradient_memory_bytes: 1 << 30,
             budget: Budget::default(),
             parallel: true,
+            interrupt: None,
         }
     }
 }

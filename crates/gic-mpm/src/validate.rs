@@ -99,21 +99,21 @@ impl Body {
         if self.positions.is_empty() {
             return invalid(field("positions"), "[]", "must hold at least one particle");
         }
-        if !self.volume_factors.is_empty() && self.volume_factors.len() != self.positions.len() {
-            return invalid(
-                field("volume_factors"),
-                self.volume_factors.len(),
-                "must hold one for each particle, or none",
-            );
+        for (name, count) in
+            [("volume_factors", self.volume_factors.len()), ("own_velocities_m_s", self.own_velocities_m_s.len())]
+        {
+            if count != 0 && count != self.positions.len() {
+                return invalid(field(name), count, "must hold one for each particle, or none");
+            }
         }
         for (particle, &factor) in self.volume_factors.iter().enumerate() {
             if !(factor > 0.0 && factor.is_finite()) {
                 positive(&field(&format!("volume_factors[{particle}]")), factor)?;
             }
         }
-        for (particle, &position) in self.positions.iter().enumerate() {
-            if !position.is_finite() {
-                finite(&field(&format!("positions[{particle}]")), position)?;
+        for (name, vectors) in [("positions", &self.positions), ("own_velocities_m_s", &self.own_velocities_m_s)] {
+            if let Some((particle, vector)) = vectors.iter().enumerate().find(|(_, vector)| !vector.is_finite()) {
+                finite(&field(&format!("{name}[{particle}]")), *vector)?;
             }
         }
         Ok(())

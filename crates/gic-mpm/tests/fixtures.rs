@@ -60,6 +60,7 @@ impl Fixture {
                 positions: self.vectors("x0"),
                 velocity_m_s: DVec3::new(0.5, -2.0, 0.25),
                 angular_velocity_rad_s: DVec3::ZERO,
+                own_velocities_m_s: Vec::new(),
             }],
             colliders: vec![Collider::plane(DVec3::ZERO, DVec3::Y, Contact::Sticky)],
             gravity_m_s2: DVec3::new(0.0, -9.8, 0.0),

@@ -1,8 +1,12 @@
 //! The adjoint against central differences, over rollouts with contact and active plasticity, for every parameter of
 //! every material.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use gic_mpm::{
-    Options, Precision, Rules, SimulationError, Stepping, gradcheck, gradcheck_materials, gradcheck_world, gradient,
+    Frame, FrameAdjoint, Options, Precision, Recording, Rules, SimulationError, Stepping, Unknown, gradcheck,
+    gradcheck_materials, gradcheck_world, gradient, jacobian, rollout,
 };
 use glam::DVec3;
 
@@ -71,6 +75,10 @@ fn fast_adjoint_agrees_with_the_twin() {
         for (a, b) in fast.positions.iter().zip(&twin.positions) {
             assert!(a.distance(*b) <= 5e-3 * size, "{}: {a} against {b}", material.model());
         }
+        let size = twin.volume_factors.iter().map(|b| b.abs()).fold(0.0, f64::max);
+        for (a, b) in fast.volume_factors.iter().zip(&twin.volume_factors) {
+            assert!((a - b).abs() <= 5e-3 * size, "{}: {a} against {b}", material.model());
+        }
     }
 }
 
@@ -88,6 +96,72 @@ fn a_tight_memory_budget_gives_the_same_gradient() {
     assert_eq!(roomy.material, tight.material);
     assert_eq!(roomy.positions, tight.positions);
     assert!(matches!(of(state * 10), Err(SimulationError::MemoryBudget { .. })));
+}
+
+#[test]
+fn a_recording_gives_the_gradients_of_many_losses() {
+    let mut world = gradcheck_world(gradcheck_materials()[0]);
+    world.stepping = Stepping::Fixed { substeps_per_frame: 120 };
+    let state = 210 * 24 * 8;
+    // Room for a few checkpoints only.
+    let options = Options { gradient_memory_bytes: state * 55, precision: Precision::F64, ..Options::default() };
+    let mut frames = Vec::new();
+    let recording = Recording::new(&world, &options, 4, &mut |frame| frames.push(frame)).unwrap();
+    for chosen in [3, 1] {
+        let adjoint = |frame: &Frame| {
+            let is_chosen = frame.index == chosen;
+            FrameAdjoint {
+                positions: is_chosen.then(|| frame.positions.clone()),
+                velocities: is_chosen.then(|| frame.velocities.clone()),
+            }
+        };
+        let adjoints: Vec<FrameAdjoint> = frames.iter().map(adjoint).collect();
+        let again = recording.gradient(&adjoints).unwrap().bodies.remove(0);
+        let alone = gradient(&world, &options, 4, adjoint).unwrap().bodies.remove(0);
+        assert!(again.material[0] != 0.0);
+        assert_eq!((again.material, again.positions), (alone.material, alone.positions));
+    }
+    let late = vec![FrameAdjoint::default(), FrameAdjoint::default(), FrameAdjoint::default()];
+    recording.gradient(&late).unwrap();
+    let beyond = [late, vec![FrameAdjoint::default(), Some(vec![DVec3::ZERO; 210]).into()]].concat();
+    assert!(matches!(recording.gradient(&beyond), Err(SimulationError::LossGradient { frame: 4, .. })));
+}
+
+#[test]
+fn a_raised_flag_ends_rollouts_and_gradients() {
+    let world = gradcheck_world(gradcheck_materials()[0]);
+    let flag = Arc::new(AtomicBool::new(false));
+    let options = Options { interrupt: Some(flag.clone()), ..Options::default() };
+    let recording = Recording::new(&world, &options, 2, &mut |_| {}).unwrap();
+    flag.store(true, Ordering::SeqCst);
+    assert_eq!(rollout(&world, &options, 2, |_| {}), Err(SimulationError::Interrupted));
+    let adjoints = [FrameAdjoint::default(), Some(vec![DVec3::X; 210]).into()];
+    assert!(matches!(recording.gradient(&adjoints), Err(SimulationError::Interrupted)));
+}
+
+#[test]
+fn the_jacobian_is_that_of_the_adjoint() {
+    for material in gradcheck_materials() {
+        let world = gradcheck_world(material);
+        let options = Options { precision: Precision::F64, ..Options::default() };
+        let mut unknowns = vec![Unknown::Density { body: 0 }, Unknown::Velocity { body: 0, axis: 1 }];
+        unknowns.extend((0..material.parameters().len()).map(|parameter| Unknown::Material { body: 0, parameter }));
+        let tangents = jacobian(&world, &options, &[2, 1], &unknowns).unwrap();
+        let loss = |frame: &Frame| FrameAdjoint {
+            positions: Some(frame.positions.iter().map(|_| DVec3::new(1.0, -0.5, 0.3) / 210.0).collect()),
+            velocities: (frame.index == 2).then(|| vec![DVec3::new(0.01, 0.02, -0.01) / 210.0; 210]),
+        };
+        let body = gradient(&world, &options, 3, loss).unwrap().bodies.remove(0);
+        let by_adjoint = [&[body.density, body.velocity.y][..], &body.material].concat();
+        for ((unknown, tangent), adjoint) in unknowns.iter().zip(&tangents).zip(by_adjoint) {
+            // Frame 0 changes with none of these.
+            let positions = tangent.positions.iter().flatten().sum::<DVec3>().dot(DVec3::new(1.0, -0.5, 0.3));
+            let velocities = tangent.velocities[0].iter().sum::<DVec3>().dot(DVec3::new(0.01, 0.02, -0.01));
+            let difference = (positions + velocities) / 210.0;
+            let error = (difference - adjoint).abs() / adjoint.abs();
+            assert!(error < 1e-4, "{} {unknown:?}: {difference:e} against {adjoint:e}", material.model());
+        }
+    }
 }
 
 #[test]

@@ -198,6 +198,7 @@ fn any_world() -> impl Strategy<Value = World> {
                 volume_factors: (0..counts.iter().product()).map(|p| (factors * (p % 5) as f64).exp()).collect(),
                 velocity_m_s: velocity * dx * per_second,
                 angular_velocity_rad_s: spin,
+                own_velocities_m_s: Vec::new(),
                 ..body(material, block(-0.5 * size, size, dx), dx)
             };
             World {

@@ -97,6 +97,7 @@ impl Simulation<'_> {
                 positions,
                 velocity_m_s: state.velocity + input.gravity_m_s2 * time,
                 angular_velocity_rad_s: state.angular,
+                own_velocities_m_s: Vec::new(),
             }],
             colliders: input.colliders.clone(),
             gravity_m_s2: input.gravity_m_s2,

@@ -23,6 +23,7 @@ pub(crate) fn falling_cube(material: Material, side: usize, substeps_per_frame: 
             positions: (0..side.pow(3)).map(|i| (at(i) + 0.5) * 0.01 + DVec3::Y * 0.03).collect(),
             velocity_m_s: DVec3::new(0.5, -2.0, 0.25),
             angular_velocity_rad_s: DVec3::ZERO,
+            own_velocities_m_s: Vec::new(),
         }],
         colliders: vec![Collider::plane(DVec3::ZERO, DVec3::Y, Contact::Sticky)],
         gravity_m_s2: DVec3::new(0.0, -9.8, 0.0),

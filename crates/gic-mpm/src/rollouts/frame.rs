@@ -39,6 +39,16 @@ pub struct Frame {
     pub substeps: usize,
 }
 
+/// How the particles are deformed and loaded; matrices by rows.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Deformation {
+    /// Deformation gradients F, shape [n, 3, 3]: of the elastic deformation for plastic materials, `J^(1/3) I` for
+    /// Newtonian fluids, which keep their volume ratio alone.
+    pub gradients: Vec<[[f64; 3]; 3]>,
+    /// Cauchy stress [Pa], shape [n, 3, 3].
+    pub cauchy_stress_pa: Vec<[[f64; 3]; 3]>,
+}
+
 /// What is reported at the end of a frame of `frame_seconds`: impulses on the obstacles and substeps are those of the
 /// frame, none for frame 0.
 pub(super) fn report<R: Scalar>(
@@ -72,20 +82,51 @@ pub(super) fn report<R: Scalar>(
     }
 }
 
+/// The deformation and the stress of all particles of a state.
+pub(super) fn deformation<R: Scalar>(world: &PreparedWorld, state: &State<R>) -> Deformation {
+    let (mut gradients, mut cauchy_stress_pa) = (Vec::with_capacity(state.len()), Vec::with_capacity(state.len()));
+    for body in &world.bodies {
+        for p in body.range.clone() {
+            let (c, f) = (in_f64(&state.affine[p]), in_f64(&state.deformation[p]));
+            let j = volume_ratio(body, &f);
+            gradients.push(match body.material {
+                Material::Newtonian { .. } => Mat3::identity() * j.cbrt(),
+                _ => f,
+            });
+            cauchy_stress_pa.push(kirchhoff_stress(world, body, &c, &f) * (1.0 / j));
+        }
+    }
+    Deformation { gradients: rows(&gradients), cauchy_stress_pa: rows(&cauchy_stress_pa) }
+}
+
+fn rows(matrices: &[Mat3<f64>]) -> Vec<[[f64; 3]; 3]> {
+    matrices.iter().map(|m| [0, 1, 2].map(|i| [0, 1, 2].map(|j| m.at(i, j)))).collect()
+}
+
 fn mean_force(impulse: &Impulse, frame_seconds: f64) -> ContactForce {
     ContactForce { force_n: impulse.linear / frame_seconds, torque_n_m: impulse.angular / frame_seconds }
 }
 
-/// Von Mises stress [Pa] and J of a particle.
-fn stress_of(world: &PreparedWorld, body: &PreparedBody, c: &Mat3<f64>, f: &Mat3<f64>) -> (f32, f32) {
+/// Kirchhoff stress [Pa] of a particle.
+fn kirchhoff_stress(world: &PreparedWorld, body: &PreparedBody, c: &Mat3<f64>, f: &Mat3<f64>) -> Mat3<f64> {
     // So short that nothing moves [s]: only the law's stress remains.
     let instant = 1e-12;
     let rules = world.rules;
-    let tau = with_law!(body.material, L => L::<f64>::new(&body.coefficients, rules).update(instant, c, f).tau);
-    let j = match body.material {
+    with_law!(body.material, L => L::<f64>::new(&body.coefficients, rules).update(instant, c, f).tau)
+}
+
+/// J of a particle.
+fn volume_ratio(body: &PreparedBody, f: &Mat3<f64>) -> f64 {
+    match body.material {
         Material::Newtonian { .. } => f.at(0, 0),
         _ => f.det(),
-    };
+    }
+}
+
+/// Von Mises stress [Pa] and J of a particle.
+fn stress_of(world: &PreparedWorld, body: &PreparedBody, c: &Mat3<f64>, f: &Mat3<f64>) -> (f32, f32) {
+    let tau = kirchhoff_stress(world, body, c, f);
+    let j = volume_ratio(body, f);
     let deviator = tau.add_diagonal(-tau.trace() / 3.0);
     let von_mises = (1.5 * deviator.double_dot(&deviator)).sqrt() / j;
     (von_mises as f32, j as f32)

@@ -2,7 +2,7 @@
 
 use glam::{DQuat, DVec3};
 
-use super::gradient::{BodyGradient, gradient};
+use super::gradient::{BodyGradient, FrameAdjoint, gradient};
 use super::simulator::rollout;
 use super::unknown::Unknown;
 use crate::error::SimulationError;
@@ -14,6 +14,9 @@ const RELATIVE_STEP: f64 = 1e-6;
 /// Derivatives below this fraction of the largest (both per relative change) are compared with that largest one: they
 /// are rounding.
 const NEGLIGIBLE_FRACTION: f64 = 1e-5;
+
+/// The time [s] for which velocities count in the loss as ways.
+const TIME_OF_VELOCITIES_S: f64 = 0.01;
 
 /// Largest [`GradcheckRow::relative_error`] of an adjoint that is right.
 pub const GRADCHECK_TOLERANCE: f64 = 1e-3;
@@ -40,14 +43,14 @@ impl GradcheckRow {
     }
 }
 
-/// Differentiates a fixed smooth loss on all frames' positions by everything that body 0 starts with, in f64: by the
+/// Differentiates a fixed smooth loss on all frames' positions and velocities by everything that body 0 starts with, in f64: by the
 /// adjoint and by central differences. `frames` includes frame 0.
 ///
 /// # Errors
 /// As [`crate::gradient`].
 pub fn gradcheck(world: &World, rules: Rules, frames: usize) -> Result<Vec<GradcheckRow>, SimulationError> {
     let options = Options { precision: Precision::F64, rules, ..Options::default() };
-    let by_adjoint = gradient(world, &options, frames, |frame| Some(loss_gradient(frame)))?;
+    let by_adjoint = gradient(world, &options, frames, loss_gradient)?;
     let probes = probes(world, &by_adjoint.bodies[0])?;
     let loss = |world: &World| -> Result<f64, SimulationError> {
         let mut sum = 0.0;
@@ -89,14 +92,14 @@ fn probes<'a>(world: &'a World, body: &BodyGradient) -> Result<Vec<Probe<'a>>, S
     let mut probes = Vec::new();
     for (name, unknown, adjoint) in unknowns(world, body) {
         let value = unknown.get(world)?;
-        // Velocities may be zero.
-        let scale =
-            if matches!(unknown, Unknown::Material { .. } | Unknown::Density { .. }) { value.abs() } else { 1.0 };
+        let scale = unknown.scale(value);
         let moved = Box::new(move |step| unknown.set(world, value + step));
         probes.push(Probe { name, value, scale, adjoint, moved });
     }
     probes.push(particle_volume(world, body));
     probes.push(displacement(world, body));
+    probes.push(own_velocities(world, body));
+    probes.push(volume_factors(world, body));
     Ok(probes)
 }
 
@@ -121,6 +124,36 @@ fn displacement<'a>(world: &'a World, body: &BodyGradient) -> Probe<'a> {
     });
     let adjoint = body.positions.iter().enumerate().map(|(p, bar)| bar.dot(direction(p))).sum();
     Probe { name: "positions_m (one direction)".into(), value: 0.0, scale: world.grid_spacing_m, adjoint, moved }
+}
+
+/// All velocities at once, each along its own [`direction`].
+fn own_velocities<'a>(world: &'a World, body: &BodyGradient) -> Probe<'a> {
+    let moved = Box::new(|step| {
+        let mut world = world.clone();
+        let body = &mut world.bodies[0];
+        body.own_velocities_m_s.resize(body.positions.len(), DVec3::ZERO);
+        for (p, v) in body.own_velocities_m_s.iter_mut().enumerate() {
+            *v += direction(p) * step;
+        }
+        Ok(world)
+    });
+    let adjoint = body.velocities.iter().enumerate().map(|(p, bar)| bar.dot(direction(p))).sum();
+    Probe { name: "own_velocities_m_s (one direction)".into(), value: 0.0, scale: 1.0, adjoint, moved }
+}
+
+/// All volume factors at once, each at its own rate.
+fn volume_factors<'a>(world: &'a World, body: &BodyGradient) -> Probe<'a> {
+    let moved = Box::new(|step| {
+        let mut world = world.clone();
+        let body = &mut world.bodies[0];
+        body.volume_factors.resize(body.positions.len(), 1.0);
+        for (p, factor) in body.volume_factors.iter_mut().enumerate() {
+            *factor += direction(p).y * step;
+        }
+        Ok(world)
+    });
+    let adjoint = body.volume_factors.iter().enumerate().map(|(p, bar)| bar * direction(p).y).sum();
+    Probe { name: "volume_factors (one direction)".into(), value: 0.0, scale: 1.0, adjoint, moved }
 }
 
 /// One material of each kind, soft and weak enough to deform and yield in [`gradcheck_world`].
@@ -165,6 +198,7 @@ pub fn gradcheck_world(material: Material) -> World {
             positions,
             velocity_m_s: DVec3::new(0.4, -3.0, 0.2),
             angular_velocity_rad_s: DVec3::new(1.0, -2.0, 3.0),
+            own_velocities_m_s: Vec::new(),
         }],
         colliders: vec![
             Collider {
@@ -205,15 +239,26 @@ fn direction(particle: usize) -> DVec3 {
     DVec3::new((1.3 * p + 0.2).sin(), (2.7 * p + 1.1).sin(), (4.1 * p + 2.3).sin())
 }
 
-/// Sum over particles of d . x + |x|^2 / 2, mean over particles, heavier for later frames.
+/// Sum over particles of d . (x + T v) + |x|^2 / 2 + |T v|^2 / 2, mean over particles, heavier for later frames.
 fn loss_of(frame: &Frame) -> f64 {
-    let weight = (frame.index + 1) as f64 / frame.positions.len() as f64;
-    let sum: f64 =
-        frame.positions.iter().enumerate().map(|(p, x)| direction(p).dot(*x) + 0.5 * x.length_squared()).sum();
-    weight * sum
+    let of_particle = |p: usize| {
+        let (x, v) = (frame.positions[p], frame.velocities[p] * TIME_OF_VELOCITIES_S);
+        direction(p).dot(x + v) + 0.5 * (x.length_squared() + v.length_squared())
+    };
+    weight(frame) * (0..frame.positions.len()).map(of_particle).sum::<f64>()
 }
 
-fn loss_gradient(frame: &Frame) -> Vec<DVec3> {
-    let weight = (frame.index + 1) as f64 / frame.positions.len() as f64;
-    frame.positions.iter().enumerate().map(|(p, x)| (direction(p) + *x) * weight).collect()
+fn loss_gradient(frame: &Frame) -> FrameAdjoint {
+    let weight = weight(frame);
+    let by_position = |(p, x): (usize, &DVec3)| (direction(p) + *x) * weight;
+    let by_velocity =
+        |(p, v): (usize, &DVec3)| (direction(p) + *v * TIME_OF_VELOCITIES_S) * (weight * TIME_OF_VELOCITIES_S);
+    FrameAdjoint {
+        positions: Some(frame.positions.iter().enumerate().map(by_position).collect()),
+        velocities: Some(frame.velocities.iter().enumerate().map(by_velocity).collect()),
+    }
+}
+
+fn weight(frame: &Frame) -> f64 {
+    (frame.index + 1) as f64 / frame.positions.len() as f64
 }

@@ -1,25 +1,33 @@
-//! The derivative of a loss on the positions of any frames, by the adjoint: one forward pass that keeps checkpoints,
-//! and one reverse pass that goes from checkpoint to checkpoint, last first.
-//!
-//! The cost is that of two forward passes and the adjoint, for any number of unknowns. Checkpoints lie every `stride`
-//! segments; the stride grows as the memory budget fills. The reverse pass recomputes the states at the segments'
-//! starts from a checkpoint, then each segment in full.
+//! The derivative of a loss on the positions and velocities of any frames.
 
 use gic_simd::Scalar;
 use glam::DVec3;
 
-use super::advance::Rollout;
-use super::checkpoints::Checkpoints;
 use super::frame::Frame;
-use super::timestep_bound::Timing;
-use crate::error::{LossGradientError, SimulationError};
+use super::recording::Recording;
+use crate::World;
+use crate::error::SimulationError;
 use crate::laws::law::Coefficients;
 use crate::options::Options;
-use crate::substep::engine::{BodyBars, Engine, Segment};
-use crate::substep::prepared_world::{PreparedBody, PreparedWorld};
-use crate::substep::state::{State, double, vector};
-use crate::substep::with_engine;
-use crate::{Forecast, World};
+use crate::substep::engine::BodyBars;
+use crate::substep::prepared_world::PreparedBody;
+use crate::substep::state::{State, double};
+
+/// Derivatives of a loss with respect to what a frame reports; the loss does not depend on what is `None`.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct FrameAdjoint {
+    /// With respect to the positions [per m], shape [n].
+    pub positions: Option<Vec<DVec3>>,
+    /// With respect to the velocities [per m/s], shape [n].
+    pub velocities: Option<Vec<DVec3>>,
+}
+
+impl From<Option<Vec<DVec3>>> for FrameAdjoint {
+    /// Of a loss that looks at positions alone.
+    fn from(positions: Option<Vec<DVec3>>) -> Self {
+        Self { positions, velocities: None }
+    }
+}
 
 /// Derivatives of a loss with respect to what a body starts with.
 #[derive(Clone, Debug)]
@@ -30,6 +38,8 @@ pub struct BodyGradient {
     pub density: f64,
     /// With respect to the rest volume of a particle of factor 1 [per m^3], at constant density and factors.
     pub particle_volume: f64,
+    /// With respect to each particle's volume factor, shape [n], at constant density and particle volume.
+    pub volume_factors: Vec<f64>,
     /// With respect to the initial velocity [per m/s].
     pub velocity: DVec3,
     /// With respect to the initial angular velocity [per rad/s].
@@ -41,7 +51,7 @@ pub struct BodyGradient {
     pub velocities: Vec<DVec3>,
 }
 
-/// Derivatives of a loss, and the frames on the way.
+/// Derivatives of a loss.
 #[derive(Clone, Debug)]
 pub struct Gradient {
     /// One per body.
@@ -51,157 +61,25 @@ pub struct Gradient {
 /// Simulates `frames` frames (frame 0 included) and differentiates a loss.
 ///
 /// `loss` is called once per frame in ascending order and returns the derivative of the loss with respect to that
-/// frame's positions [per m], shape [n], or `None` where the loss does not depend on them.
+/// frame; a loss on positions alone may return an `Option` of their derivative [per m], shape [n].
 ///
 /// # Errors
-/// As [`crate::rollout`]; [`SimulationError::MemoryBudget`] when not even the sparsest checkpoints fit, and
-/// [`SimulationError::LossGradient`] when `loss` returns something of the wrong length or not finite.
-pub fn gradient(
+/// As [`Recording::new`] and [`Recording::gradient`].
+pub fn gradient<A: Into<FrameAdjoint>>(
     world: &World,
     options: &Options,
     frames: usize,
-    mut loss: impl FnMut(&Frame) -> Option<Vec<DVec3>>,
+    mut loss: impl FnMut(&Frame) -> A,
 ) -> Result<Gradient, SimulationError> {
-    gradient_of(world, options, frames, &mut loss)
-}
-
-/// Not generic over the loss, so that the engines are compiled here and not again in every crate that has one.
-fn gradient_of(
-    world: &World,
-    options: &Options,
-    frames: usize,
-    loss: &mut dyn FnMut(&Frame) -> Option<Vec<DVec3>>,
-) -> Result<Gradient, SimulationError> {
-    Forecast::of(world, frames)?.check(&options.budget)?;
-    let prepared = PreparedWorld::new(world, options.rules)?;
-    with_engine!(options, engine => {
-        let rollout = Rollout::new(&engine, &prepared, Timing::of(world));
-        Reverse::forward(rollout, frames, options.gradient_memory_bytes, loss)?.backward()
-    })
-}
-
-/// A rollout with what its reverse pass needs.
-struct Reverse<'a, E: Engine> {
-    rollout: Rollout<'a, E>,
-    checkpoints: Checkpoints<E::Number>,
-    segments: Vec<Segment>,
-    /// For each frame, the index after its last segment; 0 for frame 0.
-    frame_ends: Vec<usize>,
-    /// For each frame, the derivative of the loss with respect to its positions.
-    position_bars: Vec<Option<Vec<DVec3>>>,
-}
-
-impl<'a, E: Engine> Reverse<'a, E> {
-    fn forward(
-        rollout: Rollout<'a, E>,
-        frames: usize,
-        budget: usize,
-        mut loss: impl FnMut(&Frame) -> Option<Vec<DVec3>>,
-    ) -> Result<Self, SimulationError> {
-        let mut state = rollout.world.initial_state::<E::Number>();
-        let particles = state.len();
-        let per_state = State::<E::Number>::bytes(particles);
-        let most = budget.saturating_sub(rollout.bytes_beside_checkpoints(&state)) / per_state;
-        let mut reverse = Self {
-            rollout,
-            checkpoints: Checkpoints::new(most),
-            segments: Vec::new(),
-            frame_ends: Vec::new(),
-            position_bars: Vec::new(),
-        };
-        for index in 0..frames {
-            let frame = if index == 0 {
-                reverse.rollout.frame(0, &state, None)
-            } else {
-                let (done, checkpoints) = (reverse.segments.len(), &mut reverse.checkpoints);
-                let advanced = reverse
-                    .rollout
-                    .advance_frame(&mut state, index, &mut |i, state| checkpoints.offer(done + i, state))?;
-                reverse.segments.extend(&advanced.segments);
-                // The grid may have grown since the checkpoints were planned.
-                let held = reverse.checkpoints.held();
-                let needed_bytes = reverse.rollout.bytes_beside_checkpoints(&state) + held * per_state;
-                if needed_bytes > budget {
-                    return Err(SimulationError::MemoryBudget { needed_bytes, budget_bytes: budget });
-                }
-                reverse.rollout.frame(index, &state, Some(&advanced))
-            };
-            reverse.frame_ends.push(reverse.segments.len());
-            reverse.position_bars.push(checked(loss(&frame), index, particles)?);
-        }
-        Ok(reverse)
-    }
-
-    fn backward(mut self) -> Result<Gradient, SimulationError> {
-        let prepared = self.rollout.world;
-        let mut adjoint = State::<E::Number>::zeros(prepared.particles());
-        let mut bars = vec![BodyBars::default(); prepared.bodies.len()];
-        let stride = self.checkpoints.stride;
-        while let Some(state) = self.checkpoints.states.pop() {
-            let first = self.checkpoints.states.len() * stride;
-            let last = (first + stride).min(self.segments.len());
-            let starts = self.segment_starts(state, first, last)?;
-            for (segment, start) in (first..last).zip(starts).rev() {
-                self.add_losses(segment + 1, &mut adjoint);
-                let tape = self.rollout.record(&start, self.segments[segment])?;
-                self.rollout.engine.reverse(prepared, tape, &mut adjoint, &mut bars);
-            }
-        }
-        self.add_losses(0, &mut adjoint);
-        let bodies = prepared
-            .bodies
-            .iter()
-            .zip(&bars)
-            .map(|(body, bars)| body_gradient((body, prepared.mass_unit), bars, &adjoint))
-            .collect();
-        Ok(Gradient { bodies })
-    }
-
-    /// The states at the starts of segments `first .. last`, from that at the first.
-    fn segment_starts(
-        &self,
-        state: State<E::Number>,
-        first: usize,
-        last: usize,
-    ) -> Result<Vec<State<E::Number>>, SimulationError> {
-        let mut starts = vec![state];
-        for segment in first..last.saturating_sub(1) {
-            let mut next = starts[segment - first].clone();
-            self.rollout.replay(&mut next, self.segments[segment])?;
-            starts.push(next);
-        }
-        Ok(starts)
-    }
-
-    /// Adds the loss's derivatives of the frames that end before segment `end`.
-    fn add_losses(&self, end: usize, adjoint: &mut State<E::Number>) {
-        for (frame_end, bars) in self.frame_ends.iter().zip(&self.position_bars) {
-            let Some(bars) = bars.as_ref().filter(|_| *frame_end == end) else { continue };
-            for (position, &bar) in adjoint.position.iter_mut().zip(bars) {
-                *position = vector(double(*position) + bar);
-            }
-        }
-    }
-}
-
-/// Refuses a loss gradient that cannot be one.
-fn checked(bars: Option<Vec<DVec3>>, frame: usize, particles: usize) -> Result<Option<Vec<DVec3>>, SimulationError> {
-    let error = |reason| Err(SimulationError::LossGradient { frame, reason });
-    if let Some(bars) = &bars {
-        if bars.len() != particles {
-            return error(LossGradientError::Length { found: bars.len(), particles });
-        }
-        if let Some(particle) = bars.iter().position(|bar| !bar.is_finite()) {
-            return error(LossGradientError::NotFinite { particle });
-        }
-    }
-    Ok(bars)
+    let mut adjoints = Vec::with_capacity(frames);
+    let recording = Recording::new(world, options, frames, &mut |frame| adjoints.push(loss(&frame).into()))?;
+    recording.gradient(&adjoints)
 }
 
 /// From the adjoint of the initial state to the derivatives with respect to what a body starts with.
-fn body_gradient<R: Scalar>(
+pub(super) fn body_gradient<R: Scalar>(
     (body, mass_unit): (&PreparedBody, f64),
-    bars: &BodyBars,
+    (bars, factor_bars): (&BodyBars, &[f64]),
     adjoint: &State<R>,
 ) -> BodyGradient {
     let spin = body.angular_velocity;
@@ -219,14 +97,18 @@ fn body_gradient<R: Scalar>(
     }
     // The centre is the mean of the positions, weighted by the masses.
     let through_centre = spin.cross(velocity) / body.factors.iter().sum::<f64>();
-    for (position, factor) in positions.iter_mut().zip(&body.factors) {
+    let mut volume_factors = factor_bars[body.range.clone()].to_vec();
+    let particles = body.positions.iter().zip(&body.factors);
+    for ((x, factor), (position, bar)) in particles.zip(positions.iter_mut().zip(&mut volume_factors)) {
         *position += through_centre * *factor;
+        *bar += through_centre.dot(*x - body.centre);
     }
     let density = body.mass / body.volume;
     BodyGradient {
         material: body.material.parameter_gradient(&Coefficients(bars.coefficients)),
         density: bars.mass * body.volume,
         particle_volume: (bars.volume + bars.mass * density) / mass_unit,
+        volume_factors,
         velocity,
         angular_velocity,
         positions,

@@ -1,7 +1,7 @@
 //! The public simulator: frame after frame, with states that can be saved and restored.
 
 use super::advance::{Advanced, Rollout};
-use super::frame::Frame;
+use super::frame::{Deformation, Frame, deformation};
 use super::snapshot::Snapshot;
 use super::timestep_bound::Timing;
 use crate::error::{SimulationError, StateMismatch};
@@ -25,7 +25,10 @@ impl Simulator {
     }
 
     /// Sets up a world of which `frames` frames, frame 0 included, are within the budget.
-    fn for_frames(world: &World, options: &Options, frames: usize) -> Result<Self, SimulationError> {
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn for_frames(world: &World, options: &Options, frames: usize) -> Result<Self, SimulationError> {
         Forecast::of(world, frames)?.check(&options.budget)?;
         let prepared = PreparedWorld::new(world, options.rules)?;
         Ok(Self(with_engine!(options, engine => Box::new(Running::new(engine, prepared, world, options.precision)))))
@@ -35,6 +38,11 @@ impl Simulator {
     /// restore.
     pub fn frame(&self) -> Frame {
         self.0.frame()
+    }
+
+    /// How the particles are deformed and loaded in the current frame.
+    pub fn deformation(&self) -> Deformation {
+        self.0.deformation()
     }
 
     /// Computes the next frame. After an error the state is that before the call.
@@ -65,7 +73,7 @@ impl Simulator {
 /// Simulates `frames` frames, frame 0 included, and hands each to `on_frame`.
 ///
 /// # Errors
-/// As [`Simulator::new`] and [`Simulator::advance_frame`].
+/// As [`Simulator::new`] and [`Simulator::advance_frame`], and [`SimulationError::Interrupted`].
 pub fn rollout(
     world: &World,
     options: &Options,
@@ -77,6 +85,7 @@ pub fn rollout(
         on_frame(simulator.frame());
     }
     for _ in 1..frames {
+        options.check_interrupt()?;
         on_frame(simulator.advance_frame()?);
     }
     Ok(())
@@ -85,6 +94,7 @@ pub fn rollout(
 /// A simulator whose engine is hidden.
 trait Drive: Send {
     fn frame(&self) -> Frame;
+    fn deformation(&self) -> Deformation;
     fn advance_frame(&mut self) -> Result<Frame, SimulationError>;
     fn snapshot(&self) -> Snapshot;
     fn restore(&mut self, snapshot: &Snapshot) -> Result<(), SimulationError>;
@@ -114,6 +124,10 @@ impl<E: Engine> Running<E> {
 impl<E: Engine + Send> Drive for Running<E> {
     fn frame(&self) -> Frame {
         self.rollout().frame(self.index, &self.state, self.last.as_ref())
+    }
+
+    fn deformation(&self) -> Deformation {
+        deformation(&self.prepared, &self.state)
     }
 
     fn advance_frame(&mut self) -> Result<Frame, SimulationError> {

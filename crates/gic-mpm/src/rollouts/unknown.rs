@@ -5,7 +5,7 @@ use crate::error::SimulationError;
 
 /// One number of a world that may be sought.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Unknown {
+pub enum Unknown {
     /// A material parameter.
     Material {
         /// Number of the body.
@@ -39,7 +39,7 @@ impl Unknown {
     ///
     /// # Errors
     /// [`SimulationError::Invalid`] when the world has no such number.
-    pub(super) fn get(&self, world: &World) -> Result<f64, SimulationError> {
+    pub fn get(&self, world: &World) -> Result<f64, SimulationError> {
         let mut world = world.clone();
         self.with_number(&mut world, |number| *number)
     }
@@ -49,13 +49,21 @@ impl Unknown {
     /// # Errors
     /// [`SimulationError::Invalid`] when the world has no such number, [`SimulationError::Material`] when the value is
     /// out of range.
-    pub(super) fn set(&self, world: &World, value: f64) -> Result<World, SimulationError> {
+    pub fn set(&self, world: &World, value: f64) -> Result<World, SimulationError> {
         let mut world = world.clone();
         self.with_number(&mut world, |number| *number = value)?;
         for (body, b) in world.bodies.iter().enumerate() {
             b.material.validate().map_err(|source| SimulationError::Material { body, source })?;
         }
         Ok(world)
+    }
+
+    /// The size of a considerable change at a value: the value's own, or 1 for velocities, which may be zero.
+    pub(super) fn scale(&self, value: f64) -> f64 {
+        match self {
+            Self::Material { .. } | Self::Density { .. } if value != 0.0 => value.abs(),
+            _ => 1.0,
+        }
     }
 
     fn with_number<T>(&self, world: &mut World, f: impl FnOnce(&mut f64) -> T) -> Result<T, SimulationError> {

@@ -46,6 +46,22 @@ impl core::ops::AddAssign for BodyBars {
     }
 }
 
+/// Derivatives of the loss with respect to what does not change from substep to substep.
+#[derive(Clone, Debug)]
+pub(crate) struct Bars {
+    /// One per body.
+    pub(crate) bodies: Vec<BodyBars>,
+    /// With respect to each particle's factor on mass and volume, shape [n].
+    pub(crate) factors: Vec<f64>,
+}
+
+impl Bars {
+    /// All zeros.
+    pub(crate) fn zeros(world: &PreparedWorld) -> Self {
+        Self { bodies: vec![BodyBars::default(); world.bodies.len()], factors: vec![0.0; world.particles()] }
+    }
+}
+
 /// Something that computes substeps and their adjoint.
 pub(crate) trait Engine: Sync {
     /// The number that states are kept in.
@@ -70,14 +86,8 @@ pub(crate) trait Engine: Sync {
         segment: Segment,
     ) -> Result<Self::Tape, Violation>;
 
-    /// Turns the adjoint of a segment's end into that of its start, and adds to `bars`, one per body.
-    fn reverse(
-        &self,
-        world: &PreparedWorld,
-        tape: Self::Tape,
-        adjoint: &mut State<Self::Number>,
-        bars: &mut [BodyBars],
-    );
+    /// Turns the adjoint of a segment's end into that of its start, and adds to `bars`.
+    fn reverse(&self, world: &PreparedWorld, tape: Self::Tape, adjoint: &mut State<Self::Number>, bars: &mut Bars);
 
     /// Whether it may use several threads.
     fn is_parallel(&self) -> bool;

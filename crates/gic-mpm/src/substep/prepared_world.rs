@@ -46,6 +46,8 @@ pub(crate) struct PreparedBody {
     pub(crate) positions: Vec<DVec3>,
     pub(crate) velocity: DVec3,
     pub(crate) angular_velocity: DVec3,
+    /// Each particle's own part of its velocity [m/s]; empty where that is nothing.
+    pub(crate) own_velocities: Vec<DVec3>,
     /// Centre of mass at the start [m].
     pub(crate) centre: DVec3,
 }
@@ -93,13 +95,14 @@ impl PreparedWorld {
         self.bodies.last().map_or(0, |body| body.range.end)
     }
 
-    /// The start of a rollout: undeformed, each body moving rigidly.
+    /// The start of a rollout: undeformed, each body moving rigidly but for its particles' own velocities.
     pub(crate) fn initial_state<R: Scalar>(&self) -> State<R> {
         let mut state = State::zeros(self.particles());
         for body in &self.bodies {
             for (p, &x) in body.range.clone().zip(&body.positions) {
                 state.position[p] = vector(x);
-                state.velocity[p] = vector(body.velocity + body.angular_velocity.cross(x - body.centre));
+                let own = body.own_velocities.get(p - body.range.start).copied().unwrap_or_default();
+                state.velocity[p] = vector(body.velocity + body.angular_velocity.cross(x - body.centre) + own);
                 state.affine[p] = Mat3(skew(body.angular_velocity).map(R::splat));
                 state.deformation[p] = Mat3::identity();
             }
@@ -177,6 +180,7 @@ impl PreparedBody {
             positions: body.positions.clone(),
             velocity: body.velocity_m_s,
             angular_velocity: body.angular_velocity_rad_s,
+            own_velocities: body.own_velocities_m_s.clone(),
             centre: moment / factors.iter().sum::<f64>(),
             factors,
         }

@@ -25,7 +25,7 @@
 
 use gic_simd::{Real, Scalar};
 
-use super::engine::{BodyBars, Engine, Segment};
+use super::engine::{Bars, Engine, Segment};
 use super::grid::{GridBox, Node};
 use super::grid_update::Impulse;
 use super::prepared_world::{PreparedBody, PreparedWorld};
@@ -75,13 +75,7 @@ impl<R: Scalar> Engine for ScalarEngine<R> {
         Ok((states, segment))
     }
 
-    fn reverse(
-        &self,
-        world: &PreparedWorld,
-        (states, segment): Self::Tape,
-        adjoint: &mut State<R>,
-        bars: &mut [BodyBars],
-    ) {
+    fn reverse(&self, world: &PreparedWorld, (states, segment): Self::Tape, adjoint: &mut State<R>, bars: &mut Bars) {
         for (i, pair) in states.windows(2).enumerate().rev() {
             // The forward pass already went through this state, so its extent is known to be fine.
             if let Ok(substep) = Substep::new(world, segment, i, &pair[0]) {
@@ -248,7 +242,7 @@ impl<'a, R: Scalar> Substep<'a, R> {
 
     /// The reverse of [`Self::forward`] from `before` to `after`: `adjoint` goes from that of `after` to that of
     /// `before`.
-    fn backward(&self, before: &State<R>, after: &State<R>, adjoint: &mut State<R>, bars: &mut [BodyBars]) {
+    fn backward(&self, before: &State<R>, after: &State<R>, adjoint: &mut State<R>, bars: &mut Bars) {
         let mut momenta = vec![[R::zero(); 4]; self.extent.nodes()];
         let mut recomputed = before.clone();
         for body in &self.world.bodies {
@@ -265,8 +259,9 @@ impl<'a, R: Scalar> Substep<'a, R> {
         for (x, (plane, plane_bar)) in planes.enumerate() {
             update.adjoint_plane(x, plane, plane_bar);
         }
-        for (body, bars) in self.world.bodies.iter().zip(bars) {
-            with_law!(body.material, L => self.p2g_adjoint::<L<R>>(body, before, &grid_bar, adjoint, bars));
+        for index in 0..self.world.bodies.len() {
+            let material = self.world.bodies[index].material;
+            with_law!(material, L => self.p2g_adjoint::<L<R>>(index, before, &grid_bar, adjoint, bars));
         }
     }
 
@@ -306,12 +301,13 @@ impl<'a, R: Scalar> Substep<'a, R> {
     /// Reads the adjoints of the grid's momenta and masses and of F'; completes that of x and leaves those of v, C, F.
     fn p2g_adjoint<L: Law<R>>(
         &self,
-        body: &PreparedBody,
+        index: usize,
         before: &State<R>,
         grid_bar: &[Node<R>],
         adjoint: &mut State<R>,
-        bars: &mut BodyBars,
+        bars: &mut Bars,
     ) {
+        let (body, body_bars) = (&self.world.bodies[index], &mut bars.bodies[index]);
         let law = L::new(&body.coefficients, self.world.rules);
         let dt = R::splat(self.dt);
         for (p, &factor) in body.range.clone().zip(&body.factors) {
@@ -346,12 +342,15 @@ impl<'a, R: Scalar> Substep<'a, R> {
             adjoint.affine[p] = law_bar.c.add_scaled(inertia, &affine_bar);
             adjoint.deformation[p] = law_bar.f;
 
-            for (sum, bar) in bars.coefficients.iter_mut().zip(law_bar.coefficients) {
+            for (sum, bar) in body_bars.coefficients.iter_mut().zip(law_bar.coefficients) {
                 *sum += bar.lane(0);
             }
             let through_inertia = R::splat(self.world.spacing) * affine_bar.double_dot(c);
-            bars.mass += (factor * (mass_bar + dot(momentum_bar, velocity) + through_inertia)).lane(0);
-            bars.volume += (stress * affine_bar.double_dot(&tau)).lane(0) / body.volume;
+            let by_mass = mass_bar + dot(momentum_bar, velocity) + through_inertia;
+            let through_stress = stress * affine_bar.double_dot(&tau);
+            body_bars.mass += (factor * by_mass).lane(0);
+            body_bars.volume += through_stress.lane(0) / body.volume;
+            bars.factors[p] += (R::splat(body.mass) * by_mass + through_stress / factor).lane(0);
         }
     }
 }

@@ -6,7 +6,7 @@
 
 use crate::laws::law::Coefficients;
 use crate::rollouts::gradcheck::{gradcheck_materials, gradcheck_world};
-use crate::substep::engine::{BodyBars, Engine, Segment};
+use crate::substep::engine::{Bars, Engine, Segment};
 use crate::substep::fast::FastEngine;
 use crate::substep::grid_update::Impulse;
 use crate::substep::prepared_world::PreparedWorld;
@@ -118,13 +118,13 @@ impl Case {
     }
 
     /// The adjoint of the start and the body's derivatives.
-    fn adjoint(&self, engine: &impl Engine<Number = f64>) -> (State<f64>, BodyBars) {
+    fn adjoint(&self, engine: &impl Engine<Number = f64>) -> (State<f64>, Bars) {
         let prepared = prepared(&self.world);
         let mut adjoint = changed(&State::zeros(self.start.len()), weight);
-        let mut bars = [BodyBars::default()];
+        let mut bars = Bars::zeros(&prepared);
         let Ok(tape) = engine.record(&prepared, &self.start, SUBSTEP) else { panic!("the state is stable") };
         engine.reverse(&prepared, tape, &mut adjoint, &mut bars);
-        (adjoint, bars[0])
+        (adjoint, bars)
     }
 
     /// Particles whose deformation the law did not leave as the trial put it.
@@ -151,7 +151,8 @@ fn assert_close(what: &str, adjoint: f64, difference: f64) {
 fn assert_adjoint(engine: &impl Engine<Number = f64>) {
     for material in gradcheck_materials() {
         let case = Case::new(material);
-        let (adjoint, bars) = case.adjoint(engine);
+        let (adjoint, Bars { bodies, factors }) = case.adjoint(engine);
+        let bars = bodies[0];
         let model = material.model();
 
         let values = material.parameters();
@@ -177,6 +178,12 @@ fn assert_adjoint(engine: &impl Engine<Number = f64>) {
         assert_close(&format!("{model} particle volume"), bars.volume / unit, by_volume);
 
         let middle = case.start.len() / 2;
+        for particle in [3, middle, case.start.len() - 1] {
+            let by_factor = case.difference_by_world(case.world.bodies[0].volume_factors[particle], |world, value| {
+                world.bodies[0].volume_factors[particle] = value;
+            });
+            assert_close(&format!("{model} volume factor of particle {particle}"), factors[particle], by_factor);
+        }
         for (field, (name, numbers, step)) in FIELDS.into_iter().enumerate() {
             // All particles at once, then single ones: at the ground, inside, at the far end.
             for (kind, only) in [None, Some(3), Some(middle), Some(case.start.len() - 1)].into_iter().enumerate() {

@@ -35,6 +35,7 @@ pub(crate) fn body(material: Material, positions: Vec<DVec3>, grid_spacing_m: f6
         positions,
         velocity_m_s: DVec3::ZERO,
         angular_velocity_rad_s: DVec3::ZERO,
+        own_velocities_m_s: Vec::new(),
     }
 }
 

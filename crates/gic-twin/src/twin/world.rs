@@ -36,6 +36,7 @@ impl Twin {
                 positions,
                 velocity_m_s: self.initial_velocity_m_s.into(),
                 angular_velocity_rad_s: self.initial_angular_velocity_rad_s.into(),
+                own_velocities_m_s: Vec::new(),
             }],
             colliders: self.colliders.iter().map(|o| o.to_collider()).collect(),
             gravity_m_s2: self.gravity_m_s2.into(),

@@ -109,6 +109,7 @@ impl GripperFrame {
             volume_factors: body.volume_factors.iter().flat_map(|f| std::iter::repeat_n(*f, parts.len())).collect(),
             velocity_m_s: DVec3::ZERO,
             angular_velocity_rad_s: DVec3::ZERO,
+            own_velocities_m_s: Vec::new(),
             ..body.clone()
         }
     }

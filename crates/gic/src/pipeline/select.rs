@@ -268,6 +268,7 @@ fn simulate(
             positions: found.positions.clone(),
             velocity_m_s: found.velocity_m_s,
             angular_velocity_rad_s: found.angular_velocity_rad_s,
+            own_velocities_m_s: Vec::new(),
         }],
         colliders: input.colliders.clone(),
         gravity_m_s2: input.gravity_m_s2,

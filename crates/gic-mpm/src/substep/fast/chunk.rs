@@ -25,6 +25,8 @@ pub(super) struct Chunk<T> {
     pub(super) tape: Option<Vec<Block<T>>>,
     /// What the reverse pass has summed so far.
     pub(super) bars: BodyBars,
+    /// The same for each particle's factor; room is made by the reverse pass.
+    pub(super) factor_bars: Vec<T>,
 }
 
 /// What went wrong in a chunk.

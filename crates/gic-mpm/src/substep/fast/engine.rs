@@ -12,7 +12,7 @@ use super::g2p::G2pAdjoint;
 use super::layout::Layout;
 use super::p2g::P2gAdjoint;
 use super::step::Step;
-use crate::substep::engine::{BodyBars, Engine, Segment};
+use crate::substep::engine::{Bars, Engine, Segment};
 use crate::substep::grid::{GridBox, Node};
 use crate::substep::grid_update::{GridUpdate, Impulse};
 use crate::substep::prepared_world::PreparedWorld;
@@ -240,11 +240,14 @@ impl<T: Machine> Engine for FastEngine<T> {
         Ok(self.run(world, state, segment, true)?.0)
     }
 
-    fn reverse(&self, world: &PreparedWorld, mut tape: Tape<T>, adjoint: &mut State<T>, bars: &mut [BodyBars]) {
+    fn reverse(&self, world: &PreparedWorld, mut tape: Tape<T>, adjoint: &mut State<T>, bars: &mut Bars) {
         let Segment { dt, substeps, .. } = tape.segment;
         let states: Vec<Vec<Block<T>>> =
             tape.chunks.iter_mut().map(|chunk| chunk.tape.take().unwrap_or_default()).collect();
-        self.for_chunks(&mut tape.chunks, |_, chunk| chunk.blocks = Block::gather(adjoint, &chunk.order));
+        self.for_chunks(&mut tape.chunks, |_, chunk| {
+            chunk.blocks = Block::gather(adjoint, &chunk.order);
+            chunk.factor_bars = vec![T::zero(); chunk.factors.len()];
+        });
         let nodes = tape.extent.nodes();
         let mut grid_bar = vec![[T::zero(); 4]; nodes];
         let mut velocities = grid_bar.clone();
@@ -277,7 +280,10 @@ impl<T: Machine> Engine for FastEngine<T> {
         }
         self.write_back(&mut tape.chunks, adjoint);
         for chunk in &tape.chunks {
-            bars[chunk.body] += chunk.bars;
+            bars.bodies[chunk.body] += chunk.bars;
+            for (p, bar) in chunk.order.iter().zip(&chunk.factor_bars) {
+                bars.factors[*p as usize] += bar.to_f64();
+            }
         }
         if let Ok(mut spare) = self.spare.lock() {
             spare.push(Buffers { states, momenta: tape.momenta });

@@ -65,6 +65,7 @@ impl<T: Scalar> Layout<T> {
                 flags: Flags::default(),
                 tape: None,
                 bars: BodyBars::default(),
+                factor_bars: Vec::new(),
             }
         };
         let chunks = if parallel {

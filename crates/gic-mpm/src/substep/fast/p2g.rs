@@ -60,7 +60,7 @@ impl<T: Scalar> Kernel<T> for P2gAdjoint<'_, T> {
         let mut scratch = Scratch::new();
         let mut bars = BodyBars::default();
         let mut lane_bars = LaneBars::<L>::zero();
-        let Chunk { blocks, factors, window, first_node, order, .. } = self.chunk;
+        let Chunk { blocks, factors, factor_bars, window, first_node, order, .. } = self.chunk;
         let grid_bar = self.grid_bar[*first_node..*first_node + window.nodes()].as_flattened();
         for b in 0..blocks.len() {
             prefetch_next(blocks, b);
@@ -69,7 +69,10 @@ impl<T: Scalar> Kernel<T> for P2gAdjoint<'_, T> {
                 let factor = L::load(&factors[b * BLOCK + at..]);
                 let pack = Pack { step: self.step, before: &self.before[b], factor, at, count };
                 // SAFETY: the slice holds the window's nodes.
-                unsafe { pack.adjoint(&mut blocks[b], grid_bar.as_ptr(), window, &mut scratch, &mut lane_bars) };
+                let factor_bar =
+                    unsafe { pack.adjoint(&mut blocks[b], grid_bar.as_ptr(), window, &mut scratch, &mut lane_bars) };
+                let sums = &mut factor_bars[b * BLOCK + at..];
+                (L::load(sums) + factor_bar).store(sums);
             }
             if b % BLOCKS_PER_LANE_SUM == BLOCKS_PER_LANE_SUM - 1 {
                 lane_bars.flush(self.step.body.volume, &mut bars);
@@ -90,6 +93,8 @@ struct Pack<'a, L: Lanes> {
 }
 
 impl<L: Lanes> Pack<'_, L> {
+    /// Returns the derivative of the loss with respect to the factors.
+    ///
     /// # Safety
     /// `grid_bar` must hold the window's nodes, four numbers each.
     #[inline(always)]
@@ -100,7 +105,7 @@ impl<L: Lanes> Pack<'_, L> {
         window: &Window,
         scratch: &mut Scratch<L::Scalar>,
         bars: &mut LaneBars<L>,
-    ) {
+    ) -> L {
         let Scratch { stencils, row, sums, slope_sums } = scratch;
         let at = self.at;
         let inverse_dx = L::splat(1.0 / self.step.spacing);
@@ -137,11 +142,14 @@ impl<L: Lanes> Pack<'_, L> {
         let by_velocity = px * velocity[0] + py * velocity[1] + pz * velocity[2];
         // Lanes beyond the count repeat a particle that has already been counted.
         let real = L::lane_index().lt(L::splat(self.count as f64));
-        bars.mass += L::select(real, self.factor * (mass_bar + by_velocity + through_inertia), L::zero());
-        bars.volume_term += L::select(real, stress * affine_bar.double_dot(&law_bar.tau), L::zero());
+        let by_mass = mass_bar + by_velocity + through_inertia;
+        let through_stress = stress * affine_bar.double_dot(&law_bar.tau);
+        bars.mass += L::select(real, self.factor * by_mass, L::zero());
+        bars.volume_term += L::select(real, through_stress, L::zero());
         for i in 0..MAX_COEFFICIENTS {
             bars.coefficients[i] += L::select(real, law_bar.coefficients[i], L::zero());
         }
+        L::splat(self.step.body.mass) * by_mass + through_stress / self.factor
     }
 }
 
