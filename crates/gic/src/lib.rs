@@ -7,6 +7,7 @@ pub mod config;
 pub mod demo;
 mod error;
 pub mod eval;
+mod explanation;
 pub mod grasp;
 pub mod outputs;
 pub mod pipeline;
@@ -15,3 +16,4 @@ pub mod report;
 mod statistics;
 
 pub use error::{Error, Result};
+pub use explanation::Explanation;

@@ -17,10 +17,9 @@ use crate::events::{Event, Events};
 use crate::interrupt::Interrupt;
 use crate::matter::write_particles;
 use crate::resource_usage::ResourceMeter;
-use crate::twin::{Setting, Twin};
+use crate::twin::Twin;
 pub use budget::{forecast_in_words, over_budget_hint, usual_budget};
-use shared_world::SharedWorld;
-pub use shared_world::{Companion, CompanionError};
+pub use shared_world::{Companion, CompanionError, Scenario, SharedWorld};
 pub use trajectory::{FrameSummary, Trajectory};
 
 const STAGE: &str = "simulate";
@@ -28,14 +27,8 @@ const STAGE: &str = "simulate";
 /// What to simulate, and where to.
 #[derive(Clone, Debug)]
 pub struct SimulationRequest {
-    /// The twin's file.
-    pub twin: PathBuf,
-    /// Changes to the twin.
-    pub settings: Vec<Setting>,
-    /// A file with further obstacles.
-    pub colliders: Option<PathBuf>,
-    /// Further twins in the same world.
-    pub companions: Vec<Companion>,
+    /// The twin and what is changed about it.
+    pub scenario: Scenario,
     /// Folder for the frames.
     pub out: PathBuf,
     /// Frames in all, the initial state included; `None` takes the twin's.
@@ -63,7 +56,7 @@ pub struct SimulationOutcome {
 /// Bad input, an unstable simulation, an unwritable folder or one that another process writes into;
 /// [`TwinError::Interrupted`] after the frame during which the interrupt came.
 pub fn simulate(request: &SimulationRequest, events: &Events, interrupt: &Interrupt) -> Result<SimulationOutcome> {
-    let shared = SharedWorld::read(request)?;
+    let shared = SharedWorld::read(&request.scenario)?;
     let frames = request.frames.unwrap_or(shared.twin.frames);
     let forecast = Forecast::of(&shared.world, frames);
     let forecast = forecast.and_then(|forecast| forecast.check(&request.budget).map(|()| forecast));

@@ -6,9 +6,8 @@ use std::str::FromStr;
 use gic_mpm::{Stepping, World};
 use glam::DVec3;
 
-use super::SimulationRequest;
 use crate::error::Result;
-use crate::twin::Twin;
+use crate::twin::{Obstacle, Setting, Twin};
 
 /// Another twin, or another copy of the same, in the world of the first: its own matter and material, the first one's
 /// gravity, obstacles, grid and frame rate.
@@ -38,24 +37,40 @@ impl FromStr for Companion {
     }
 }
 
+/// A twin, what is changed about it, and what comes into its world.
+#[derive(Clone, Debug, Default)]
+pub struct Scenario {
+    /// The twin's file.
+    pub twin: PathBuf,
+    /// Changes to the twin.
+    pub settings: Vec<Setting>,
+    /// Further obstacles.
+    pub obstacles: Vec<Obstacle>,
+    /// Further twins in the same world.
+    pub companions: Vec<Companion>,
+}
+
 /// The twin and its companions in one world.
-pub(super) struct SharedWorld {
+pub struct SharedWorld {
     /// The twin whose world it is, with spacings resolved.
-    pub(super) twin: Twin,
+    pub twin: Twin,
     /// The others, with what they are moved by [m].
     pub(super) companions: Vec<(Twin, [f64; 3])>,
-    pub(super) world: World,
+    /// What is simulated: one body for each twin.
+    pub world: World,
 }
 
 impl SharedWorld {
-    pub(super) fn read(request: &SimulationRequest) -> Result<Self> {
-        let mut first = Twin::read(&request.twin, &request.settings)?;
-        if let Some(file) = &request.colliders {
-            first.colliders.extend(Twin::read_obstacles(file)?);
-        }
+    /// Reads the twins of a scenario.
+    ///
+    /// # Errors
+    /// Twins that cannot be read, and settings that do not fit them.
+    pub fn read(scenario: &Scenario) -> Result<Self> {
+        let mut first = Twin::read(&scenario.twin, &scenario.settings)?;
+        first.colliders.extend(scenario.obstacles.iter().cloned());
         let (twin, mut world) = first.to_world()?;
         let mut companions = Vec::new();
-        for companion in &request.companions {
+        for companion in &scenario.companions {
             let (other, theirs) = Twin::read(&companion.twin, &[])?.to_world()?;
             for mut body in theirs.bodies {
                 body.positions.iter_mut().for_each(|p| *p += DVec3::from(companion.shift_m));

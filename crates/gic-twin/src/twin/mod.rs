@@ -215,6 +215,22 @@ impl Twin {
         read::obstacle_list(path)
     }
 
+    /// Obstacles from a JSON list in the form of a twin's `colliders`; `origin` is what messages call its place.
+    ///
+    /// # Errors
+    /// What is wrong with the list.
+    pub fn obstacles_of(origin: &Path, list: &serde_json::Value) -> Result<Vec<Obstacle>> {
+        read::obstacles_of(origin, list)
+    }
+
+    /// A material from JSON in the form of a twin's `material`; `origin` is what messages call its place.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn material_of(origin: &Path, material: &serde_json::Value) -> Result<Material> {
+        read::material_of(origin, material)
+    }
+
     /// Writes the twin, atomically.
     pub fn write(&self, path: &Path) -> Result<()> {
         crate::atomic::write_json(path, self)

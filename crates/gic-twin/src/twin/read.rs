@@ -189,10 +189,20 @@ fn shape(s: &JsonObject) -> Result<Solid> {
 /// The obstacles of a file: a JSON list, or JSON or TOML with a list `colliders`.
 pub(super) fn obstacle_list(path: &Path) -> Result<Vec<Obstacle>> {
     let content = if path.extension().is_some_and(|ending| ending == "toml") { toml(path)? } else { json(path)? };
-    let whole = if content.is_array() { serde_json::json!({ "colliders": content }) } else { content };
-    let top = JsonObject::new(path, "", &whole)?;
+    obstacles_of(path, &content)
+}
+
+/// Obstacles of a list, or of an object with a list `colliders`.
+pub(super) fn obstacles_of(origin: &Path, content: &Value) -> Result<Vec<Obstacle>> {
+    let whole = if content.is_array() { serde_json::json!({ "colliders": content }) } else { content.clone() };
+    let top = JsonObject::new(origin, "", &whole)?;
     top.allow_only(&["colliders"])?;
-    obstacles(path, &top)
+    obstacles(origin, &top)
+}
+
+/// The material in an object of its own.
+pub(super) fn material_of(origin: &Path, content: &Value) -> Result<Material> {
+    material(&JsonObject::new(origin, "material", content)?)
 }
 
 fn obstacles(file: &Path, top: &JsonObject) -> Result<Vec<Obstacle>> {

@@ -4,8 +4,9 @@ use std::path::Path;
 
 use super::Context;
 use super::args::GraspArgs;
-use super::simulate::{budget, inputs_of, twin_file};
+use super::simulate::{budget, inputs_of};
 use crate::grasp::{GraspRequest, Gripper, grasp};
+use crate::pipeline::twin_file;
 
 pub(crate) fn run(args: &GraspArgs, context: &Context) -> anyhow::Result<()> {
     let twin = twin_file(&args.twin)?;

@@ -17,13 +17,13 @@ mod view;
 use std::ffi::OsString;
 use std::io::{ErrorKind, Write};
 use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
 
 use clap::{CommandFactory, FromArgMatches};
+use gic_twin::Interrupt;
 use gic_twin::events::{Event, Events};
-use gic_twin::{Interrupt, TwinError};
-use gic_view::ViewError;
 
-use crate::Error;
+use crate::{Error, Explanation};
 use args::{Cli, Command};
 use flags::Given;
 
@@ -35,18 +35,51 @@ pub(crate) struct Context {
     pub(crate) given: Given,
     /// The file to call for gic itself.
     pub(crate) program: PathBuf,
+    /// Where results go.
+    output: Output,
 }
 
 impl Context {
-    /// Prints a result on stdout; `-q` does not silence results, only the way there.
+    /// Prints a result; `-q` does not silence results, only the way there.
     ///
     /// # Errors
     /// What the system says, such as that the disk is full; a closed pipe (`gic ... | head`) is no failure.
     pub(crate) fn print(&self, text: impl std::fmt::Display) -> crate::Result<()> {
-        let mut out = std::io::stdout();
-        match writeln!(out, "{text}").and_then(|()| out.flush()) {
-            Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Error::Print { source: error }),
-            _ => Ok(()),
+        self.output.line(&text.to_string())
+    }
+}
+
+/// Where results go.
+enum Output {
+    Stdout,
+    /// Into a text, for a caller inside the process.
+    Text(Mutex<String>),
+}
+
+impl Output {
+    fn line(&self, line: &str) -> crate::Result<()> {
+        match self {
+            Self::Stdout => {
+                let mut out = std::io::stdout();
+                match writeln!(out, "{line}").and_then(|()| out.flush()) {
+                    Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Error::Print { source: error }),
+                    _ => Ok(()),
+                }
+            }
+            Self::Text(text) => {
+                let mut text = text.lock().unwrap_or_else(PoisonError::into_inner);
+                text.push_str(line);
+                text.push('\n');
+                Ok(())
+            }
+        }
+    }
+
+    /// The text; empty where results went to stdout.
+    fn into_text(self) -> String {
+        match self {
+            Self::Stdout => String::new(),
+            Self::Text(text) => text.into_inner().unwrap_or_else(PoisonError::into_inner),
         }
     }
 }
@@ -67,10 +100,31 @@ pub fn main(words: impl IntoIterator<Item = OsString>, program: PathBuf) -> u8 {
     match execute(cli, given, program) {
         Ok(()) => 0,
         Err(error) => {
-            report(&error);
-            if error.chain().any(is_interrupt) { 130 } else { 1 }
+            let explanation = Explanation::of(&error);
+            report(&explanation);
+            if explanation.is_interrupt { 130 } else { 1 }
         }
     }
+}
+
+/// Runs a command line, whose first word is the program's name, inside another program: returns what the terminal would
+/// show on stdout; events and interrupts are the caller's, `--threads` holds for this call, and `gic bench` finds the
+/// program in the path.
+///
+/// # Errors
+/// [`clap::Error`] for bad usage, else that of the command.
+pub fn call(words: impl IntoIterator<Item = OsString>, events: Events, interrupt: Interrupt) -> anyhow::Result<String> {
+    let (cli, given) = parse(words)?;
+    let output = Output::Text(Mutex::new(String::new()));
+    let context = Context { events, interrupt, given, program: "gic".into(), output };
+    match cli.global.threads {
+        Some(threads) => {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
+            pool.install(|| dispatch(cli.command, &context))?;
+        }
+        None => dispatch(cli.command, &context)?,
+    }
+    Ok(context.output.into_text())
 }
 
 fn parse(words: impl IntoIterator<Item = OsString>) -> Result<(Cli, Given), clap::Error> {
@@ -88,15 +142,18 @@ fn execute(cli: Cli, given: Given, program: PathBuf) -> anyhow::Result<()> {
     on_ctrl_c(&interrupt)?;
     let events = Events::default();
     events.add(progress::Progress::new(cli.global.quiet, cli.global.verbose));
-    let context = Context { events, interrupt, given, program };
-    let done = dispatch(cli.command, &context);
+    dispatch(cli.command, &Context { events, interrupt, given, program, output: Output::Stdout })
+}
+
+fn dispatch(command: Command, context: &Context) -> anyhow::Result<()> {
+    let done = run_command(command, context);
     if let Err(error) = &done {
         context.events.send(&Event::Failed { causes: error.chain().map(ToString::to_string).collect() });
     }
     done
 }
 
-fn dispatch(command: Command, context: &Context) -> anyhow::Result<()> {
+fn run_command(command: Command, context: &Context) -> anyhow::Result<()> {
     match command {
         Command::Demo(args) => results::demo(&args, context),
         Command::Inspect(args) => results::inspect(&args, context),
@@ -135,33 +192,13 @@ fn on_ctrl_c(interrupt: &Interrupt) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Whether the user interrupted.
-fn is_interrupt(error: &(dyn std::error::Error + 'static)) -> bool {
-    error.downcast_ref::<Error>().is_some_and(Error::is_interrupt)
-        || error.downcast_ref::<TwinError>().is_some_and(TwinError::is_interrupt)
-        || error.downcast_ref::<ViewError>().is_some_and(ViewError::is_interrupt)
-}
-
-/// The way out of an error, where it knows one.
-fn hint(error: &(dyn std::error::Error + 'static)) -> Option<String> {
-    let pipeline = error.downcast_ref::<Error>().and_then(Error::hint);
-    let twin = || error.downcast_ref::<TwinError>().and_then(TwinError::hint);
-    let view = || error.downcast_ref::<ViewError>().and_then(ViewError::hint);
-    pipeline.or_else(twin).or_else(view)
-}
-
 /// Prints an error, its causes and the way out on stderr.
-fn report(error: &anyhow::Error) {
-    let mut text = format!("error: {error}\n");
-    let mut last = error.to_string();
-    for cause in error.chain().skip(1).map(ToString::to_string) {
-        // Some libraries repeat their cause in their own message.
-        if !last.contains(&cause) {
-            text += &format!("  caused by: {cause}\n");
-        }
-        last = cause;
+fn report(error: &Explanation) {
+    let mut text = format!("error: {}\n", error.message);
+    for cause in &error.causes {
+        text += &format!("  caused by: {cause}\n");
     }
-    if let Some(hint) = error.chain().find_map(hint) {
+    if let Some(hint) = &error.hint {
         text += &format!("  hint: {hint}\n");
     }
     let _ = std::io::stderr().write_all(text.as_bytes());

@@ -1,16 +1,16 @@
 //! `gic simulate`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use gic_mpm::Budget;
-use gic_twin::simulate::{Companion, SimulationRequest, simulate, usual_budget};
+use gic_twin::simulate::{Companion, Scenario, SimulationRequest, simulate, usual_budget};
 use gic_twin::twin::{MatterSource, Setting, Twin};
 use serde_json::json;
 
 use super::Context;
 use super::args::{BudgetArgs, SimulateArgs};
 use crate::outputs::Inputs;
-use crate::pipeline::{Stage, check_results};
+use crate::pipeline::twin_file;
 
 pub(crate) fn run(args: &SimulateArgs, context: &Context) -> anyhow::Result<()> {
     let mut companions = Vec::new();
@@ -21,11 +21,9 @@ pub(crate) fn run(args: &SimulateArgs, context: &Context) -> anyhow::Result<()> 
     let twins = std::iter::once(&twin).chain(companions.iter().map(|companion| &companion.twin));
     let inputs = args.colliders.iter().fold(inputs_of(twins), |inputs, file| inputs.file(file));
     inputs.allow_folder(&args.out, &["particles_", "trajectory.json"])?;
+    let obstacles = args.colliders.as_deref().map(Twin::read_obstacles).transpose()?.unwrap_or_default();
     let request = SimulationRequest {
-        twin,
-        settings: settings(args)?,
-        colliders: args.colliders.clone(),
-        companions,
+        scenario: Scenario { twin, settings: settings(args)?, obstacles, companions },
         out: args.out.clone(),
         frames: args.frames,
         restart: args.restart,
@@ -34,15 +32,6 @@ pub(crate) fn run(args: &SimulateArgs, context: &Context) -> anyhow::Result<()> 
     let outcome = simulate(&request, &context.events, &context.interrupt)?;
     context.print(format!("{} frames of {} particles in {}", outcome.frames, outcome.particles, args.out.display()))?;
     Ok(())
-}
-
-/// A run folder stands for the twin in it, which must be the one that the run wrote.
-pub(super) fn twin_file(path: &Path) -> anyhow::Result<PathBuf> {
-    if !path.is_dir() {
-        return Ok(path.to_owned());
-    }
-    check_results(path, &[Stage::Identify])?;
-    Ok(path.join("twin.json"))
 }
 
 /// The files of some twins and of their matter. What cannot be read is told by who reads it.

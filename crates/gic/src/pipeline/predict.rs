@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use gic_scene::Scene;
-use gic_twin::simulate::{SimulationRequest, simulate, usual_budget};
+use gic_twin::simulate::{Scenario, SimulationRequest, simulate, usual_budget};
 
 use super::Run;
 use crate::error::Result;
@@ -11,10 +11,7 @@ use crate::error::Result;
 impl Run<'_> {
     pub(super) fn predict(&self) -> Result<()> {
         let request = SimulationRequest {
-            twin: self.path("twin.json"),
-            settings: Vec::new(),
-            colliders: None,
-            companions: Vec::new(),
+            scenario: Scenario { twin: self.path("twin.json"), ..Scenario::default() },
             out: self.path("prediction"),
             frames: Some(self.frames_to_simulate()),
             restart: true,

@@ -107,6 +107,18 @@ pub fn check_results(run: &Path, stages: &[Stage]) -> Result<()> {
     Ok(())
 }
 
+/// The file of a twin: a run folder stands for the twin in it, which must be the one that the run wrote.
+///
+/// # Errors
+/// As [`check_results`].
+pub fn twin_file(path: &Path) -> Result<PathBuf> {
+    if !path.is_dir() {
+        return Ok(path.to_owned());
+    }
+    check_results(path, &[Stage::Identify])?;
+    Ok(path.join("twin.json"))
+}
+
 fn check_result(run: &Path, stage: Stage, stamp: &Stamp, now: &Hashes) -> Result<()> {
     let problem = match missing_result(run, stage, stamp)? {
         Some(file) => (run.join(file), "is missing".to_owned()),
