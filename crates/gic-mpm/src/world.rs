@@ -22,7 +22,7 @@ pub struct Body {
     pub velocity_m_s: DVec3,
     /// Initial angular velocity [rad/s] about the centre of mass.
     pub angular_velocity_rad_s: DVec3,
-    /// What each particle's initial velocity has beyond the body's motion [m/s], shape [n]; empty where that is nothing.
+    /// What each particle's initial velocity has beyond the body's motion [m/s], shape [n]; empty for nothing.
     pub own_velocities_m_s: Vec<DVec3>,
 }
 

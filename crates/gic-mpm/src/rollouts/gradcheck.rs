@@ -43,8 +43,8 @@ impl GradcheckRow {
     }
 }
 
-/// Differentiates a fixed smooth loss on all frames' positions and velocities by everything that body 0 starts with, in f64: by the
-/// adjoint and by central differences. `frames` includes frame 0.
+/// Differentiates a fixed smooth loss on all frames' positions and velocities by everything that body 0 starts with, in
+/// f64: by the adjoint and by central differences. `frames` includes frame 0.
 ///
 /// # Errors
 /// As [`crate::gradient`].
