@@ -14,6 +14,6 @@ rm -rf "$folder/wheels"
 # Fails where the wheel needs a library that not every Linux has.
 "$folder/venv/bin/maturin" build --release --locked --auditwheel check --out "$folder/wheels"
 "$folder/venv/bin/pip" install --quiet --no-deps "$folder"/wheels/*.whl
-# From where Python finds the wheel, and not the sources in this folder.
+# From where no module of this folder is found by chance.
 cd tests
 "$folder/venv/bin/pytest" -p no:cacheprovider -q -rs .
