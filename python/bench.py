@@ -17,6 +17,7 @@ os.environ["RAYON_NUM_THREADS"] = "1"
 import json
 import platform
 import statistics
+import subprocess
 import time
 from pathlib import Path
 
@@ -70,6 +71,7 @@ def section(table):
     return {
         "title": "Against Taichi and Warp",
         "command": "python python/bench.py --json docs/results/11-python.json",
+        "commit": commit(),
         "machine": f"one core, {processor()}, Taichi {'.'.join(map(str, taichi.__version__))}, Warp {warp.__version__}",
         "about": [
             "Million particle-substeps per second of one core: a neo-Hookean cube of 59,319 particles falls onto a sticky "
@@ -80,6 +82,11 @@ def section(table):
         "columns": ["what", *NAMES, "gic / Taichi", "gic / Warp"],
         "rows": table,
     }
+
+
+def commit():
+    here = Path(__file__).resolve().parent
+    return subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=here, capture_output=True, text=True).stdout.strip()
 
 
 def processor():
