@@ -2,7 +2,7 @@
 """gic against Taichi and Warp on this CPU: the same scene forward and with gradients, one thread each.
 
     python bench.py                    a table
-    python bench.py --json FILE.json   the figures for scripts/results.py, too
+    python bench.py --json FILE.json   puts the figures into a section of docs/results, too
 
 Needs ``taichi`` and ``warp-lang``. All three simulate in turn, several times; times are those of the processor, and
 ratios are medians over the turns. Results have to agree before anything is measured.
@@ -64,29 +64,22 @@ def rows(scene, all_):
         yield [title, *(f"{statistics.median(speeds[name]):.2f}" for name in NAMES), *(f"**{r:.1f}**" for r in ratios)]
 
 
-def section(table):
+def update(file, table):
+    """Puts the figures into the section that the file holds; its text stays."""
     import taichi
     import warp
 
-    return {
-        "title": "Against Taichi and Warp",
-        "command": "python python/bench.py --json docs/results/11-python.json",
-        "commit": commit(),
-        "machine": f"one core, {processor()}, Taichi {'.'.join(map(str, taichi.__version__))}, Warp {warp.__version__}",
-        "about": [
-            "Million particle-substeps per second of one core: a neo-Hookean cube of 59,319 particles falls onto a sticky "
-            "floor, 32 substeps, MLS-MPM with quadratic B-splines in f32. The kernels of Taichi and Warp are written from "
-            "the same equations (`python/comparison`), with their own automatic differentiation; all three give the same "
-            "heights and derivatives. Warp's CPU kernels use one thread only."
-        ],
-        "columns": ["what", *NAMES, "gic / Taichi", "gic / Warp"],
-        "rows": table,
-    }
+    section = json.loads(file.read_text(encoding="utf-8"))
+    versions = f"Taichi {'.'.join(map(str, taichi.__version__))}, Warp {warp.__version__}"
+    section.update(commit=commit(), machine=f"one core, {processor()}, {versions}",
+                   columns=["what", *NAMES, "gic / Taichi", "gic / Warp"], rows=table)
+    file.write_text(json.dumps(section, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
 
 
 def commit():
     here = Path(__file__).resolve().parent
-    return subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=here, capture_output=True, text=True).stdout.strip()
+    command = ["git", "rev-parse", "--short", "HEAD"]
+    return subprocess.run(command, cwd=here, capture_output=True, text=True).stdout.strip()
 
 
 def processor():
@@ -109,7 +102,7 @@ def main(arguments):
     for title, *cells in table:
         print(f"{title:<16}" + "".join(f"{cell:>14}" for cell in cells))
     if arguments[:1] == ["--json"]:
-        Path(arguments[1]).write_text(json.dumps(section(table), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        update(Path(arguments[1]), table)
 
 
 if __name__ == "__main__":

@@ -46,7 +46,8 @@ class Scene:
 
     def simulator(self) -> gic.Simulator:
         """The scene in gic: one frame."""
-        material = {"model": "elastic", "youngs_modulus_pa": self.youngs_modulus_pa, "poisson_ratio": self.poisson_ratio}
+        material = {"model": "elastic", "youngs_modulus_pa": self.youngs_modulus_pa,
+                    "poisson_ratio": self.poisson_ratio}
         body = gic.Body(material, self.positions, self.volume, self.density, velocity_m_s=(0.0, self.speed, 0.0))
         floor = {"shape": "half_space", "point_m": [0, self.floor * self.spacing, 0], "normal": [0, 1, 0],
                  "contact": "sticky"}

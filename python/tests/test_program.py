@@ -49,8 +49,9 @@ def test_other_laws_obstacles_and_company_are_the_programs_own(tmp_path):
     colliders = tmp_path / "wall.json"
     colliders.write_text(json.dumps([WALL]))
     out = tmp_path / "out"
-    done = program("simulate", BOX, "-o", out, "--frames", 4, "--material", "plasticine", "--set", "yield_stress_pa=2e3",
-                   "--set", "gravity_m_s2=0,-3,1", "--colliders", colliders, "--with", f"{SAND}@0,0.6,0")
+    done = program("simulate", BOX, "-o", out, "--frames", 4, "--material", "plasticine",
+                   "--set", "yield_stress_pa=2e3", "--set", "gravity_m_s2=0,-3,1", "--colliders", colliders,
+                   "--with", f"{SAND}@0,0.6,0")
     assert done.returncode == 0, done.stderr
     changed = {"yield_stress_pa": 2e3, "gravity_m_s2": [0, -3, 1]}
     arguments = {"set": changed, "material": "plasticine", "colliders": [WALL], "with_": [(SAND, (0.0, 0.6, 0.0))]}
@@ -74,7 +75,8 @@ def test_importing_takes_less_than_a_fifth_of_a_second():
 
 
 def test_large_packages_are_imported_when_they_are_used():
-    code = "import sys, gic; print([name for name in ('numpy', 'torch', 'jax', 'pandas', 'tqdm') if name in sys.modules])"
+    large = ["numpy", "torch", "jax", "pandas", "tqdm"]
+    code = f"import sys, gic; print([name for name in {large} if name in sys.modules])"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "[]"
 
 

@@ -41,14 +41,13 @@ def rollout_gradients(
     return [bodies[body].of(name).reshape(np.shape(array)) for (body, name), array in zip(keys, arrays)]
 
 
-def picture(camera: splat.Camera, attributes: Sequence[Optional[np.ndarray]], settings: Mapping[str, Any]
-            ) -> splat.Picture:
+def picture(camera: splat.Camera, attributes: Sequence[Any], settings: Mapping[str, Any]) -> splat.Picture:
     """The picture of Gaussians with these attributes, with colour, alpha and depth."""
     gaussians = splat.Gaussians(**dict(zip(ATTRIBUTES, attributes)))
     return splat.render(gaussians, camera, **settings)
 
 
-def pictures_of(picture: splat.Picture) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
+def pictures_of(picture: splat.Picture) -> Tuple[Any, Any, Any]:
     """Colour, alpha and depth; zeros of colour where there is none."""
     color = picture.color if picture.color is not None else np.zeros((*picture.alpha.shape, 3), np.float32)
     return color, picture.alpha, picture.depth_m

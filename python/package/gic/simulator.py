@@ -62,7 +62,7 @@ class Body:
         entries = self.material.items()
         material = {key: value if isinstance(value, str) else number(key, value) for key, value in entries}
         positions = checked("positions_m", self.positions_m, ("n", 3))
-        checked_fields = {
+        checked_fields: Dict[str, Any] = {
             "positions_m": positions,
             "density_kg_m3": number("density_kg_m3", self.density_kg_m3),
             "particle_volume_m3": number("particle_volume_m3", self.particle_volume_m3),

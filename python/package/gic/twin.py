@@ -108,7 +108,15 @@ class Twin:
         simulator, usual = self._world(set or {}, material, colliders, with_, options)
         return simulator.rollout(usual if frames is None else frames, deformation=deformation)
 
-    def _world(self, set, material, colliders, with_, options) -> Tuple[Simulator, int]:
+    def _world(
+        self,
+        set: Mapping[str, Any],
+        material: Optional[str],
+        colliders: Sequence[Mapping[str, Any]],
+        with_: Sequence[Tuple[Union[PathLike, Twin], Sequence[float]]],
+        options: Mapping[str, Any],
+    ) -> Tuple[Simulator, int]:
+        """The simulator, and how many frames the twin says."""
         settings = [f"material.model={material}"] if material else []
         settings += [f"{key}={_text(value)}" for key, value in set.items()]
         obstacles = json.dumps([dict(collider) for collider in colliders], default=_plain)
