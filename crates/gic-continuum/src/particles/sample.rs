@@ -117,8 +117,8 @@ fn share_volume(filling: &Filling, positions: &mut [DVec3], spacing: f64, tuning
     sums.into_iter().map(|(count, _)| (count / mean) as f32).collect()
 }
 
-/// Moves particles towards the middle of their layer: all the way in the outermost one, half as far from layer to layer.
-/// One that would leave the body stays.
+/// Moves particles towards the middle of their layer: all the way in the outermost one, half as far from layer to
+/// layer. One that would leave the body stays.
 fn arrange_in_layers(filling: &Filling, points: &mut [DVec3], spacing: f64) {
     let mesh = filling.surface_mesh();
     let vertices: Vec<[f32; 3]> = mesh.vertices.iter().map(|v| v.as_vec3().to_array()).collect();
