@@ -28,6 +28,15 @@ impl Minimum {
     pub fn rms(&self) -> f64 {
         (self.residuals.norm_squared() / self.residuals.len().max(1) as f64).sqrt()
     }
+
+    /// J^T J of the residuals here, shape [n, n], by differences of the unknowns as in [`least_squares`].
+    pub fn curvature(&self, residuals: impl Fn(&DVector<f64>) -> DVector<f64>, differences: &[f64]) -> DMatrix<f64> {
+        let mut jacobian = jacobian(&residuals, self, differences);
+        for (mut column, difference) in jacobian.column_iter_mut().zip(differences) {
+            column /= *difference;
+        }
+        jacobian.tr_mul(&jacobian)
+    }
 }
 
 /// Lessens the sum of squares of `residuals`, shape [m], from `start`, shape [n]. Derivatives are differences over

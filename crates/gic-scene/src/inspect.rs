@@ -270,7 +270,7 @@ fn find_flight(scene: &Scene) -> Result<Option<FlightReport>, SceneError> {
         };
         Ok::<_, SceneError>(scene.views_at(frame).iter().zip(masks).map(view).collect())
     };
-    let flight = FreeFlight::find(&scene.times, views)?.filter(|flight| flight.frames() >= FEWEST_FLIGHT_FRAMES);
+    let flight = FreeFlight::find(&scene.times, None, views)?.filter(|flight| flight.frames() >= FEWEST_FLIGHT_FRAMES);
     Ok(flight.map(|flight| FlightReport {
         frames: flight.frames(),
         velocity_m_s: flight.velocity.to_array(),

@@ -18,6 +18,23 @@ impl Prior {
         DVector::from_iterator(self.unknowns.len(), self.unknowns.iter().map(|u| state.get(*u))) - &self.mean
     }
 
+    /// Standard deviation of one of its unknowns; `None` of others.
+    pub(crate) fn deviation_of(&self, unknown: Unknown) -> Option<f64> {
+        let k = self.unknowns.iter().position(|own| *own == unknown)?;
+        self.information.clone().try_inverse().map(|covariance| covariance[(k, k)].sqrt())
+    }
+
+    /// What this and another, independent one say of different unknowns.
+    pub(crate) fn and(mut self, other: Prior) -> Prior {
+        let (own, all) = (self.unknowns.len(), self.unknowns.len() + other.unknowns.len());
+        let mut information = DMatrix::zeros(all, all);
+        information.view_mut((0, 0), (own, own)).copy_from(&self.information);
+        information.view_mut((own, own), (all - own, all - own)).copy_from(&other.information);
+        self.unknowns.extend(other.unknowns);
+        let mean = DVector::from_iterator(all, self.mean.iter().chain(other.mean.iter()).copied());
+        Prior { unknowns: self.unknowns, mean, information }
+    }
+
     /// Its information matrix in the order of `unknowns`, zero elsewhere.
     pub(crate) fn information_of(&self, unknowns: &[Unknown]) -> DMatrix<f64> {
         let place = |u: &Unknown| self.unknowns.iter().position(|own| own == u);

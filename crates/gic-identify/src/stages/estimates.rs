@@ -95,7 +95,7 @@ fn unbounded(
 fn velocity_half_width(identification: &Identification, joint: Option<&Uncertainty>) -> Option<DVec3> {
     let of_axis = |axis: usize| {
         let unknown = Unknown::Velocity(axis);
-        if !identification.flight.unknowns.contains(&unknown) {
+        if !identification.flight.motion.contains(&unknown) {
             return Some(0.0);
         }
         let from_joint = joint.map_or(Some(0.0), |uncertainty| uncertainty.half_width(unknown))?;

@@ -2,7 +2,7 @@
 //!
 //! The body moves rigidly: `x(t) = c + R(omega t) (x_0 - c) + v t + g t (t + dt) / 2`. Position, the Gaussians' size
 //! and v are fitted to one frame more at a time, until the body comes near an obstacle. omega is fitted, too, where it
-//! shows.
+//! shows. Where outlines alone tell v and omega, only the position and the Gaussians' size are fitted.
 
 use std::ops::ControlFlow;
 
@@ -13,8 +13,10 @@ use crate::forward::trajectories::FrameSelection;
 use crate::solve::levenberg_marquardt::{Fit, Limits, minimise};
 use crate::solve::normal_equations::Normal;
 use crate::solve::objective::Objective;
+use crate::solve::prior::Prior;
 use crate::solve::problem::Problem;
 use crate::solve::residual_block::ResidualBlock;
+use crate::stages::outline_flight::{put, turns};
 use crate::unknowns::coordinates::Coordinates;
 use crate::unknowns::state::{State, Unknown};
 use crate::{FitError, Input, Settings};
@@ -30,6 +32,8 @@ pub(crate) struct FreeFlightFit {
     pub blocks: Vec<ResidualBlock>,
     /// The unknowns that were fitted.
     pub unknowns: Vec<Unknown>,
+    /// Components of velocity and, where it shows, angular velocity.
+    pub motion: Vec<Unknown>,
 }
 
 /// The clearance below which an obstacle is touched [m].
@@ -45,11 +49,19 @@ pub(crate) fn fit_free_flight(
     flight: &Flight,
     objective: Objective,
     start: State,
+    outlines: Option<&Prior>,
     settings: &Settings,
 ) -> Result<FreeFlightFit, FitError> {
     let stage = FlightStage { flight, objective, settings };
-    let seeks_velocity = settings.velocity_m_s.is_none();
+    let seeks_velocity = settings.velocity_m_s.is_none() && outlines.is_none();
     let mut state = start;
+    let mut motion: Vec<Unknown> = Vec::new();
+    if let Some(outlines) = outlines {
+        let turns = settings.rotation && turns(outlines, settings.tuning.free_flight.rotation_significance);
+        put(outlines, turns, &mut state);
+        motion.extend((0..3).map(Unknown::Velocity));
+        motion.extend((0..3).filter(|_| turns).map(Unknown::Angular));
+    }
     let mut unknowns: Vec<Unknown> = (0..3).map(Unknown::Offset).collect();
     if !flight.video.frames[0].views.is_empty() {
         unknowns.push(Unknown::Splat);
@@ -77,7 +89,8 @@ pub(crate) fn fit_free_flight(
             (fit, unknowns, blocks) = (turning, with_rotation, turning_blocks);
         }
     }
-    Ok(FreeFlightFit { state: fit.state, free, blocks, unknowns })
+    motion.extend(unknowns.iter().filter(|u| matches!(u, Unknown::Velocity(_) | Unknown::Angular(_))));
+    Ok(FreeFlightFit { state: fit.state, free, blocks, unknowns, motion })
 }
 
 struct FlightStage<'a> {

@@ -11,11 +11,13 @@ use crate::forward::trajectories::{ForwardModel, FrameSelection};
 use crate::observe::video::ObservedVideo;
 use crate::session::Session;
 use crate::solve::objective::Objective;
+use crate::solve::prior::Prior;
 use crate::solve::problem::Problem;
 use crate::solve::residual_block::{ResidualBlock, Weights};
 use crate::solve::surface_residuals::SurfaceComparison;
 use crate::stages::candidates::MinimumSpace;
 use crate::stages::free_flight::{FreeFlightFit, clearance, fit_free_flight, touching};
+use crate::stages::outline_flight::motion_by_outlines;
 use crate::tuning::NoiseTuning;
 use crate::uncertainty::input_checks;
 use crate::uncertainty::noise::effective_weights;
@@ -35,6 +37,8 @@ pub(crate) struct Identification<'a> {
     pub comparison: SurfaceComparison,
     pub shape: ShapeModes,
     pub splat_widths: SplatWidths,
+    /// Velocity and angular velocity, where the outlines alone tell them.
+    pub motion_by_outlines: Option<Prior>,
     pub flight: FreeFlightFit,
     /// Of free flight's noise, for all frames.
     pub weights: Weights,
@@ -71,8 +75,10 @@ impl<'a> Identification<'a> {
             weights: &weights,
         };
         let flight = Flight { input, video: &video, shape: &shape };
-        let flight = fit_free_flight(&flight, objective, start_of_flight(kind, settings), settings)
-            .map_err(|error| error.of_stage(1))?;
+        let motion_by_outlines = motion_by_outlines(input, settings, &excluded);
+        let (start, outlines) = (start_of_flight(kind, settings), motion_by_outlines.as_ref());
+        let flight =
+            fit_free_flight(&flight, objective, start, outlines, settings).map_err(|error| error.of_stage(1))?;
         let weights = flight_weights(&flight, &weights_of_error(tuning.noise.least_error, input, count), &tuning.noise);
         video.discount_unseen(input, flight.free);
         Ok(Identification {
@@ -85,6 +91,7 @@ impl<'a> Identification<'a> {
             comparison,
             shape,
             splat_widths,
+            motion_by_outlines,
             flight,
             weights,
         })

@@ -115,9 +115,13 @@ fn refined(mut simulation: Simulation, factor: f64, state: &State) -> Option<Tra
     simulation.trajectories(state, &selection).ok()
 }
 
-/// Half-width of an unknown's interval from free flight alone, where the position is uncertain, too; `None` where it
-/// was not fitted or cannot be measured.
+/// Half-width of an unknown's interval from free flight alone, by the outlines, or from the fit, where the position is
+/// uncertain, too; `None` where it was not fitted or cannot be measured.
 pub(crate) fn flight_half_width(identification: &Identification, unknown: Unknown) -> Option<f64> {
+    let by_outlines = identification.motion_by_outlines.as_ref();
+    if let Some(deviation) = by_outlines.and_then(|motion| motion.deviation_of(unknown)) {
+        return Some(half_width(deviation * deviation, &identification.tuning.noise));
+    }
     let (flight, tuning, none) = (&identification.flight, &identification.tuning.noise, DMatrix::zeros(0, 0));
     let place = flight.unknowns.iter().position(|u| *u == unknown);
     let count = flight.unknowns.len();

@@ -86,14 +86,16 @@ pub(crate) fn problem<'a>(
 /// The position stays that of free flight: free, it is traded for the velocity.
 fn unknowns(identification: &Identification) -> Vec<Unknown> {
     let mut unknowns = identification.free_materials();
-    unknowns.extend(identification.flight.unknowns.iter().filter(|u| !matches!(u, Unknown::Offset(_))));
+    unknowns.extend(identification.flight.unknowns.iter().filter(|u| matches!(u, Unknown::Splat)));
+    unknowns.extend(&identification.flight.motion);
     if !identification.video.frames[0].views.is_empty() {
         unknowns.extend((0..identification.shape.count()).map(Unknown::Shape));
     }
     unknowns
 }
 
-/// What is known of the joint stage's unknowns besides the pictures: of the Gaussians' size and of the shape.
+/// What is known of the joint stage's unknowns besides the pictures: of the Gaussians' size, of the shape, and, by the
+/// outlines, of the motion.
 pub(crate) fn prior(identification: &Identification) -> Prior {
     let is_nuisance = |u: &Unknown| matches!(u, Unknown::Splat | Unknown::Shape(_));
     let unknowns: Vec<Unknown> = unknowns(identification).into_iter().filter(is_nuisance).collect();
@@ -101,9 +103,13 @@ pub(crate) fn prior(identification: &Identification) -> Prior {
     let deviation = |u: &Unknown| if *u == Unknown::Splat { splat } else { 1.0 };
     let information = DVector::from_iterator(unknowns.len(), unknowns.iter().map(|u| deviation(u).powi(-2)));
     let means = unknowns.iter().map(|u| identification.flight.state.get(*u));
-    Prior {
+    let nuisances = Prior {
         information: DMatrix::from_diagonal(&information),
         mean: DVector::from_iterator(unknowns.len(), means),
         unknowns,
+    };
+    match &identification.motion_by_outlines {
+        Some(motion) => nuisances.and(motion.clone()),
+        None => nuisances,
     }
 }

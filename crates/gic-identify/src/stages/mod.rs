@@ -15,6 +15,7 @@ mod identification;
 mod intervals;
 mod joint;
 mod material;
+mod outline_flight;
 mod search;
 
 use gic_mpm::MaterialKind;

@@ -1,8 +1,8 @@
 //! The velocities of a flight that all outlines agree with.
 
-use gic_optimize::least_squares;
+use gic_optimize::{Minimum, least_squares};
 use glam::DVec3;
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector, Matrix6};
 use rayon::prelude::*;
 
 use super::FreeFlight;
@@ -17,14 +17,23 @@ const LARGEST_EXCESS: f64 = 1.5;
 /// What masks without noise leave of misses between frames [pixels], beside the misses in a frame. Fitted on: the same
 /// bodies.
 const PIXEL_NOISE_PX: f64 = 0.08;
-/// Steps of finite differences of velocity [m/s], acceleration [m/s^2] and angular velocity [rad/s]. Derived: they move
-/// outlines by less than a tenth of a pixel.
-const MOTION_DIFFERENCES: [f64; 9] = [1e-3, 1e-3, 1e-3, 1e-2, 1e-2, 1e-2, 1e-2, 1e-2, 1e-2];
+/// Steps of finite differences of velocity [m/s] and angular velocity [rad/s]. Derived: they move outlines by less than
+/// a tenth of a pixel.
+const VELOCITY_DIFFERENCES: [f64; 6] = [1e-3, 1e-3, 1e-3, 1e-2, 1e-2, 1e-2];
+/// The same of the acceleration [m/s^2].
+const ACCELERATION_DIFFERENCES: [f64; 3] = [1e-2; 3];
 /// The same of a camera's delay [frames].
 const DELAY_DIFFERENCE_FRAMES: f64 = 1e-3;
 
 /// Frames whose hulls the first fits start from: as many as a parabola needs. Derived.
 const PARABOLA_FRAMES: usize = 3;
+
+/// What a fit seeks besides velocity and angular velocity.
+#[derive(Clone, Copy)]
+struct Sought {
+    acceleration: bool,
+    delays: bool,
+}
 
 /// What a camera shows of the body in a frame.
 #[derive(Clone, Debug)]
@@ -84,20 +93,23 @@ fn pairs(moments: &[Moment], wanted: impl Fn(&Moment, &Moment) -> bool) -> Vec<[
 
 impl FreeFlight {
     /// The flight of the body that `views` of each frame show, asked for frame by frame; `times` [s] are the frames'.
-    /// `None` where the outlines of two frames at least do not agree with a common flight, or where fewer than two
-    /// cameras show the body as a whole.
+    /// The acceleration is the given one [m/s^2], or sought. `None` where the outlines of two frames at least do not
+    /// agree with a common flight, or where fewer than two cameras show the body as a whole.
     ///
     /// # Errors
     /// Those of `views`.
     pub fn find<E>(
         times: &[f64],
+        acceleration: Option<DVec3>,
         mut views: impl FnMut(usize) -> Result<Vec<FlightView>, E>,
     ) -> Result<Option<FreeFlight>, E> {
         let mut seen = Sightings::default();
-        let mut flight = FreeFlight::default();
+        let sought = Sought { acceleration: acceleration.is_none(), delays: true };
+        let start = FreeFlight { acceleration: acceleration.unwrap_or_default(), ..FreeFlight::default() };
+        let mut flight = start.clone();
         for (frame, time) in times.iter().enumerate() {
             let Some(()) = seen.add(frame, &views(frame)?) else { break };
-            let longer = flight.clone().longer(time - times[0], &seen, true);
+            let longer = flight.clone().longer(time - times[0], &seen, sought);
             // Delays are not known before there are two frames.
             let noise = if frame == 1 { &longer } else { &flight }.noise_px(&seen);
             if frame > 0 && !noise.is_some_and(|noise| longer.miss_of_newest(&seen) <= LARGEST_EXCESS * noise) {
@@ -105,33 +117,35 @@ impl FreeFlight {
             }
             flight = longer;
         }
-        Ok((flight.frames() > 1).then(|| flight.without_idle_delays(&seen)))
+        Ok((flight.frames() > 1).then(|| flight.without_idle_delays(start, &seen, sought)))
     }
 
-    /// The flight with a frame more, at `time` [s], fitted to its first frames' outlines with or without delays.
-    fn longer(mut self, time: f64, seen: &Sightings, with_delays: bool) -> FreeFlight {
+    /// The flight with a frame more, at `time` [s], fitted to its first frames' outlines.
+    fn longer(mut self, time: f64, seen: &Sightings, sought: Sought) -> FreeFlight {
         self.times.push(time);
         self.about = seen.middles[0];
         let cameras = seen.moments.iter().map(|moment| moment.camera + 1).max().unwrap_or_default();
         self.delays.resize(cameras, 0.0);
-        match parabola(&self.times, &seen.middles) {
-            Some((velocity, acceleration)) => FreeFlight { velocity, acceleration, ..self }.fitted(seen, with_delays),
-            None if self.frames() == 1 => self,
-            None => self.fitted(seen, with_delays),
+        if self.frames() == 1 {
+            return self;
         }
+        let known = (!sought.acceleration).then_some(self.acceleration);
+        if let Some((velocity, acceleration)) = parabola(&self.times, &seen.middles, known) {
+            (self.velocity, self.acceleration) = (velocity, acceleration);
+        }
+        self.fitted(seen, sought)
     }
 
-    /// The flight with velocities and, if asked, delays that the outlines agree with best.
-    fn fitted(&self, seen: &Sightings, with_delays: bool) -> FreeFlight {
+    /// The flight with the unknowns that the outlines agree with best.
+    fn fitted(&self, seen: &Sightings, sought: Sought) -> FreeFlight {
         let moments = seen.until(self.frames());
         let pairs = pairs(moments, |_, _| true);
-        let residuals = |unknowns: &DVector<f64>| self.with(unknowns).misses(moments, &pairs);
-        let delay = DELAY_DIFFERENCE_FRAMES * self.frame_seconds();
-        let delays = if with_delays { self.delays.len() - 1 } else { 0 };
-        let differences = [&MOTION_DIFFERENCES[..], &vec![delay; delays]].concat();
-        let start = self.unknowns().rows(0, differences.len()).into_owned();
-        let fit = least_squares(residuals, start, &differences);
-        FreeFlight { miss_px: rms(&fit.residuals).unwrap_or_default(), ..self.with(&fit.unknowns) }
+        let residuals = |unknowns: &DVector<f64>| self.with(unknowns, sought).misses(moments, &pairs);
+        let differences = self.differences(sought);
+        let fit = least_squares(residuals, self.unknowns(sought), &differences);
+        let miss_px = rms(&fit.residuals).unwrap_or_default();
+        let covariance = covariance(residuals, &fit, &differences, moments.len());
+        FreeFlight { miss_px, covariance, ..self.with(&fit.unknowns, sought) }
     }
 
     /// How far the outlines of the newest frame are from common tangents with all others, root mean square [pixels].
@@ -148,9 +162,10 @@ impl FreeFlight {
         rms(&self.misses(moments, &same_frame)).map(|miss| miss.hypot(PIXEL_NOISE_PX))
     }
 
-    /// The flight with common times of all cameras where these explain the outlines, too.
-    fn without_idle_delays(self, seen: &Sightings) -> FreeFlight {
-        let common = self.times.iter().fold(FreeFlight::default(), |flight, time| flight.longer(*time, seen, false));
+    /// The flight with common times of all cameras, fitted from the `start` on, where these explain the outlines, too.
+    fn without_idle_delays(self, start: FreeFlight, seen: &Sightings, sought: Sought) -> FreeFlight {
+        let sought = Sought { delays: false, ..sought };
+        let common = self.times.iter().fold(start, |flight, time| flight.longer(*time, seen, sought));
         let noise = self.noise_px(seen).unwrap_or_default();
         if common.miss_px <= LARGEST_EXCESS * noise { common } else { self }
     }
@@ -160,20 +175,45 @@ impl FreeFlight {
         self.times.last().copied().unwrap_or_default() / (self.times.len() - 1).max(1) as f64
     }
 
-    /// Velocity, acceleration, angular velocity, and the delays of all cameras but the first.
-    fn unknowns(&self) -> DVector<f64> {
-        let motion = [self.velocity, self.acceleration, self.angular_velocity].map(|v| v.to_array()).concat();
-        DVector::from_vec([motion, self.delays[1..].to_vec()].concat())
+    /// Velocity and angular velocity, and where they are sought the acceleration and the delays of all cameras but the
+    /// first.
+    fn unknowns(&self, sought: Sought) -> DVector<f64> {
+        let mut unknowns = [self.velocity, self.angular_velocity].map(|v| v.to_array()).concat();
+        if sought.acceleration {
+            unknowns.extend(self.acceleration.to_array());
+        }
+        if sought.delays {
+            unknowns.extend(&self.delays[1..]);
+        }
+        DVector::from_vec(unknowns)
     }
 
-    /// The flight with other unknowns; delays that are not among them stay.
-    fn with(&self, unknowns: &DVector<f64>) -> FreeFlight {
-        let vector = |k: usize| DVec3::new(unknowns[k], unknowns[k + 1], unknowns[k + 2]);
-        let mut delays = self.delays.clone();
-        for (delay, unknown) in delays[1..].iter_mut().zip(unknowns.iter().skip(MOTION_DIFFERENCES.len())) {
-            *delay = *unknown;
+    /// Steps of the unknowns' finite differences.
+    fn differences(&self, sought: Sought) -> Vec<f64> {
+        let mut differences = VELOCITY_DIFFERENCES.to_vec();
+        if sought.acceleration {
+            differences.extend(ACCELERATION_DIFFERENCES);
         }
-        FreeFlight { velocity: vector(0), acceleration: vector(3), angular_velocity: vector(6), delays, ..self.clone() }
+        if sought.delays {
+            let delay = DELAY_DIFFERENCE_FRAMES * self.frame_seconds();
+            differences.extend(self.delays[1..].iter().map(|_| delay));
+        }
+        differences
+    }
+
+    /// The flight with other unknowns.
+    fn with(&self, unknowns: &DVector<f64>, sought: Sought) -> FreeFlight {
+        let vector = |k: usize| DVec3::new(unknowns[k], unknowns[k + 1], unknowns[k + 2]);
+        let mut flight = FreeFlight { velocity: vector(0), angular_velocity: vector(3), ..self.clone() };
+        let mut next = VELOCITY_DIFFERENCES.len();
+        if sought.acceleration {
+            flight.acceleration = vector(next);
+            next += ACCELERATION_DIFFERENCES.len();
+        }
+        if sought.delays {
+            flight.delays[1..].copy_from_slice(&unknowns.as_slice()[next..]);
+        }
+        flight
     }
 
     /// How far pairs of outlines, moved to the first frame, are from common tangents [pixels]; exactly zero where they
@@ -197,13 +237,33 @@ impl FreeFlight {
     }
 }
 
-/// Velocity [m/s] and acceleration [m/s^2] at the first of two or three times [s] of a point that is at `places` [m];
-/// `None` of more, from which a fit starts better than from middles of hulls.
-fn parabola(times: &[f64], places: &[DVec3]) -> Option<(DVec3, DVec3)> {
+/// Covariance of velocity [m/s] and angular velocity [rad/s] at a minimum. Each of the outlines takes part in as many
+/// pairs as there are others, and these share its error: together they say no more than one of them.
+fn covariance(
+    residuals: impl Fn(&DVector<f64>) -> DVector<f64>,
+    fit: &Minimum,
+    differences: &[f64],
+    outlines: usize,
+) -> Matrix6<f64> {
+    let misses = rms(&fit.residuals).unwrap_or_default();
+    let shared = outlines.saturating_sub(1) as f64;
+    let curvature = fit.curvature(residuals, differences);
+    // Unknown to any extent where the outlines do not tell all.
+    let inverse = curvature
+        .try_inverse()
+        .unwrap_or_else(|| DMatrix::from_diagonal_element(differences.len(), differences.len(), f64::INFINITY));
+    inverse.fixed_view::<6, 6>(0, 0) * (misses * misses * shared)
+}
+
+/// Velocity [m/s] and acceleration [m/s^2] at the first of two or three times [s] of a point that is at `places` [m],
+/// its acceleration known or not; `None` of more, from which a fit starts better than from middles of hulls.
+fn parabola(times: &[f64], places: &[DVec3], acceleration: Option<DVec3>) -> Option<(DVec3, DVec3)> {
     let mean = |k: usize| (places[k] - places[0]) / times[k];
-    match times.len() {
-        2 => Some((mean(1), DVec3::ZERO)),
-        PARABOLA_FRAMES => {
+    let last = times.len() - 1;
+    match (times.len(), acceleration) {
+        (2..=PARABOLA_FRAMES, Some(known)) => Some((mean(last) - 0.5 * times[last] * known, known)),
+        (2, None) => Some((mean(1), DVec3::ZERO)),
+        (PARABOLA_FRAMES, None) => {
             let acceleration = 2.0 * (mean(2) - mean(1)) / (times[2] - times[1]);
             Some((mean(1) - 0.5 * times[1] * acceleration, acceleration))
         }

@@ -18,6 +18,7 @@ mod tangency;
 mod tests;
 
 use glam::{DMat3, DQuat, DVec3};
+use nalgebra::Matrix6;
 
 use crate::Camera;
 pub use fit::FlightView;
@@ -37,6 +38,8 @@ pub struct FreeFlight {
     pub times: Vec<f64>,
     /// By how much each camera's pictures are later than the frames' times [s], by its index; the first one's are not.
     pub delays: Vec<f64>,
+    /// Covariance of velocity [m/s] and angular velocity [rad/s].
+    pub covariance: Matrix6<f64>,
     /// How far outlines are from touching common tangents, root mean square [pixels].
     pub miss_px: f64,
 }

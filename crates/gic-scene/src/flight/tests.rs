@@ -1,6 +1,7 @@
 use std::convert::Infallible;
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
+use nalgebra::Matrix6;
 use proptest::prelude::*;
 
 use super::{FlightView, FreeFlight};
@@ -65,7 +66,7 @@ fn find_by_late_cameras(times: &[f64], delays: [f64; 3], place: impl Fn(f64, DVe
             |(index, (camera, mask)): (usize, (&Camera, Mask))| FlightView { index, camera: camera.clone(), mask };
         Ok::<_, Infallible>(cameras.iter().zip(masks).enumerate().map(view).collect())
     };
-    let Ok(found) = FreeFlight::find(times, views);
+    let Ok(found) = FreeFlight::find(times, None, views);
     found
 }
 
@@ -91,6 +92,32 @@ fn a_tumbling_body_is_followed_to_a_millimetre() {
         println!("{off:.5} m off, gravity by {falls:.3}, {:.3} pixels", found.miss_px);
         assert!(off < 1e-3 && falls < 0.2, "{off} {falls}");
         assert_eq!(found.delays, [0.0; 3], "the cameras are synchronised");
+    }
+}
+
+/// With the acceleration known, the velocity is as sure as its covariance says.
+#[test]
+fn a_known_acceleration_makes_the_velocity_sure() {
+    let cameras = cameras();
+    for spin in [DVec3::ZERO, DVec3::new(0.6, -0.3, 0.9)] {
+        let views = |frame: usize| {
+            let view = |(index, camera): (usize, &Camera)| {
+                let mask = mask(camera, |p| flown(times()[frame], p, spin));
+                FlightView { index, camera: camera.clone(), mask }
+            };
+            Ok::<_, Infallible>(cameras.iter().enumerate().map(view).collect())
+        };
+        let Ok(found) = FreeFlight::find(&times(), Some(DVec3::new(0.0, -9.8, 0.0)), views);
+        let found = found.expect("it flies");
+        // Of the point about which `flown` turns it.
+        let middle = DVec3::new(0.03, 0.05, 0.03);
+        let velocity = found.velocity + found.angular_velocity.cross(middle - found.about);
+        let off = velocity - DVec3::new(0.5, 0.3, -0.4);
+        for axis in 0..3 {
+            let deviation = found.covariance[(axis, axis)].sqrt();
+            println!("{:.2} mm/s off, deviation {:.2}", 1e3 * off[axis], 1e3 * deviation);
+            assert!(off[axis].abs() < 2.5 * deviation && deviation < 5e-3, "{off} {deviation}");
+        }
     }
 }
 
@@ -126,7 +153,7 @@ fn one_camera_tells_no_flight() {
     let camera = cameras().remove(0);
     let views =
         |_| Ok::<_, Infallible>(vec![FlightView { index: 0, camera: camera.clone(), mask: mask(&camera, |p| p) }]);
-    assert_eq!(FreeFlight::find(&times(), views), Ok(None));
+    assert_eq!(FreeFlight::find(&times(), None, views), Ok(None));
 }
 
 proptest! {
@@ -143,6 +170,7 @@ proptest! {
             angular_velocity: vector(6),
             times: vec![0.0, 0.2],
             delays: vec![0.0],
+            covariance: Matrix6::zeros(),
             miss_px: 0.0,
         };
         let (camera, point) = (&cameras()[1], DVec3::from_array(point));
