@@ -68,6 +68,12 @@ def test_the_program_ends_with_its_own_codes(tmp_path):
     assert module.stdout.strip() == f"gic {gic.__version__}"
 
 
+def test_help_is_a_result():
+    assert "--fit-frames" in gic.command("run", help=True)
+    with pytest.raises(gic.UsageError, match="unrecognized subcommand"):
+        gic.command("runn")
+
+
 def test_importing_takes_less_than_a_fifth_of_a_second():
     code = "import time; start = time.perf_counter(); import gic; print(time.perf_counter() - start)"
     runs = [subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout for _ in range(5)]

@@ -1,6 +1,7 @@
 //! The terminal's side: parse first, resolve once, run, report.
 
 mod args;
+mod context;
 mod flags;
 mod gradcheck;
 mod grasp;
@@ -15,74 +16,19 @@ mod values;
 mod view;
 
 use std::ffi::OsString;
-use std::io::{ErrorKind, Write};
+use std::io::Write;
 use std::path::PathBuf;
-use std::sync::{Mutex, PoisonError};
+use std::sync::Mutex;
 
 use clap::{CommandFactory, FromArgMatches};
 use gic_twin::Interrupt;
 use gic_twin::events::{Event, Events};
 
-use crate::{Error, Explanation};
+use crate::Explanation;
 use args::{Cli, Command};
+pub(crate) use context::Context;
+use context::Output;
 use flags::Given;
-
-/// What a command needs from the outside.
-pub(crate) struct Context {
-    pub(crate) events: Events,
-    pub(crate) interrupt: Interrupt,
-    /// What the command line gives to the command.
-    pub(crate) given: Given,
-    /// The file to call for gic itself.
-    pub(crate) program: PathBuf,
-    /// Where results go.
-    output: Output,
-}
-
-impl Context {
-    /// Prints a result; `-q` does not silence results, only the way there.
-    ///
-    /// # Errors
-    /// What the system says, such as that the disk is full; a closed pipe (`gic ... | head`) is no failure.
-    pub(crate) fn print(&self, text: impl std::fmt::Display) -> crate::Result<()> {
-        self.output.line(&text.to_string())
-    }
-}
-
-/// Where results go.
-enum Output {
-    Stdout,
-    /// Into a text, for a caller inside the process.
-    Text(Mutex<String>),
-}
-
-impl Output {
-    fn line(&self, line: &str) -> crate::Result<()> {
-        match self {
-            Self::Stdout => {
-                let mut out = std::io::stdout();
-                match writeln!(out, "{line}").and_then(|()| out.flush()) {
-                    Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(Error::Print { source: error }),
-                    _ => Ok(()),
-                }
-            }
-            Self::Text(text) => {
-                let mut text = text.lock().unwrap_or_else(PoisonError::into_inner);
-                text.push_str(line);
-                text.push('\n');
-                Ok(())
-            }
-        }
-    }
-
-    /// The text; empty where results went to stdout.
-    fn into_text(self) -> String {
-        match self {
-            Self::Stdout => String::new(),
-            Self::Text(text) => text.into_inner().unwrap_or_else(PoisonError::into_inner),
-        }
-    }
-}
 
 /// Runs a command line, whose first word is the program's name, and returns the exit code: 0 done, 1 failed, 2 bad
 /// usage, 130 interrupted. `program` is the file to call where a command calls gic again.
@@ -114,8 +60,13 @@ pub fn main(words: impl IntoIterator<Item = OsString>, program: PathBuf) -> u8 {
 /// # Errors
 /// [`clap::Error`] for bad usage, else that of the command.
 pub fn call(words: impl IntoIterator<Item = OsString>, events: Events, interrupt: Interrupt) -> anyhow::Result<String> {
-    let (cli, given) = parse(words)?;
-    let output = Output::Text(Mutex::new(String::new()));
+    let (cli, given) = match parse(words) {
+        // Help and version are results, too.
+        Err(asked) if !asked.use_stderr() => return Ok(asked.to_string()),
+        parsed => parsed?,
+    };
+    gic_simd::Level::from_env()?;
+    let output = Output::Text(Mutex::default());
     let context = Context { events, interrupt, given, program: "gic".into(), output };
     match cli.global.threads {
         Some(threads) => {
