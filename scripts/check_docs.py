@@ -15,7 +15,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 WIDTH = 120
 # File, or folder of files: most lines.
-MOST_LINES = {"README.md": 120, "ARCHITECTURE.md": 150, "docs/results.md": 220, "CODE_STYLE.md": 100}
+MOST_LINES = {"README.md": 120, "ARCHITECTURE.md": 150, "docs/results.md": 200, "CODE_STYLE.md": 100}
 MOST_LINES_OF_DECISION = 15
 # Documents say what is; git says what was. Dates belong into these files only.
 DATED = {"CHANGELOG.md", "docs/results.md"}
