@@ -176,6 +176,14 @@ pub enum Problem {
         /// The frame.
         frame: usize,
     },
+    /// A camera of a scene without a single picture.
+    #[error("{}: camera {camera} has no pictures; list them, or remove the camera from the scene", path.display())]
+    IdleCamera {
+        /// The file that lists the pictures.
+        path: PathBuf,
+        /// The camera's name.
+        camera: String,
+    },
     /// No picture is left to work with.
     #[error("{}: lists no pictures", path.display())]
     NoPictures {

@@ -234,6 +234,13 @@ fn lists_that_make_no_sense() {
     assert!(matches!(opened.warnings[..], [Problem::MissingFrame { frame: 1, .. }]), "{:?}", opened.warnings);
 }
 
+#[test]
+fn a_camera_without_pictures() {
+    let scene = common::copy("real_capture");
+    edit(scene.path().join("dynamic/sequences/ball/0.json"), |list| list["C0787"] = Value::Array(Vec::new()));
+    assert!(matches!(only(scene.path(), "has no pictures"), Problem::IdleCamera { .. }));
+}
+
 fn edit_duplicate() {
     let scene = common::copy("pac_nerf");
     edit(scene.path().join("all_data.json"), |list| {

@@ -1,6 +1,6 @@
 //! The checks that all formats share, and the scene that comes out of them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use glam::DVec2;
@@ -259,10 +259,18 @@ fn check_coverage(draft: &Draft, frames: &[usize], frame_count: usize, complete:
         }
     }
     let synchronised = draft.cameras.len() < draft.views.len();
+    let used: BTreeSet<usize> = draft.views.iter().map(|view| view.camera).collect();
+    if complete {
+        let idle = draft.cameras.iter().enumerate().filter(|(camera, _)| !used.contains(camera));
+        problems.extend(idle.map(|(_, camera)| {
+            let camera = camera.name.clone();
+            Problem::IdleCamera { path: draft.list.clone(), camera }
+        }));
+    }
     if complete && synchronised {
         for frame in 0..frame_count {
             for (camera, draft_camera) in draft.cameras.iter().enumerate() {
-                if !seen.contains_key(&(camera, frame)) {
+                if used.contains(&camera) && !seen.contains_key(&(camera, frame)) {
                     let camera = draft_camera.name.clone();
                     problems.push(Problem::MissingFrame { path: draft.list.clone(), camera, frame });
                 }
