@@ -15,7 +15,7 @@ use gic_twin::twin::{ContactKind, MatterSource, Obstacle, ObstacleShape, Twin};
 use serde::{Deserialize, Serialize};
 
 use super::predict::simulated_frame;
-use super::stamp::Stamp;
+use super::stamp::Recipe;
 use super::{Continuum, Run, Stage};
 use crate::error::{Error, Result};
 
@@ -104,18 +104,18 @@ impl IdentifyRecord {
 }
 
 impl Run<'_> {
-    pub(super) fn identify(&self, stamp: &Stamp) -> Result<()> {
+    pub(super) fn identify(&self, recipe: &Recipe) -> Result<()> {
         let model = self.model()?;
         let continuum = self.continuum()?;
         let obstacles = self.obstacles()?;
         let input = self.identify_input(&continuum, &obstacles)?;
         let (begun, checkpoint) = (self.path("stamps/identify.begun.json"), self.path("identify.checkpoint.json"));
         // Results of finished stages that belong to other settings or other matter must not be taken up.
-        let goes_on = stamp.goes_on(&begun)?;
+        let goes_on = recipe.goes_on(&begun)?;
         if !goes_on && checkpoint.exists() {
             std::fs::remove_file(&checkpoint).map_err(Error::write(&checkpoint))?;
         }
-        stamp.write(&begun)?;
+        recipe.write(&begun)?;
         let found = self.fit(&input, model, &self.identify_settings(), (Stage::Identify, &checkpoint))?;
         for warning in &found.warnings {
             self.events.warn(Stage::Identify.name(), warning);

@@ -50,7 +50,7 @@ pub(crate) use results::is_result_name;
 pub use results::{check_results, twin_file};
 pub use scene::{open_scene, scene_of_run};
 pub use select::{LawRecord, Selection};
-use stamp::{Hashes, Stamp};
+use stamp::{Hashes, Recipe, Stamp};
 
 /// The stages, in the order of the data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -244,11 +244,11 @@ impl<'a> Run<'a> {
     /// Runs a stage if its result is missing or outdated; returns the files of its result. `made` are those of the
     /// stages before it.
     fn bring(&self, stage: Stage, made: Hashes) -> Result<Hashes> {
-        let stamp = self.stamp(stage)?.reading(made);
+        let recipe = self.recipe(stage)?.reading(made);
         let file = results::stamp_file(&self.folder, stage);
         let reason = match Stamp::read(&file)? {
             None => "starts".into(),
-            Some(found) => match found.outdated_for(&stamp) {
+            Some(found) => match found.recipe.outdated_for(&recipe) {
                 Some(difference) => format!("runs again: {difference}"),
                 None => match results::missing_result(&self.folder, stage, &found)? {
                     Some(missing) => format!("runs again: {missing} is missing"),
@@ -268,16 +268,16 @@ impl<'a> Run<'a> {
         }
         let meter = ResourceMeter::start();
         match stage {
-            Stage::Reconstruct => self.reconstruct(&stamp)?,
+            Stage::Reconstruct => self.reconstruct(&recipe)?,
             Stage::Register => self.register()?,
             Stage::Fill => self.fill()?,
-            Stage::Select => self.select(&stamp)?,
-            Stage::Identify => self.identify(&stamp)?,
+            Stage::Select => self.select(&recipe)?,
+            Stage::Identify => self.identify(&recipe)?,
             Stage::Predict => self.predict()?,
             Stage::Appearance => self.appearance()?,
         }
         let written = results::hash_results(&self.folder, stage)?;
-        stamp.after(meter.seconds(), written.clone()).write(&file)?;
+        Stamp { recipe, written: written.clone(), seconds: meter.seconds() }.write(&file)?;
         self.events.send(&meter.done(stage.name()));
         Ok(written)
     }
@@ -287,20 +287,20 @@ impl<'a> Run<'a> {
         self.config.identify.material == Some(MaterialChoice::Auto)
     }
 
-    fn stamp(&self, stage: Stage) -> Result<Stamp> {
-        let before = |stage: Stage| Ok::<_, Error>((stage.name(), self.stamp(stage)?.hash()));
+    fn recipe(&self, stage: Stage) -> Result<Recipe> {
+        let before = |stage: Stage| Ok::<_, Error>((stage.name(), self.recipe(stage)?.hash()));
         match stage {
             Stage::Reconstruct => {
                 let settings = serde_json::json!({ "seed": self.config.seed, "reconstruct": self.config.reconstruct });
-                Stamp::new(("scene", self.scene_hash.clone()), &settings)
+                Recipe::new(("scene", self.scene_hash.clone()), &settings)
             }
             Stage::Register => {
                 let settings = serde_json::json!({ "register": self.config.register });
-                Stamp::new(before(Stage::Reconstruct)?, &settings)
+                Recipe::new(before(Stage::Reconstruct)?, &settings)
             }
             Stage::Fill => {
                 let input = if self.scan().is_some() { Stage::Register } else { Stage::Reconstruct };
-                Stamp::new(before(input)?, &serde_json::json!({ "seed": self.config.seed, "fill": self.config.fill }))
+                Recipe::new(before(input)?, &serde_json::json!({ "seed": self.config.seed, "fill": self.config.fill }))
             }
             Stage::Select | Stage::Identify => {
                 let colliders = match &self.config.identify.colliders {
@@ -311,15 +311,15 @@ impl<'a> Run<'a> {
                 let identify = gic_identify::Settings { colliders: None, ..self.config.identify.clone() };
                 let settings = serde_json::json!({ "identify": identify, "colliders": colliders });
                 let input = if stage == Stage::Identify && self.selects() { Stage::Select } else { Stage::Fill };
-                Stamp::new(before(input)?, &settings)
+                Recipe::new(before(input)?, &settings)
             }
             Stage::Predict => {
-                Stamp::new(before(Stage::Identify)?, &serde_json::json!({ "frames": self.frames_to_simulate() }))
+                Recipe::new(before(Stage::Identify)?, &serde_json::json!({ "frames": self.frames_to_simulate() }))
             }
             Stage::Appearance => {
                 let settings =
                     serde_json::json!({ "seed": self.config.seed, "appearance": self.config.appearance.train });
-                Stamp::new(before(Stage::Predict)?, &settings)
+                Recipe::new(before(Stage::Predict)?, &settings)
             }
         }
     }

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use gic_motion::{DynamicGaussians, Phase, Progress, train};
 
-use super::stamp::Stamp;
+use super::stamp::Recipe;
 use super::{Run, Stage};
 use crate::error::{Error, Result};
 
@@ -12,16 +12,16 @@ use crate::error::{Error, Result};
 const EVENT_EVERY: usize = 25;
 
 impl Run<'_> {
-    pub(super) fn reconstruct(&self, stamp: &Stamp) -> Result<()> {
+    pub(super) fn reconstruct(&self, recipe: &Recipe) -> Result<()> {
         let folder = self.path("gaussians");
         // A state that was saved for other settings or another scene must not be continued.
         let begun = self.path("stamps/reconstruct.begun.json");
-        let goes_on = stamp.goes_on(&begun)?;
+        let goes_on = recipe.goes_on(&begun)?;
         if !goes_on && folder.exists() {
             std::fs::remove_dir_all(&folder).map_err(Error::write(&folder))?;
         }
         gic_twin::atomic::create_folder(&folder)?;
-        stamp.write(&begun)?;
+        recipe.write(&begun)?;
         let checkpoint = folder.join("checkpoint");
         let mut tell = |progress: &Progress| self.tell(progress);
         let model = train(

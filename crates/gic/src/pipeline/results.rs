@@ -123,7 +123,7 @@ fn check_result(run: &Path, stage: Stage, stamp: &Stamp, now: &Hashes) -> Result
     let problem = match missing_result(run, stage, stamp)? {
         Some(file) => (run.join(file), "is missing".to_owned()),
         // A selection that is no longer used may be as old as it likes; one that is used is older than the twin.
-        None => match stamp.changed_input(now).filter(|_| stage != Stage::Select) {
+        None => match stamp.recipe.changed_input(now).filter(|_| stage != Stage::Select) {
             Some(file) => (run.join(file), format!("is newer than the result of `{}`", stage.name())),
             None => return Ok(()),
         },

@@ -86,7 +86,7 @@ pub(super) fn hash_scene(scene: &Scene, config: &Config) -> Result<String> {
 /// Refuses a scene that is not the one that the run's Gaussians were made from.
 pub(super) fn check_origin(run: &Path, root: &Path, hash: &str) -> Result<()> {
     match Stamp::read(&stamp_file(run, Stage::Reconstruct))? {
-        Some(stamp) if stamp.input_hash() != hash => Err(Error::Usage {
+        Some(stamp) if stamp.recipe.input_hash() != hash => Err(Error::Usage {
             problem: format!("the scene in {} is not the one that {} was made from", root.display(), run.display()),
             hint: Some(format!(
                 "say with --scene SCENE where the run's own scene is, or make the run anew with \

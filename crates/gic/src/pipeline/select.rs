@@ -13,7 +13,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::stamp::Stamp;
+use super::stamp::Recipe;
 use super::{Run, Stage};
 use crate::error::{Error, Result};
 use crate::statistics::{mean, mean_and_variance};
@@ -113,15 +113,15 @@ impl Selection {
 }
 
 impl Run<'_> {
-    pub(super) fn select(&self, stamp: &Stamp) -> Result<()> {
+    pub(super) fn select(&self, recipe: &Recipe) -> Result<()> {
         let folder = self.path("selection");
         let begun = self.path("stamps/select.begun.json");
-        let goes_on = stamp.goes_on(&begun)?;
+        let goes_on = recipe.goes_on(&begun)?;
         if !goes_on && folder.exists() {
             std::fs::remove_dir_all(&folder).map_err(Error::write(&folder))?;
         }
         atomic::create_folder(&folder)?;
-        stamp.write(&begun)?;
+        recipe.write(&begun)?;
 
         let frames = self.scene.times.len();
         let held_back = ((HELD_BACK_SHARE * frames as f64).round() as usize).max(1);

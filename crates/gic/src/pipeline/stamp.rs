@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use gic_twin::atomic;
 use gic_twin::first_difference;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
@@ -15,22 +16,29 @@ use crate::error::{Error, Result};
 /// SHA-256 of files, hexadecimal, by their way from the run folder.
 pub(super) type Hashes = BTreeMap<String, String>;
 
-/// Everything that decides a stage's result, and the files that it left.
+/// Everything that decides a stage's result. A stage leaves it as `begun` while it works.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub(super) struct Stamp {
+pub(super) struct Recipe {
     gic_version: String,
-    /// Name of the input and the hash of its content, or of its stamp where it is a stage's result.
+    /// Name of the input and the hash of its content, or of its recipe where it is a stage's result.
     input: (String, String),
     settings: Value,
     /// The files of the stages before it, as the stage read them.
     read: Hashes,
-    /// The files that the stage left; no part of the comparison.
+}
+
+/// What a finished stage leaves. A recipe alone does not read as one: it promises no files.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct Stamp {
+    #[serde(flatten)]
+    pub(super) recipe: Recipe,
+    /// The files that the stage left.
     pub(super) written: Hashes,
-    /// Wall-clock seconds that the stage took; no part of the comparison.
+    /// Wall-clock seconds that the stage took.
     pub(super) seconds: f64,
 }
 
-impl Stamp {
+impl Recipe {
     pub(super) fn new(input: (&str, String), settings: &impl Serialize) -> Result<Self> {
         let settings = gic_twin::json::value(settings).map_err(|source| Error::Syntax {
             path: PathBuf::from("settings"),
@@ -38,18 +46,12 @@ impl Stamp {
             source: source.into(),
         })?;
         let input = (input.0.to_owned(), input.1);
-        let (read, written) = (Hashes::new(), Hashes::new());
-        Ok(Self { gic_version: gic_twin::VERSION.into(), input, settings, read, written, seconds: 0.0 })
+        Ok(Self { gic_version: gic_twin::VERSION.into(), input, settings, read: Hashes::new() })
     }
 
-    /// The same stamp of a stage that reads these files.
+    /// The same recipe of a stage that reads these files.
     pub(super) fn reading(self, read: Hashes) -> Self {
         Self { read, ..self }
-    }
-
-    /// The same stamp of a stage that took some seconds and left these files.
-    pub(super) fn after(self, seconds: f64, written: Hashes) -> Self {
-        Self { seconds, written, ..self }
     }
 
     /// Hash of the settings, of this stage and of those before it.
@@ -63,15 +65,15 @@ impl Stamp {
         &self.input.1
     }
 
-    /// Whether the work that left the stamp `begun` was on the same, so that it can go on.
+    /// Whether the work that left the recipe `begun` was on the same, so that it can go on.
     ///
     /// # Errors
-    /// A damaged stamp.
+    /// A damaged file.
     pub(super) fn goes_on(&self, begun: &Path) -> Result<bool> {
-        Ok(Self::read(begun)?.is_some_and(|found| found.outdated_for(self).is_none()))
+        Ok(read::<Self>(begun)?.is_some_and(|found| found.outdated_for(self).is_none()))
     }
 
-    /// What differs from the stamp `wanted`; `None` where the result is up to date.
+    /// What differs from the recipe `wanted`; `None` where the result is up to date.
     pub(super) fn outdated_for(&self, wanted: &Self) -> Option<String> {
         if self.gic_version != wanted.gic_version {
             return Some(format!("made by gic {}, this is {}", self.gic_version, wanted.gic_version));
@@ -93,21 +95,18 @@ impl Stamp {
         self.read.iter().find(changed).map(|(file, _)| file.as_str())
     }
 
+    pub(super) fn write(&self, path: &Path) -> Result<()> {
+        Ok(atomic::write_json(path, self)?)
+    }
+}
+
+impl Stamp {
     /// The stamp in a file; `None` where there is none.
     ///
     /// # Errors
     /// A damaged stamp: whether hours of work are up to date is not guessed.
     pub(super) fn read(path: &Path) -> Result<Option<Self>> {
-        let bytes = match gic_files::input::read(path) {
-            Ok(bytes) => bytes,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(Error::read(path)(error)),
-        };
-        serde_json::from_slice(&bytes).map(Some).map_err(|error| Error::Content {
-            path: path.to_owned(),
-            problem: format!("is damaged, so that nobody knows what the stage was made from ({error})"),
-            hint: Some("restore it from a copy, or remove it to have the stage run again".into()),
-        })
+        read(path)
     }
 
     pub(super) fn write(&self, path: &Path) -> Result<()> {
@@ -115,22 +114,35 @@ impl Stamp {
     }
 }
 
+fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>> {
+    let bytes = match gic_files::input::read(path) {
+        Ok(bytes) => bytes,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(Error::read(path)(error)),
+    };
+    serde_json::from_slice(&bytes).map(Some).map_err(|error| Error::Content {
+        path: path.to_owned(),
+        problem: format!("is damaged, so that nobody knows what the stage was made from ({error})"),
+        hint: Some("restore it from a copy, or remove it to have the stage run again".into()),
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn stamp(read: &[(&str, &str)]) -> Stamp {
+    fn recipe(read: &[(&str, &str)]) -> Recipe {
         let read = read.iter().map(|(file, hash)| ((*file).to_owned(), (*hash).to_owned())).collect();
-        Stamp::new(("scene", "s".into()), &serde_json::json!({ "steps": 3 })).unwrap().reading(read)
+        Recipe::new(("scene", "s".into()), &serde_json::json!({ "steps": 3 })).unwrap().reading(read)
     }
 
     #[test]
     fn a_file_that_changed_under_a_stage_is_named() {
-        let made = stamp(&[("a.ply", "1"), ("b.ply", "2")]);
-        assert_eq!(made.outdated_for(&made.clone().after(5.0, Hashes::new())), None);
-        let changed = made.outdated_for(&stamp(&[("a.ply", "1"), ("b.ply", "3")])).unwrap();
+        let made = recipe(&[("a.ply", "1"), ("b.ply", "2")]);
+        assert_eq!(made.outdated_for(&made.clone()), None);
+        let changed = made.outdated_for(&recipe(&[("a.ply", "1"), ("b.ply", "3")])).unwrap();
         assert!(changed.starts_with("b.ply"), "{changed}");
-        assert!(made.outdated_for(&stamp(&[("a.ply", "1")])).is_some());
+        assert!(made.outdated_for(&recipe(&[("a.ply", "1")])).is_some());
     }
 
     #[test]
@@ -138,11 +150,22 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("fill.json");
         assert_eq!(Stamp::read(&path).unwrap(), None);
-        stamp(&[]).write(&path).unwrap();
-        assert_eq!(Stamp::read(&path).unwrap(), Some(stamp(&[])));
+        let stamp = Stamp { recipe: recipe(&[]), written: recipe(&[("a.ply", "1")]).read, seconds: 5.0 };
+        stamp.write(&path).unwrap();
+        assert_eq!(Stamp::read(&path).unwrap(), Some(stamp));
         std::fs::write(&path, b"{\"gic_version\"").unwrap();
         let refused = Stamp::read(&path).unwrap_err();
         assert!(refused.to_string().contains("fill.json"), "{refused}");
         assert!(refused.hint().is_some());
+    }
+
+    #[test]
+    fn work_that_has_begun_is_no_finished_stage() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("fill.begun.json");
+        let recipe = recipe(&[("a.ply", "1")]);
+        recipe.write(&path).unwrap();
+        assert!(recipe.goes_on(&path).unwrap());
+        assert!(Stamp::read(&path).is_err());
     }
 }
