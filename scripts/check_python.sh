@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# The Python package: its wheel, built with the release artifacts of the workspace, and its tests, in a virtual environment that is
-# made here. What is not installed there (torch, taichi, warp-lang) is skipped, visibly.
+# The Python package: its wheel, built with the release artifacts of the workspace, its tests, and its documentation as web pages, in
+# a virtual environment that is made here. What is not installed there (torch, taichi, warp-lang) is skipped, visibly.
 set -euo pipefail
 cd "$(dirname "$0")/../python"
 folder=${CARGO_TARGET_DIR:-$PWD/../target}/python
@@ -17,3 +17,6 @@ rm -rf "$folder/wheels"
 # From where no module of this folder is found by chance.
 cd tests
 "$folder/venv/bin/pytest" -p no:cacheprovider -q -rs .
+# Fails on names that are documented and not there.
+"$folder/venv/bin/python" -W error -m pdoc --output-directory "$folder/docs" gic gic.jax
+echo "documentation: $folder/docs/gic.html"
