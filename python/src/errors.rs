@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 
 /// The exception of an error: its class by what failed, its text the program's, with the way out as `hint`.
 pub(crate) fn exception(py: Python<'_>, error: &anyhow::Error) -> PyErr {
-    let Explanation { message, causes, hint, is_interrupt } = Explanation::of(error);
+    let Explanation { message, causes, hint, is_interrupt, .. } = Explanation::of(error);
     let class = if is_interrupt { "Interrupted" } else { class(error) };
     let text = [vec![message], causes].concat().join(": ");
     let text = text.strip_prefix("error: ").unwrap_or(&text);
@@ -37,6 +37,7 @@ fn class(error: &anyhow::Error) -> &'static str {
 
 fn class_of_cause(cause: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
     let is_usage = cause.is::<clap::Error>()
+        || cause.downcast_ref().is_some_and(gic::Error::is_usage)
         || matches!(cause.downcast_ref(), Some(gic::Error::Usage { .. } | gic::Error::Overwrite { .. }))
         || matches!(cause.downcast_ref(), Some(TwinError::Usage { .. }));
     let is_twin = cause.is::<TwinError>() || matches!(cause.downcast_ref(), Some(gic::Error::Twin(_)));

@@ -3,6 +3,8 @@
 use gic_motion::LossWeights;
 use serde::{Deserialize, Serialize};
 
+use crate::AppearanceError;
+
 /// How to train the colours of a twin.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -40,6 +42,28 @@ impl Default for AppearanceFitSettings {
     }
 }
 
+impl AppearanceFitSettings {
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// [`AppearanceError::Setting`] names the first one that cannot be used.
+    pub fn validate(&self) -> Result<(), AppearanceError> {
+        require("steps", self.steps > 0, "must be at least 1")?;
+        require("views_per_step", self.views_per_step > 0, "must be at least 1")?;
+        let rates = [("albedo", self.albedo), ("opacity", self.opacity), ("scale", self.scale), ("light", self.light)];
+        for (setting, (first, last)) in rates {
+            let are_rates = [first, last].iter().all(|rate| *rate > 0.0 && rate.is_finite());
+            require(setting, are_rates, "must be two learning rates above 0")?;
+        }
+        let is_factor = self.scale_bound >= 1.0 && self.scale_bound.is_finite();
+        require("scale_bound", is_factor, "must be a factor of at least 1")
+    }
+}
+
+fn require(setting: &'static str, is_good: bool, reason: &str) -> Result<(), AppearanceError> {
+    if is_good { Ok(()) } else { Err(AppearanceError::Setting { setting, reason: reason.to_owned() }) }
+}
+
 /// How to register.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -61,5 +85,25 @@ pub struct RegisterSettings {
 impl Default for RegisterSettings {
     fn default() -> Self {
         RegisterSettings { starts: 6_000, candidates: 10, steps: 60, final_steps: 150, color: 0.5, least_iou: 0.9 }
+    }
+}
+
+impl RegisterSettings {
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// [`AppearanceError::Setting`] names the first one that cannot be used.
+    pub fn validate(&self) -> Result<(), AppearanceError> {
+        let counts = [
+            ("starts", self.starts),
+            ("candidates", self.candidates),
+            ("steps", self.steps),
+            ("final_steps", self.final_steps),
+        ];
+        for (setting, count) in counts {
+            require(setting, count > 0, "must be at least 1")?;
+        }
+        require("color", self.color >= 0.0 && self.color.is_finite(), "must be a weight of at least 0")?;
+        require("least_iou", (0.0..=1.0).contains(&self.least_iou), "must be from 0 to 1")
     }
 }

@@ -3,7 +3,7 @@
 use gic_geometry::Plane;
 use serde::{Deserialize, Serialize};
 
-use crate::{FillSettings, Tuning, Unseen};
+use crate::{ContinuumError, FillSettings, Tuning, Unseen};
 
 /// Settings of filling; lengths that are left out follow from the body.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -60,6 +60,20 @@ impl Default for Settings {
 }
 
 impl Settings {
+    /// Checks every value.
+    ///
+    /// # Errors
+    /// [`ContinuumError::Setting`] names the first one out of its range.
+    pub fn validate(&self) -> Result<(), ContinuumError> {
+        let spacings = [("particle_spacing_m", self.particle_spacing_m), ("voxel_spacing_m", self.voxel_spacing_m)];
+        for (setting, spacing) in spacings {
+            if let Some(value) = spacing.filter(|value| !(*value > 0.0 && value.is_finite())) {
+                return Err(ContinuumError::Setting { setting, value, must: "above 0 m" });
+            }
+        }
+        self.for_body(1.0, None).validate()
+    }
+
     /// The same for a body whose largest side at the first frame is `size` [m], on `ground`, if that is known.
     pub fn for_body(&self, size: f64, ground: Option<Plane>) -> FillSettings {
         let defaults = FillSettings::tuned(size, self.tuning.clone());

@@ -79,6 +79,8 @@ impl FillSettings {
             "above 0 m",
         )?;
         check("levels", self.levels as f64, (1..=10).contains(&self.levels), "from 1 to 10")?;
-        check("th_min", self.th_min, self.th_min > 0.0 && self.th_min < 1.0, "between 0 and 1")
+        check("th_min", self.th_min, self.th_min > 0.0 && self.th_min < 1.0, "between 0 and 1")?;
+        let opacity = f64::from(self.min_opacity);
+        check("min_opacity", opacity, (0.0..1.0).contains(&opacity), "from 0 to below 1")
     }
 }

@@ -44,7 +44,7 @@ pub enum IdentifyError {
         way_out: String,
     },
     /// A parameter that the material does not have.
-    #[error("unknown parameter '{name}': this material has {known}")]
+    #[error("unknown parameter '{name}'; there are {known}")]
     UnknownParameter {
         /// The name as given.
         name: String,

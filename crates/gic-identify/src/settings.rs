@@ -1,6 +1,6 @@
 //! What the user chooses.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 use gic_mpm::MaterialKind;
@@ -193,8 +193,75 @@ impl Settings {
         self.fixed.iter().find(|(name, _)| name == parameter.name).map(|(_, value)| *value)
     }
 
+    /// Checks every value; `fixed` and `start` against the parameters of the material, where a law is chosen, and of
+    /// all laws where they are tried.
+    ///
+    /// # Errors
+    /// [`IdentifyError::Input`] or [`IdentifyError::UnknownParameter`] for the first one that cannot be used.
+    pub fn validate(&self) -> Result<(), IdentifyError> {
+        self.validate_numbers()?;
+        match self.material {
+            Some(MaterialChoice::Law(kind)) => self.validate_for(kind),
+            Some(MaterialChoice::Auto) if self.start.is_some() => {
+                let problem = "has the values of one law, and the law is to be found";
+                Err(IdentifyError::input("start", problem, "name the law, or leave the start out"))
+            }
+            Some(MaterialChoice::Auto) => self.validate_for_any(),
+            None => Ok(()),
+        }
+    }
+
+    /// Checks what no law decides.
+    pub(crate) fn validate_numbers(&self) -> Result<(), IdentifyError> {
+        let positive = [
+            ("density_kg_m3", Some(self.density_kg_m3)),
+            ("grid_spacing_m", self.grid_spacing_m),
+            ("substeps_per_frame", self.substeps_per_frame.map(|substeps| substeps as f64)),
+            ("adam_iterations", Some(self.adam_iterations as f64)),
+            ("iterations", Some(self.iterations as f64)),
+        ];
+        for (field, value) in positive {
+            if let Some(value) = value.filter(|value| !(*value > 0.0 && value.is_finite())) {
+                return Err(IdentifyError::input(field, format!("is {value}"), "it must be above 0"));
+            }
+        }
+        for (field, vector) in [("gravity_m_s2", self.gravity_m_s2), ("velocity_m_s", self.velocity_m_s)] {
+            if vector.is_some_and(|vector| vector.iter().any(|x| !x.is_finite())) {
+                return Err(IdentifyError::input(field, "is not finite", "give three numbers"));
+            }
+        }
+        if let Some(frames) = self.frames.filter(|frames| *frames < 2) {
+            return Err(IdentifyError::input("frames", format!("is {frames}"), "two frames at least show a motion"));
+        }
+        let factor = self.resolution_check;
+        if !(factor == 0.0 || factor > 1.0 && factor.is_finite()) {
+            let way_out = "give a factor above 1, or 0 to skip the check";
+            return Err(IdentifyError::input("resolution_check", format!("is {factor}"), way_out));
+        }
+        Ok(())
+    }
+
+    /// Checks that each fixed value is one of some law's.
+    fn validate_for_any(&self) -> Result<(), IdentifyError> {
+        let mut unknown = self.fixed.iter().filter(|(name, _)| !MaterialKind::ALL.iter().any(|k| has(*k, name)));
+        if let Some((name, _)) = unknown.next() {
+            let known: BTreeSet<&str> = MaterialKind::ALL.iter().flat_map(|k| sought(*k)).map(|p| p.name).collect();
+            let known = known.into_iter().collect::<Vec<_>>().join(", ");
+            return Err(IdentifyError::UnknownParameter { name: name.clone(), known });
+        }
+        MaterialKind::ALL.into_iter().try_for_each(|kind| self.among_laws(kind).validate_for(kind))
+    }
+
+    /// The same where the law `kind` is one of several that are tried: fixed values of other laws' parameters are left
+    /// out.
+    pub fn among_laws(&self, kind: MaterialKind) -> Settings {
+        let mut settings = self.clone();
+        settings.fixed.retain(|(name, _)| has(kind, name));
+        settings
+    }
+
     /// Checks names and values against the parameters of `kind`.
-    pub(crate) fn validate(&self, kind: MaterialKind) -> Result<(), IdentifyError> {
+    pub(crate) fn validate_for(&self, kind: MaterialKind) -> Result<(), IdentifyError> {
         for (name, value) in &self.fixed {
             let (low, high) = sought_by_name(kind, name)?.bounds;
             let is_admitted = *value >= low && *value <= high;
@@ -221,6 +288,11 @@ impl Settings {
         let wanted = self.tuning.resolution.substeps_times_spacing_m / grid_spacing_m;
         (grid_spacing_m, self.substeps_per_frame.unwrap_or((wanted * (1.0 - 1e-9)).ceil() as usize))
     }
+}
+
+/// Whether a parameter of that name is sought.
+fn has(kind: MaterialKind, name: &str) -> bool {
+    sought(kind).iter().any(|parameter| parameter.name == name)
 }
 
 /// Why a value of the flag `--fix` is none.

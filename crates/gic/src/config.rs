@@ -18,8 +18,9 @@ use std::path::{Path, PathBuf};
 use gic_appearance::{AppearanceFitSettings, RegisterSettings};
 use gic_files::{relative_path, resolved};
 use gic_motion::TrainSettings;
-use gic_scene::SceneSettings;
+use gic_scene::{Scene, SceneSettings};
 use gic_twin::atomic;
+use gic_twin::twin::Twin;
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
@@ -132,13 +133,33 @@ impl Config {
                 source: source.into(),
             })?;
             merge(&mut table, layer.table);
-            config = Value::Table(table).try_into().map_err(|source: toml::de::Error| Error::Syntax {
-                path: layer.origin,
-                format: "a configuration",
-                source: source.into(),
-            })?;
+            config =
+                Value::Table(table).try_into().map_err(|source| Error::Settings { origin: layer.origin, source })?;
         }
         Ok(config)
+    }
+
+    /// Checks every setting before any work starts, for the scene of all the video's frames.
+    ///
+    /// # Errors
+    /// [`Error::Setting`] for the first one that cannot be used; a file of obstacles that cannot be read.
+    pub(crate) fn validate(&self, video: &Scene) -> Result<()> {
+        // Photographs of the object at rest are what a scan is trained on.
+        let filmed = video.rest.as_deref().unwrap_or(video);
+        self.reconstruct.validate(filmed.cameras.len()).map_err(Error::setting("reconstruct"))?;
+        self.register.validate().map_err(Error::setting("register"))?;
+        self.fill.validate().map_err(Error::setting("fill"))?;
+        self.identify.validate().map_err(Error::setting("identify"))?;
+        self.appearance.train.validate().map_err(Error::setting("appearance.train"))?;
+        let frames = video.times.len();
+        if let Some(asked) = self.identify.frames.filter(|asked| *asked > frames) {
+            let problem = format!("frames is {asked}, and the video has {frames}");
+            return Err(Error::setting("identify")(problem));
+        }
+        if let Some(path) = &self.identify.colliders {
+            Twin::read_obstacles(path)?;
+        }
+        Ok(())
     }
 
     /// Takes the file of obstacles into the run folder, which then can be moved without it.

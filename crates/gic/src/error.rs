@@ -46,6 +46,22 @@ pub enum Error {
         /// What it is.
         what: &'static str,
     },
+    /// A setting has a value that cannot be used, alone or with this scene.
+    #[error("settings of {section}")]
+    Setting {
+        /// The table of `config.toml` that it stands in.
+        section: &'static str,
+        /// Which one, and why.
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
+    /// Settings from somewhere have unknown keys or values of the wrong kind.
+    #[error("{} does not give settings of gic", origin.display())]
+    Settings {
+        /// The file or flag.
+        origin: PathBuf,
+        /// The cause.
+        source: toml::de::Error,
+    },
     /// A text file does not parse.
     #[error("{} is not valid {format}", path.display())]
     Syntax {
@@ -125,6 +141,10 @@ impl Error {
                 Some("check the path; relative paths inside a twin are relative to the twin's own folder".into())
             }
             Self::Read { .. } | Self::Syntax { .. } => None,
+            Self::Setting { section, .. } => Some(format!(
+                "change it by its flag (--help names them), by --set {section}.KEY=VALUE, or in the file of --config"
+            )),
+            Self::Settings { .. } => Some("a run's config.toml names every setting".into()),
             Self::Print { .. } => Some("send the output to a file or a terminal that can take it".into()),
             Self::Overwrite { .. } => Some("choose another place for the output".into()),
             Self::Write { source, .. } => match source.kind() {
@@ -152,6 +172,19 @@ impl Error {
             Self::Interrupted { .. } => true,
             _ => false,
         }
+    }
+
+    /// Whether the command was wrong, whatever its files hold.
+    pub fn is_usage(&self) -> bool {
+        matches!(self, Self::Setting { .. } | Self::Settings { .. })
+    }
+
+    /// An [`Error::Setting`] around another crate's error.
+    pub(crate) fn setting<E>(section: &'static str) -> impl FnOnce(E) -> Self
+    where
+        E: Into<Box<dyn std::error::Error + Send + Sync>>,
+    {
+        move |source| Self::Setting { section, source: source.into() }
     }
 
     /// An [`Error::Read`] for `path`.

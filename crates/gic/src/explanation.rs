@@ -19,6 +19,8 @@ pub struct Explanation {
     pub hint: Option<String>,
     /// Whether the user interrupted.
     pub is_interrupt: bool,
+    /// Whether the command was wrong, whatever its files hold.
+    pub is_usage: bool,
 }
 
 impl Explanation {
@@ -35,7 +37,8 @@ impl Explanation {
             last = cause;
         }
         let is_interrupt = error.chain().any(is_interrupt);
-        Self { message, causes, hint: error.chain().find_map(hint), is_interrupt }
+        let is_usage = error.chain().any(|error| error.downcast_ref::<Error>().is_some_and(Error::is_usage));
+        Self { message, causes, hint: error.chain().find_map(hint), is_interrupt, is_usage }
     }
 }
 

@@ -127,8 +127,40 @@ fn a_misspelled_setting_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let run = folder.path().join("run");
     let output = gic(&["run", &demo(), "-o", run.to_str().unwrap(), "--set", "reconstruct.stepz=1"]);
-    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(output.status.code(), Some(2));
     assert!(text(&output.stderr).contains("stepz"), "{output:?}");
+}
+
+#[test]
+fn settings_that_cannot_be_used_are_refused_before_any_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    let place = ["run", &demo(), "-o", run.to_str().unwrap(), "--material", "elastic"];
+    for (flags, code, parts) in [
+        (&["--fix", "poisson=0.3"][..], 2, ["'poisson'", "poisson_ratio"]),
+        (&["--fix", "poisson_ratio=0.7"], 2, ["poisson_ratio", "0.7"]),
+        (&["--material", "auto", "--fix", "poisson=0.3"], 2, ["'poisson'", "friction_angle_deg"]),
+        (&["--material", "auto", "--set", "identify.start=[1.0]"], 2, ["start", "law"]),
+        (&["--set", "identify.poisson_ratio=0.7"], 2, ["--set", "poisson_ratio"]),
+        (&["--density=-5"], 2, ["density_kg_m3", "-5"]),
+        (&["--levels", "99"], 2, ["levels", "from 1 to 10"]),
+        (&["--grid-spacing-m", "0"], 2, ["grid_spacing_m", "above 0"]),
+        (&["--particle-spacing-m=-1"], 2, ["particle_spacing_m", "above 0"]),
+        (&["--substeps-per-frame", "0"], 2, ["substeps_per_frame", "above 0"]),
+        (&["--held-out", "99"], 2, ["held_out", "0 to 10"]),
+        (&["--set", "identify.frames=1"], 2, ["frames", "two frames"]),
+        (&["--set", "identify.frames=99"], 2, ["99", "has 14"]),
+        (&["--set", "appearance.train.steps=0"], 2, ["steps", "at least 1"]),
+        (&["--set", "register.starts=0"], 2, ["starts", "at least 1"]),
+        (&["--colliders", "nowhere.json"], 1, ["nowhere.json", "check the path"]),
+    ] {
+        let place = if flags[0] == "--material" { &place[..4] } else { &place[..] };
+        let output = gic(&[place, flags].concat());
+        let message = text(&output.stderr);
+        assert_eq!(output.status.code(), Some(code), "{flags:?}: {message}");
+        assert!(parts.iter().all(|part| message.contains(part)), "{flags:?}: {message}");
+        assert!(!run.exists(), "{flags:?}");
+    }
 }
 
 #[test]

@@ -48,7 +48,8 @@ pub fn identify(
 ) -> Result<Estimates, IdentifyError> {
     let mut input = input.clone();
     input.validate()?;
-    settings.validate(kind)?;
+    settings.validate_numbers()?;
+    settings.validate_for(kind)?;
     if let Some(frames) = settings.frames {
         input.observations.truncate(frames.max(2));
     }

@@ -6,7 +6,6 @@ use std::time::Instant;
 
 use gic_scene::Scene;
 
-use super::check::check;
 use super::checkpoint;
 use super::progress::{Phase, Progress};
 use super::schedule::Trained;
@@ -29,7 +28,7 @@ pub fn train(
     callback: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
     checkpoint: Option<&Path>,
 ) -> Result<DynamicGaussians, MotionError> {
-    check(scene, settings)?;
+    settings.validate(scene.cameras.len())?;
     let training = Training::new(scene, settings, seed)?;
     let resumed = match checkpoint {
         Some(folder) => checkpoint::load(folder, settings, seed, training.sh_degree)?,

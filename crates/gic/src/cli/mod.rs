@@ -48,7 +48,11 @@ pub fn main(words: impl IntoIterator<Item = OsString>, program: PathBuf) -> u8 {
         Err(error) => {
             let explanation = Explanation::of(&error);
             report(&explanation);
-            if explanation.is_interrupt { 130 } else { 1 }
+            match explanation {
+                Explanation { is_interrupt: true, .. } => 130,
+                Explanation { is_usage: true, .. } => 2,
+                _ => 1,
+            }
         }
     }
 }

@@ -116,7 +116,8 @@ impl Run<'_> {
             std::fs::remove_file(&checkpoint).map_err(Error::write(&checkpoint))?;
         }
         recipe.write(&begun)?;
-        let found = self.fit(&input, model, &self.identify_settings(), (Stage::Identify, &checkpoint))?;
+        let found =
+            self.fit(&input, model, &self.identify_settings().among_laws(model), (Stage::Identify, &checkpoint))?;
         for warning in &found.warnings {
             self.events.warn(Stage::Identify.name(), warning);
         }

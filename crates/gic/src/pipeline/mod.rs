@@ -163,6 +163,7 @@ impl<'a> Run<'a> {
             all.insert(0, Layer::reconstruct("the scene's defaults", &settings)?);
             config = Config::resolve(all)?;
         }
+        config.validate(&video)?;
         outputs::allow_run(folder, &video.root)?;
         let scene = scene::fitted_part(&video, &config)?;
         let scene_hash = scene::hash_scene(&scene, &config)?;
@@ -334,7 +335,11 @@ impl<'a> Run<'a> {
     }
 
     fn check_interrupt(&self, stage: Stage) -> Result<()> {
-        if self.interrupt.requested() { Err(self.interrupted(&format!("before {}", stage.name()))) } else { Ok(()) }
+        if !self.interrupt.requested() {
+            return Ok(());
+        }
+        let before = (stage != Stage::Reconstruct).then(|| format!("the stages before {}", stage.name()));
+        Err(self.interrupted(&before.unwrap_or_default()))
     }
 
     fn interrupted(&self, after: &str) -> Error {

@@ -183,9 +183,7 @@ impl Run<'_> {
             frames: Some(fitted),
             joint: in_full,
             resolution_check: 0.0,
-            fixed: Vec::new(),
-            start: None,
-            ..self.identify_settings()
+            ..self.identify_settings().among_laws(model)
         };
         let checkpoint = self.path(format!("selection/{}.checkpoint.json", model.name()));
         let mut law = LawRecord {
