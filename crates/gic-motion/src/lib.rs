@@ -27,4 +27,4 @@ pub use evaluate::{ViewScore, evaluate};
 pub use model::{Displacement, Domain, DynamicGaussians};
 pub use network::{Architecture, Deformation, MotionNetwork, NetworkGradient, Scalar};
 pub use settings::{Capture, DensitySettings, GaussianShape, InitialPoints, LearningRates, LossWeights, TrainSettings};
-pub use trainer::{Phase, Progress, train};
+pub use trainer::{Listener, Phase, Progress, train};

@@ -6,7 +6,8 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use gic_motion::{
-    Architecture, DensitySettings, DynamicGaussians, MotionError, TrainSettings, ViewScore, evaluate, train,
+    Architecture, DensitySettings, DynamicGaussians, MotionError, Phase, Progress, TrainSettings, ViewScore, evaluate,
+    train,
 };
 use gic_scene::{Camera, Scene};
 use gic_splat::{Gaussians, Shape};
@@ -75,9 +76,17 @@ fn settings(steps: usize) -> TrainSettings {
 }
 
 fn run(scene: &Scene, settings: &TrainSettings, checkpoint: Option<&Path>, stop_at: usize) -> DynamicGaussians {
-    let mut callback =
-        |p: &gic_motion::Progress| if p.step == stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
-    train(scene, settings, 11, &mut callback, checkpoint).unwrap()
+    run_until(scene, settings, checkpoint, &|p| p.phase != Phase::Tracking && p.step == stop_at)
+}
+
+fn run_until(
+    scene: &Scene,
+    settings: &TrainSettings,
+    checkpoint: Option<&Path>,
+    stops: &(dyn Fn(&Progress) -> bool + Sync),
+) -> DynamicGaussians {
+    let mut listener = |p: &Progress| if stops(p) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+    train(scene, settings, 11, &mut listener, checkpoint).unwrap()
 }
 
 fn same(a: &DynamicGaussians, b: &DynamicGaussians) -> bool {
@@ -134,6 +143,12 @@ fn a_run_that_was_stopped_continues_as_if_it_had_not_been() {
     assert!(!same(&whole, &half));
     let resumed = run(&scene, &settings, Some(folder.path()), 0);
     assert!(same(&whole, &resumed));
+
+    let folder = tempfile::tempdir().unwrap();
+    let in_tracking = |p: &Progress| p.phase == Phase::Tracking && p.step == 7;
+    let early = run_until(&scene, &settings, Some(folder.path()), &in_tracking);
+    assert!(early.motion.is_some_and(|motion| motion.base.is_none()));
+    assert!(same(&whole, &run(&scene, &settings, Some(folder.path()), 0)));
 
     let other = TrainSettings { steps: 31, ..settings };
     let error = train(&scene, &other, 11, &mut |_| ControlFlow::Continue(()), Some(folder.path())).unwrap_err();

@@ -23,5 +23,5 @@ mod track_base;
 mod training;
 mod view_gradient;
 
-pub use progress::{Phase, Progress};
+pub use progress::{Listener, Phase, Progress};
 pub use run::train;

@@ -7,7 +7,7 @@ use std::time::Instant;
 use gic_scene::Scene;
 
 use super::checkpoint;
-use super::progress::{Phase, Progress};
+use super::progress::{Listener, Pace, Phase, Progress};
 use super::schedule::Trained;
 use super::state::State;
 use super::training::Training;
@@ -15,7 +15,7 @@ use crate::{DynamicGaussians, MotionError, TrainSettings};
 
 /// Reconstructs a scene: trains Gaussians, and their motion if it has several times, to reproduce its pictures.
 ///
-/// `callback` hears of every step and may end training; what was reached until then is returned. With a `checkpoint`
+/// `listener` hears of every step and may end training; what was reached until then is returned. With a `checkpoint`
 /// folder the state is saved there from time to time, and training continues from a state found there.
 /// The same scene, settings and seed give the same result, bit by bit, whatever the number of threads.
 ///
@@ -25,7 +25,7 @@ pub fn train(
     scene: &Scene,
     settings: &TrainSettings,
     seed: u64,
-    callback: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    listener: &mut Listener<'_>,
     checkpoint: Option<&Path>,
 ) -> Result<DynamicGaussians, MotionError> {
     settings.validate(scene.cameras.len())?;
@@ -38,7 +38,7 @@ pub fn train(
         Some(state) => state,
         None => training.start(scene)?,
     };
-    training.run(&mut state, callback, checkpoint)?;
+    training.run(&mut state, listener, checkpoint)?;
     Ok(training.finish(state))
 }
 
@@ -46,34 +46,38 @@ impl Training<'_> {
     fn run(
         &self,
         state: &mut State,
-        callback: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+        listener: &mut Listener<'_>,
         checkpoint: Option<&Path>,
     ) -> Result<(), MotionError> {
         let steps = self.settings.steps;
-        let (started, first) = (Instant::now(), state.step);
-        let mut saved = Instant::now();
+        let (pace, mut saved) = (Pace::from(state.step), Instant::now());
         while state.step < steps {
             // As one of the pool's own threads: from outside, each of the dozens of parallel loops of a step would put
             // this thread to sleep.
-            let psnr = rayon::scope(|_| self.step(state))?;
-            let held_out = self.evaluate_if_due(state)?;
-            let seconds = started.elapsed().as_secs_f64();
-            let progress = Progress {
-                phase: if self.trained_in(state.step - 1) == Trained::Gaussians {
-                    Phase::WarmUp
-                } else {
-                    Phase::Motion
-                },
-                step: state.step,
-                steps,
-                loss: state.mean_loss,
-                psnr,
-                gaussians: state.parameters.len(),
-                held_out,
-                seconds,
-                seconds_left: seconds / (state.step - first) as f64 * (steps - state.step) as f64,
+            let stepped = rayon::scope(|_| self.step(state, &mut *listener))?;
+            let stop = match stepped {
+                ControlFlow::Break(()) => true,
+                ControlFlow::Continue(psnr) => {
+                    let held_out = self.evaluate_if_due(state)?;
+                    let (seconds, seconds_left) = pace.seconds(state.step, steps);
+                    let progress = Progress {
+                        phase: if self.trained_in(state.step - 1) == Trained::Gaussians {
+                            Phase::WarmUp
+                        } else {
+                            Phase::Motion
+                        },
+                        step: state.step,
+                        steps,
+                        loss: state.mean_loss,
+                        psnr,
+                        gaussians: state.parameters.len(),
+                        held_out,
+                        seconds,
+                        seconds_left,
+                    };
+                    listener(&progress).is_break() || self.out_of_patience(state)
+                }
             };
-            let stop = callback(&progress).is_break() || self.out_of_patience(state);
             if let Some(folder) = checkpoint
                 && (stop || state.step == steps || saved.elapsed().as_secs_f64() > self.settings.checkpoint_seconds)
             {

@@ -1,24 +1,35 @@
 //! One step of training: draw, compare, pull back, update.
 
+use std::ops::ControlFlow;
+
 use gic_optimize::decayed;
 use rayon::prelude::*;
 
+use super::progress::Listener;
 use super::schedule::Trained;
 use super::state::State;
 use super::training::Training;
-use super::view_gradient::ViewGradient;
+use super::view_gradient::{ViewGradient, psnr};
 use crate::base::fit::Freedom;
 use crate::gaussians::parameters::ParameterGradient;
 use crate::tuning::{LOSS_AVERAGE_WEIGHT, NETWORK_RISE_STEPS};
 use crate::{Deformation, MotionError};
 
 impl Training<'_> {
-    /// One step of training; returns the PSNR of what it rendered.
-    pub(super) fn step(&self, state: &mut State) -> Result<f64, MotionError> {
+    /// One step of training; returns the PSNR of what it rendered. The listener may end the tracking that precedes the
+    /// first step of motion; the state is then as before.
+    pub(super) fn step(
+        &self,
+        state: &mut State,
+        listener: &mut Listener<'_>,
+    ) -> Result<ControlFlow<(), f64>, MotionError> {
         let mut rng = self.rng(state.step);
         let trained = self.trained_in(state.step);
         if trained != Trained::Gaussians && self.tracks && state.base.is_none() {
-            state.base = Some(self.track_base(state, &mut rng)?);
+            match self.track_base(state, &mut rng, listener)? {
+                ControlFlow::Continue(base) => state.base = Some(base),
+                ControlFlow::Break(()) => return Ok(ControlFlow::Break(())),
+            }
         }
         let (frame, views) = self.draw_views(state, &mut rng);
         let pose = match trained {
@@ -80,7 +91,7 @@ impl Training<'_> {
         let alike = self.smooth(state, &mut gradient, rendered.len());
         state.moments.update(&mut state.parameters, &gradient, rates, when, (size, alike));
         self.control_density(state, &mut rng);
-        Ok(-10.0 * (squared.0 / squared.1.max(1) as f64).log10())
+        Ok(ControlFlow::Continue(psnr(squared)))
     }
 
     fn update_network(

@@ -47,6 +47,7 @@ impl Run<'_> {
     fn tell(&self, progress: &Progress) -> ControlFlow<()> {
         let phase = match progress.phase {
             Phase::WarmUp => "warm-up",
+            Phase::Tracking => "tracking",
             Phase::Motion => "motion",
         };
         if progress.step.is_multiple_of(EVENT_EVERY) || progress.step == progress.steps || progress.held_out.is_some() {
