@@ -34,7 +34,7 @@ pub(crate) struct Cli {
 }
 
 const EXIT_CODES: &str = "\
-Exit codes: 0 done, 1 failed, 2 bad usage, 130 interrupted (what was finished is kept; run the same command \
+Exit codes: 0 done, 1 failed, 2 bad usage or settings, 130 interrupted (what was finished is kept; run the same command \
 again to go on).
 Results go to stdout, everything else to stderr.";
 

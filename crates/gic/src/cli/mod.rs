@@ -19,6 +19,7 @@ use std::ffi::OsString;
 use std::io::Write;
 use std::path::PathBuf;
 use std::sync::Mutex;
+use std::time::Duration;
 
 use clap::{CommandFactory, FromArgMatches};
 use gic_twin::Interrupt;
@@ -31,7 +32,7 @@ use context::Output;
 use flags::Given;
 
 /// Runs a command line, whose first word is the program's name, and returns the exit code: 0 done, 1 failed, 2 bad
-/// usage, 130 interrupted. `program` is the file to call where a command calls gic again.
+/// usage or settings, 130 interrupted. `program` is the file to call where a command calls gic again.
 ///
 /// Takes over Ctrl-C and the number of threads: for processes that do nothing else.
 pub fn main(words: impl IntoIterator<Item = OsString>, program: PathBuf) -> u8 {
@@ -135,6 +136,10 @@ fn run_command(command: Command, context: &Context) -> anyhow::Result<()> {
     }
 }
 
+/// How long a command may take to stop at a safe point. After it the process ends wherever it is: files are written
+/// whole or not at all, so nothing that was finished is lost.
+const GRACE: Duration = Duration::from_millis(1_800);
+
 fn on_ctrl_c(interrupt: &Interrupt) -> anyhow::Result<()> {
     let interrupt = interrupt.clone();
     ctrlc::set_handler(move || {
@@ -142,7 +147,12 @@ fn on_ctrl_c(interrupt: &Interrupt) -> anyhow::Result<()> {
             std::process::exit(130);
         }
         interrupt.request();
-        eprintln!("\nstopping at the next safe point; press Ctrl-C again to stop at once");
+        eprintln!("\nstopping; press Ctrl-C again to stop at once");
+        std::thread::spawn(|| {
+            std::thread::sleep(GRACE);
+            eprintln!("interrupted; what was finished is kept: run the same command again to go on from there");
+            std::process::exit(130);
+        });
     })?;
     Ok(())
 }
