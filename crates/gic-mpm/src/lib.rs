@@ -3,7 +3,7 @@
 //!
 //! | folder | what it holds |
 //! |---|---|
-//! | `laws` | the five constitutive laws and their adjoints, a file each; their parameters |
+//! | `laws` | the constitutive laws and their adjoints, a file each; their parameters |
 //! | `colliders` | rigid obstacles: shape, path, contact law |
 //! | `substep` | p2g, grid update, g2p and their adjoints: a readable twin and the fast engine |
 //! | `rollouts` | frames from substeps; gradients of rollouts, and their check |

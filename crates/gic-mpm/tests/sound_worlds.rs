@@ -178,7 +178,7 @@ fn what_takes_too_long_or_too_much_memory_is_refused_before_it_starts() {
 /// Anything that a twin may say, mostly within what makes sense.
 fn any_world() -> impl Strategy<Value = World> {
     let vector = |size: f64| proptest::array::uniform3(-size..size).prop_map(DVec3::from);
-    let kind = (0..5usize).prop_map(|i| MaterialKind::ALL[i]);
+    let kind = (0..MaterialKind::ALL.len()).prop_map(|i| MaterialKind::ALL[i]);
     let material =
         (kind, proptest::collection::vec(-3.0f64..3.0, 5)).prop_map(|(kind, decades)| material(kind, &decades));
     let start = (material, proptest::array::uniform3(2usize..9), -4.0f64..5.0, -2.0f64..2.0, vector(3.0), vector(10.0));
@@ -218,6 +218,7 @@ fn material(kind: MaterialKind, decades: &[f64]) -> Material {
     let value = |(name, decade): (&&str, &f64)| match *name {
         "poisson_ratio" => 0.24 + 0.08 * decade,
         "friction_angle_deg" => 40.0 + 10.0 * decade,
+        "retardation_time_s" => 10f64.powf(decade - 4.0),
         "viscosity_pa_s" | "plastic_viscosity_pa_s" => 10f64.powf(*decade),
         _ => 10f64.powf(4.0 + decade),
     };

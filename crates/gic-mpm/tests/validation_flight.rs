@@ -11,7 +11,7 @@ const SUBSTEPS: usize = 50;
 const FRAMES: usize = 4;
 const RATE: f64 = 100.0;
 
-fn materials() -> [Material; 5] {
+fn materials() -> [Material; 6] {
     [
         Material::Elastic { youngs_modulus_pa: 3e5, poisson_ratio: 0.3 },
         Material::Plasticine { youngs_modulus_pa: 3e5, poisson_ratio: 0.3, yield_stress_pa: 1e3 },
@@ -23,6 +23,7 @@ fn materials() -> [Material; 5] {
             yield_stress_pa: 1e2,
             plastic_viscosity_pa_s: 10.0,
         },
+        Material::Viscoelastic { youngs_modulus_pa: 1e5, poisson_ratio: 0.3, retardation_time_s: 1e-3 },
     ]
 }
 

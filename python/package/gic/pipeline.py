@@ -104,7 +104,8 @@ def run(
 ) -> Run:
     """Makes the twin of a scene: ``gic run SCENE --material MATERIAL -o OUT``.
 
-    scene: the folder with videos and cameras. material: elastic, plasticine, sand, newtonian, non-newtonian, or auto.
+    scene: the folder with videos and cameras. material: elastic, viscoelastic, plasticine, sand,
+        newtonian, non-newtonian, or auto.
     out: the run folder; what it holds already is not made again. progress, flags: as in ``command``, for example
     ``fix={"poisson_ratio": 0.3}``, ``fit_frames=10``, ``no_appearance=True``, ``set={"reconstruct.iterations": 500}``.
 

@@ -1,4 +1,4 @@
-"""The differentiable simulator (MLS-MPM, five materials, rigid obstacles)."""
+"""The differentiable simulator (MLS-MPM, six materials, rigid obstacles)."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ class Body:
     """Particles of one material.
 
     material: law and parameters as in ``twin.json``: ``{"model": "elastic", "youngs_modulus_pa": 1e5,
-        "poisson_ratio": 0.3}``. Laws are elastic, plasticine, sand, newtonian and non-newtonian.
+        "poisson_ratio": 0.3}``. Laws are elastic, viscoelastic, plasticine,
+        sand, newtonian and non-newtonian.
     positions_m: initial positions [m], shape [n, 3].
     particle_volume_m3: rest volume of a particle of factor 1 [m^3].
     density_kg_m3: density at rest [kg/m^3].

@@ -34,7 +34,7 @@ class Twin:
 
     @property
     def model(self) -> str:
-        """The law: elastic, plasticine, sand, newtonian or non-newtonian."""
+        """The law: elastic, viscoelastic, plasticine, sand, newtonian or non-newtonian."""
         return self._content["material"]["model"]
 
     @property

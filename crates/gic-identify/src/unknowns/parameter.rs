@@ -66,6 +66,9 @@ const FRICTION: Parameter = Parameter {
 const VISCOSITY: Parameter = positive("viscosity_pa_s", (1.0e-1, 2.0e3), (1.0e1, 3.0e2), 4);
 const FLUID_BULK: Parameter = positive("bulk_modulus_pa", (1.0e3, 1.0e7), (1.0e4, 3.0e5), 3);
 const SHEAR: Parameter = positive("shear_modulus_pa", (1.0e2, 1.0e7), (3.0e3, 3.0e5), 3);
+// Starts damp a bounce of some hundredths of a second by a few to some tens of per cent (Derived: the damping ratio is
+// half the product of frequency and time); a longer time is a body that creeps back.
+const RETARDATION: Parameter = positive("retardation_time_s", (1.0e-6, 5.0e-2), (3.0e-4, 3.0e-3), 2);
 const PLASTIC_VISCOSITY: Parameter = positive("plastic_viscosity_pa_s", (1.0e-1, 1.0e3), (1.0, 1.0e2), 2);
 
 /// The parameters of a law that are sought, in the order of every vector in this crate: the leading ones of
@@ -76,6 +79,7 @@ pub fn sought(kind: MaterialKind) -> &'static [Parameter] {
         MaterialKind::Plasticine => &[YOUNG, NU, YIELD],
         MaterialKind::Sand => &[FRICTION],
         MaterialKind::Newtonian => &[VISCOSITY, FLUID_BULK],
+        MaterialKind::Viscoelastic => &[YOUNG, NU, RETARDATION],
         MaterialKind::NonNewtonian => &[SHEAR, FLUID_BULK, YIELD, PLASTIC_VISCOSITY],
     }
 }

@@ -1,4 +1,4 @@
-//! The five laws: their names, and the names and ranges of their parameters.
+//! The laws: their names, and the names and ranges of their parameters.
 
 use serde::{Deserialize, Serialize};
 
@@ -17,6 +17,8 @@ pub enum MaterialKind {
     Newtonian,
     /// Viscoplastic fluid.
     NonNewtonian,
+    /// Neo-Hookean solid with damping (Kelvin-Voigt).
+    Viscoelastic,
 }
 
 /// The range of a parameter; a NaN is in none.
@@ -50,10 +52,11 @@ impl Range {
 
 impl MaterialKind {
     /// Every law, the fewest unknowns of identification first.
-    pub const ALL: [MaterialKind; 5] = [
+    pub const ALL: [MaterialKind; 6] = [
         MaterialKind::Sand,
         MaterialKind::Elastic,
         MaterialKind::Newtonian,
+        MaterialKind::Viscoelastic,
         MaterialKind::Plasticine,
         MaterialKind::NonNewtonian,
     ];
@@ -66,6 +69,7 @@ impl MaterialKind {
             MaterialKind::Sand => "sand",
             MaterialKind::Newtonian => "newtonian",
             MaterialKind::NonNewtonian => "non-newtonian",
+            MaterialKind::Viscoelastic => "viscoelastic",
         }
     }
 
@@ -79,6 +83,7 @@ impl MaterialKind {
             MaterialKind::NonNewtonian => {
                 &["shear_modulus_pa", "bulk_modulus_pa", "yield_stress_pa", "plastic_viscosity_pa_s"]
             }
+            MaterialKind::Viscoelastic => &["youngs_modulus_pa", "poisson_ratio", "retardation_time_s"],
         }
     }
 
@@ -100,6 +105,7 @@ impl MaterialKind {
             MaterialKind::Sand => &[Angle, Positive, Poisson],
             MaterialKind::Newtonian => &[NotNegative, Positive],
             MaterialKind::NonNewtonian => &[Positive, Positive, NotNegative, NotNegative],
+            MaterialKind::Viscoelastic => &[Positive, Poisson, NotNegative],
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The five materials and their parameters.
+//! The materials and their parameters.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -54,6 +54,15 @@ pub enum Material {
         yield_stress_pa: f64,
         /// Plastic viscosity eta [Pa s].
         plastic_viscosity_pa_s: f64,
+    },
+    /// Neo-Hookean solid whose moduli are delayed (Kelvin-Voigt): it loses energy when it deforms.
+    Viscoelastic {
+        /// Young's modulus E [Pa].
+        youngs_modulus_pa: f64,
+        /// Poisson's ratio nu, in (-1, 0.5).
+        poisson_ratio: f64,
+        /// Retardation time t_r [s]: viscosity over modulus, the same in shear and compression.
+        retardation_time_s: f64,
     },
 }
 
@@ -128,6 +137,9 @@ impl Material {
                 yield_stress_pa,
                 plastic_viscosity_pa_s,
             }),
+            (MaterialKind::Viscoelastic, &[youngs_modulus_pa, poisson_ratio, retardation_time_s]) => {
+                Some(Material::Viscoelastic { youngs_modulus_pa, poisson_ratio, retardation_time_s })
+            }
             _ => None,
         }
     }
@@ -152,6 +164,7 @@ impl Material {
             Material::Sand { .. } => MaterialKind::Sand,
             Material::Newtonian { .. } => MaterialKind::Newtonian,
             Material::NonNewtonian { .. } => MaterialKind::NonNewtonian,
+            Material::Viscoelastic { .. } => MaterialKind::Viscoelastic,
         }
     }
 
@@ -178,6 +191,9 @@ impl Material {
             Material::Newtonian { viscosity_pa_s, bulk_modulus_pa } => vec![viscosity_pa_s, bulk_modulus_pa],
             Material::NonNewtonian { shear_modulus_pa, bulk_modulus_pa, yield_stress_pa, plastic_viscosity_pa_s } => {
                 vec![shear_modulus_pa, bulk_modulus_pa, yield_stress_pa, plastic_viscosity_pa_s]
+            }
+            Material::Viscoelastic { youngs_modulus_pa, poisson_ratio, retardation_time_s } => {
+                vec![youngs_modulus_pa, poisson_ratio, retardation_time_s]
             }
         }
     }
@@ -240,7 +256,10 @@ impl Material {
             Material::Newtonian { .. } => None,
             Material::Elastic { youngs_modulus_pa, poisson_ratio }
             | Material::Plasticine { youngs_modulus_pa, poisson_ratio, .. }
-            | Material::Sand { youngs_modulus_pa, poisson_ratio, .. } => Some([youngs_modulus_pa, poisson_ratio]),
+            | Material::Sand { youngs_modulus_pa, poisson_ratio, .. }
+            | Material::Viscoelastic { youngs_modulus_pa, poisson_ratio, .. } => {
+                Some([youngs_modulus_pa, poisson_ratio])
+            }
             Material::NonNewtonian { shear_modulus_pa: mu, bulk_modulus_pa: kappa, .. } => {
                 Some([9.0 * kappa * mu / (3.0 * kappa + mu), (3.0 * kappa - 2.0 * mu) / (2.0 * (3.0 * kappa + mu))])
             }
@@ -259,10 +278,14 @@ impl Material {
     }
 
     /// Diffusivity of momentum by an explicit viscous stress [m^2/s], for the bound on the time step (`dt <= dx^2 / (6
-    /// diffusivity)`); zero for all but the Newtonian fluid: the viscoplastic flow rule is implicit.
+    /// diffusivity)`): the viscosity of a wave over the density. Zero where no law is viscous: the viscoplastic flow
+    /// rule is implicit.
     pub fn viscous_diffusivity_m2_s(&self, density_kg_m3: f64) -> f64 {
         match *self {
             Material::Newtonian { viscosity_pa_s, .. } => viscosity_pa_s / density_kg_m3,
+            Material::Viscoelastic { retardation_time_s, .. } => {
+                retardation_time_s * self.wave_speed_m_s(density_kg_m3).powi(2)
+            }
             _ => 0.0,
         }
     }
@@ -289,6 +312,10 @@ impl Material {
                 let lambda = bulk_modulus_pa - 2.0 / 3.0 * shear_modulus_pa;
                 [shear_modulus_pa, lambda, yield_stress_pa, plastic_viscosity_pa_s]
             }
+            Material::Viscoelastic { youngs_modulus_pa, poisson_ratio, retardation_time_s } => {
+                let [mu, lambda] = lame(youngs_modulus_pa, poisson_ratio);
+                [mu, lambda, retardation_time_s, 0.0]
+            }
         })
     }
 
@@ -299,7 +326,8 @@ impl Material {
             Material::Elastic { youngs_modulus_pa, poisson_ratio } => {
                 lame_gradient(youngs_modulus_pa, poisson_ratio, mu_bar, lambda_bar).to_vec()
             }
-            Material::Plasticine { youngs_modulus_pa, poisson_ratio, .. } => {
+            Material::Plasticine { youngs_modulus_pa, poisson_ratio, .. }
+            | Material::Viscoelastic { youngs_modulus_pa, poisson_ratio, .. } => {
                 let [e, nu] = lame_gradient(youngs_modulus_pa, poisson_ratio, mu_bar, lambda_bar);
                 vec![e, nu, third_bar]
             }
@@ -344,7 +372,7 @@ fn cone_slope_derivative(friction_angle_deg: f64) -> f64 {
 mod tests {
     use super::*;
 
-    fn one_of_each() -> [Material; 5] {
+    fn one_of_each() -> [Material; 6] {
         [
             Material::Elastic { youngs_modulus_pa: 3.0e5, poisson_ratio: 0.3 },
             Material::Plasticine { youngs_modulus_pa: 1.0e6, poisson_ratio: -0.2, yield_stress_pa: 5.0e3 },
@@ -356,6 +384,7 @@ mod tests {
                 yield_stress_pa: 1.0e3,
                 plastic_viscosity_pa_s: 10.0,
             },
+            Material::Viscoelastic { youngs_modulus_pa: 2.0e5, poisson_ratio: 0.4, retardation_time_s: 1.0e-3 },
         ]
     }
 

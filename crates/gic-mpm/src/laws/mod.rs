@@ -11,6 +11,7 @@ pub(crate) mod plasticine;
 pub(crate) mod sand;
 #[cfg(test)]
 mod tests;
+pub(crate) mod viscoelastic;
 
 /// Runs an expression with `$law` naming the generic law type of a material.
 macro_rules! with_law {
@@ -30,6 +31,10 @@ macro_rules! with_law {
             }
             crate::Material::Newtonian { .. } => {
                 type $law<R> = crate::laws::newtonian::Newtonian<R>;
+                $body
+            }
+            crate::Material::Viscoelastic { .. } => {
+                type $law<R> = crate::laws::viscoelastic::Viscoelastic<R>;
                 $body
             }
             crate::Material::NonNewtonian { .. } => {

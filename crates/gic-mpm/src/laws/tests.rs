@@ -9,6 +9,7 @@ use super::newtonian::Newtonian;
 use super::non_newtonian::NonNewtonian;
 use super::plasticine::Plasticine;
 use super::sand::Sand;
+use super::viscoelastic::Viscoelastic;
 use crate::math::eigen::Eigen;
 use crate::math::mat3::Mat3;
 
@@ -24,13 +25,14 @@ fn elastic(rules: Rules) -> Elastic<f64> {
     Elastic::new(&Coefficients([MU, LAMBDA, 0.0, 0.0]), rules)
 }
 
-/// Runs a generic check for each of the five laws, which gets the law's constructor and coefficients.
+/// Runs a generic check for each law, which gets the law's constructor and coefficients.
 macro_rules! for_each_law {
     ($check:ident, $($argument:expr),*) => {
         $check::<Elastic<f64>>("elastic", Coefficients([MU, LAMBDA, 0.0, 0.0]), $($argument),*);
         $check::<Plasticine<f64>>("plasticine", plasticine_coefficients(), $($argument),*);
         $check::<Sand<f64>>("sand", Coefficients([MU, LAMBDA, CONE, 0.0]), $($argument),*);
         $check::<NonNewtonian<f64>>("non-newtonian", NON_NEWTONIAN, $($argument),*);
+        $check::<Viscoelastic<f64>>("viscoelastic", Coefficients([MU, LAMBDA, 1.0e-3, 0.0]), $($argument),*);
         $check::<Newtonian<f64>>("newtonian", Coefficients([200.0, 1.0e5, 0.0, 0.0]), $($argument),*);
     };
 }
@@ -324,6 +326,16 @@ fn small_strains_follow_hookes_law() {
 }
 
 #[test]
+fn a_viscoelastic_solid_is_delayed_in_shear_and_compression_alike() {
+    let law = Viscoelastic::<f64>::new(&Coefficients([MU, LAMBDA, 0.5, 0.0]), Rules::Exact);
+    let rate = Mat3([2.0, 0.7, -0.3, 0.1, -1.5, 0.4, 0.5, -0.4, -1.0]);
+    let strain = rate.symmetric_part() * 0.5;
+    let hooke = (strain * (2.0 * MU)).add_diagonal(LAMBDA * strain.trace());
+    let tau = law.update(1e-12, &rate, &Mat3::identity()).tau;
+    assert_close(&tau, &hooke, 1e-9 * MU, "half a second of strain");
+}
+
+#[test]
 fn uniaxial_hencky_stress_is_linear_in_the_logarithmic_strain() {
     let (e, nu) = (0.02_f64, LAMBDA / (2.0 * (LAMBDA + MU)));
     let young = MU * (3.0 * LAMBDA + 2.0 * MU) / (LAMBDA + MU);
@@ -497,6 +509,7 @@ impl InLanes<'_> {
             "plasticine" => self.evaluate::<R, Plasticine<R>>(),
             "sand" => self.evaluate::<R, Sand<R>>(),
             "non-newtonian" => self.evaluate::<R, NonNewtonian<R>>(),
+            "viscoelastic" => self.evaluate::<R, Viscoelastic<R>>(),
             _ => self.evaluate::<R, Newtonian<R>>(),
         }
     }

@@ -157,7 +157,7 @@ fn volume_factors<'a>(world: &'a World, body: &BodyGradient) -> Probe<'a> {
 }
 
 /// One material of each kind, soft and weak enough to deform and yield in [`gradcheck_world`].
-pub fn gradcheck_materials() -> [Material; 5] {
+pub fn gradcheck_materials() -> [Material; 6] {
     [
         Material::Elastic { youngs_modulus_pa: 2e5, poisson_ratio: 0.3 },
         Material::Plasticine { youngs_modulus_pa: 3e5, poisson_ratio: 0.25, yield_stress_pa: 2e3 },
@@ -169,6 +169,7 @@ pub fn gradcheck_materials() -> [Material; 5] {
             yield_stress_pa: 500.0,
             plastic_viscosity_pa_s: 10.0,
         },
+        Material::Viscoelastic { youngs_modulus_pa: 2e5, poisson_ratio: 0.3, retardation_time_s: 1e-4 },
     ]
 }
 

@@ -66,6 +66,11 @@ impl Truth {
                 yield_stress_pa: parameter("yield_stress")?,
                 plastic_viscosity_pa_s: parameter("plastic_viscosity")?,
             },
+            "viscoelastic" => Material::Viscoelastic {
+                youngs_modulus_pa: parameter("E")?,
+                poisson_ratio: parameter("nu")?,
+                retardation_time_s: parameter("retardation_time")?,
+            },
             _ => return Err(missing("material")),
         };
         let velocity = |axis: usize| number(&format!("/initial_velocity/{axis}"));

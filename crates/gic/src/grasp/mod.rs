@@ -167,7 +167,7 @@ fn check_grippable(material: &Material) -> Result<()> {
     };
     Err(Error::Usage {
         problem: format!("the twin's material is {}: {why}", material.model()),
-        hint: Some("elastic, plasticine and non-newtonian twins can be gripped".into()),
+        hint: Some("elastic, viscoelastic, plasticine and non-newtonian twins can be gripped".into()),
     })
 }
 

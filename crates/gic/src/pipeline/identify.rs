@@ -177,7 +177,7 @@ impl Run<'_> {
         self.config.identify.material.ok_or_else(|| Error::Usage {
             problem: "the material's model is not known".into(),
             hint: Some(
-                "add --material elastic, plasticine, sand, newtonian, non-newtonian, or auto to have it found".into(),
+                "add --material elastic, viscoelastic, plasticine, sand, newtonian, non-newtonian, or auto to have it found".into(),
             ),
         })
     }
