@@ -165,9 +165,17 @@ const NON_NEWTONIAN: Material = Material::NonNewtonian {
     plastic_viscosity_pa_s: 15.0,
 };
 
+const VISCOELASTIC: Material =
+    Material::Viscoelastic { youngs_modulus_pa: 1.0e5, poisson_ratio: 0.3, retardation_time_s: 2.0e-3 };
+
 #[test]
 fn elastic_is_recovered() {
     recovers(ELASTIC, 7, 1);
+}
+
+#[test]
+fn viscoelastic_is_recovered() {
+    recovers(VISCOELASTIC, 7, 1);
 }
 
 #[test]
@@ -183,7 +191,7 @@ fn sand_is_recovered() {
 #[test]
 #[ignore = "minutes: cargo test --release -p gic-identify --test oracle -- --ignored --nocapture"]
 fn every_material_is_recovered_from_ten_starts() {
-    for truth in [ELASTIC, PLASTICINE, SAND, NEWTONIAN, NON_NEWTONIAN] {
+    for truth in [ELASTIC, VISCOELASTIC, PLASTICINE, SAND, NEWTONIAN, NON_NEWTONIAN] {
         recovers(truth, 11, 10);
     }
 }
