@@ -66,9 +66,17 @@ const FRICTION: Parameter = Parameter {
 const VISCOSITY: Parameter = positive("viscosity_pa_s", (1.0e-1, 2.0e3), (1.0e1, 3.0e2), 4);
 const FLUID_BULK: Parameter = positive("bulk_modulus_pa", (1.0e3, 1.0e7), (1.0e4, 3.0e5), 3);
 const SHEAR: Parameter = positive("shear_modulus_pa", (1.0e2, 1.0e7), (3.0e3, 3.0e5), 3);
-// Starts damp a bounce of some hundredths of a second by a few to some tens of per cent (Derived: the damping ratio is
-// half the product of frequency and time); a longer time is a body that creeps back.
-const RETARDATION: Parameter = positive("retardation_time_s", (1.0e-6, 5.0e-2), (3.0e-4, 3.0e-3), 2);
+// The damping ratio is half the product of angular frequency and time (Derived): two milliseconds are some hundredths
+// for a soft body in a bounce of a tenth of a second, some tenths for a rubber ball in one of a hundredth. As it is, not
+// its logarithm: a body without damping is as far from one millisecond as that is from two.
+const RETARDATION: Parameter = Parameter {
+    name: "retardation_time_s",
+    bounds: (1.0e-6, 5.0e-2),
+    starts: (0.0, 4.0e-3),
+    widest: 1.0e-3,
+    grid: 2,
+    transform: Transform::Linear { unit: 2.0e-3 },
+};
 const PLASTIC_VISCOSITY: Parameter = positive("plastic_viscosity_pa_s", (1.0e-1, 1.0e3), (1.0, 1.0e2), 2);
 
 /// The parameters of a law that are sought, in the order of every vector in this crate: the leading ones of
@@ -136,7 +144,7 @@ impl Parameter {
     }
 
     /// What changes the motion visibly, in the search coordinate: a factor of three, half of Poisson's range, or the
-    /// unit of an angle.
+    /// unit of an angle or a time.
     pub(crate) fn unit(&self) -> f64 {
         match self.transform {
             Transform::Log10 => 0.5,
@@ -152,12 +160,13 @@ impl Parameter {
             (Transform::Log10, _) => tuning.rate,
             // At the slope of the logistic in its middle.
             (Transform::Bounded { below }, _) => tuning.poisson_ratio_rate * 4.0 / below,
+            (Transform::Linear { .. }, "retardation_time_s") => tuning.rate,
             (Transform::Linear { unit }, _) => tuning.friction_angle_rate_deg / unit,
         }
     }
 
-    /// Difference of two values in the paper's unit of error: decades, or the value itself for nu and degrees for the
-    /// angle.
+    /// Difference of two values in the paper's unit of error: decades, or the value itself for nu, degrees for the
+    /// angle and seconds for a time.
     pub fn error(&self, estimate: f64, truth: f64) -> f64 {
         match self.transform {
             Transform::Log10 => (estimate / truth).log10(),
@@ -181,7 +190,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn coordinates_invert_and_stay_in_bounds(kind in 0usize..5, u in 0.0f64..1.0, wild in -1e3f64..1e3) {
+        fn coordinates_invert_and_stay_in_bounds(kind in 0..MaterialKind::ALL.len(), u in 0.0f64..1.0, wild in -1e3f64..1e3) {
             for p in sought(MaterialKind::ALL[kind]) {
                 let value = p.bounds.0 * (p.bounds.1 / p.bounds.0).powf(u);
                 prop_assert!((p.value(p.coordinate(value)) / value - 1.0).abs() < 1e-9);
@@ -192,7 +201,7 @@ mod tests {
         }
 
         #[test]
-        fn materials_round_trip_through_their_values(kind in 0usize..5, u in 0.1f64..0.9) {
+        fn materials_round_trip_through_their_values(kind in 0..MaterialKind::ALL.len(), u in 0.1f64..0.9) {
             let kind = MaterialKind::ALL[kind];
             let values: Vec<f64> =
                 sought(kind).iter().map(|p| p.bounds.0 * (p.bounds.1 / p.bounds.0).powf(u)).collect();

@@ -207,7 +207,7 @@ fn paper_name(model: &str, name: &str) -> &'static str {
         (_, "friction_angle_deg") => "theta_fric",
         (_, "viscosity_pa_s" | "shear_modulus_pa") => "log10(mu)",
         (_, "bulk_modulus_pa") => "log10(kappa)",
-        (_, "retardation_time_s") => "log10(t_r)",
+        (_, "retardation_time_s") => "t_r",
         _ => "log10(eta)",
     }
 }
