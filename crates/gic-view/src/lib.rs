@@ -2,12 +2,14 @@
 //! drawings of a report.
 
 mod error;
-pub mod html;
 pub mod page;
 #[cfg(feature = "rerun")]
 pub mod recording;
 pub mod render;
 pub mod report;
 pub mod skinned_gaussians;
+pub mod template;
+pub mod units;
+pub mod video;
 
 pub use error::{Result, ViewError};

@@ -105,6 +105,21 @@ impl SkinnedGaussians {
         &self.parents
     }
 
+    /// From its particle to each Gaussian, at the first frame [m].
+    pub(crate) fn offsets(&self) -> &[DVec3] {
+        &self.offsets
+    }
+
+    /// The Gaussians where they began, with their colours before the light.
+    pub(crate) fn albedo(&self) -> &Gaussians {
+        &self.lit.gaussians
+    }
+
+    /// The light on them.
+    pub(crate) fn light(&self) -> &Light {
+        &self.lit.light
+    }
+
     /// All Gaussians when the particles are at `moved` [m], in the order of those that they are skinned to.
     pub fn at(&self, moved: &[DVec3]) -> Gaussians {
         let positions = self.positions(moved);

@@ -63,6 +63,12 @@ impl ColliderPath {
         }
     }
 
+    /// Where its origin is at a time [s] [m], and the rotation from its own frame to the world.
+    pub fn placement(&self, time_s: f64) -> (DVec3, DQuat) {
+        let pose = self.pose(time_s);
+        (pose.position, pose.rotation)
+    }
+
     /// The pose at a time [s].
     pub(crate) fn pose(&self, time: f64) -> Pose {
         match self {

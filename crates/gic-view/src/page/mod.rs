@@ -1,34 +1,52 @@
-//! `gic view`: a motion as one HTML page that needs nothing installed: WebGL points, a time slider, orbit, stress and
-//! speed.
+//! `gic view`: a motion as one HTML page that needs nothing installed: splats and points in WebGL2, the film behind
+//! them, obstacles, a colour bar, time.
+//!
+//! [`Viewer`] is the part that the report embeds, too.
 
-mod points;
+mod matter;
+mod obstacles;
 
 use std::path::{Path, PathBuf};
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use gic_scene::Scene;
 use gic_twin::Interrupt;
 use gic_twin::ResourceMeter;
 use gic_twin::atomic;
 use gic_twin::events::{Event, Events};
-use glam::DVec3;
 use serde::Serialize;
 
-use crate::error::{Result, ViewError};
+use crate::error::Result;
 use crate::render::color_scale::{ColorScale, Coloring};
 use crate::render::particle_splats;
 use crate::render::simulated_motion::SimulatedMotion;
-use points::PagePoints;
+use crate::template::{self, Template};
+use crate::units::Unit;
+use crate::video::Video;
+use matter::{MatterHeader, PageMatter};
+use obstacles::{PageObstacle, obstacles};
 
 const STAGE: &str = "view";
-/// Lines of the floor on each side of its middle.
-const FLOOR_LINES: i32 = 10;
+
+/// The parts of the viewer, for pages that include `viewer.html` and `viewer.css`. Their context needs `viewer`, a
+/// [`Viewer`], and `video`, a [`Video`] as JSON or `null`.
+pub const VIEWER_TEMPLATES: [Template; 10] = [
+    ("viewer.html", include_str!("viewer/viewer.html")),
+    ("viewer.css", include_str!("viewer/viewer.css")),
+    ("math.js", include_str!("viewer/math.js")),
+    ("matter.js", include_str!("viewer/matter.js")),
+    ("shaders.js", include_str!("viewer/shaders.js")),
+    ("solids.js", include_str!("viewer/solids.js")),
+    ("renderer.js", include_str!("viewer/renderer.js")),
+    ("camera.js", include_str!("viewer/camera.js")),
+    ("controls.js", include_str!("viewer/controls.js")),
+    ("viewer.js", include_str!("viewer/viewer.js")),
+];
 
 /// What to show, and where to.
 #[derive(Clone, Debug)]
 pub struct PageRequest {
-    /// A folder written by `gic simulate`, or a run folder.
-    pub frames: PathBuf,
     /// The page.
     pub page: PathBuf,
 }
@@ -36,109 +54,144 @@ pub struct PageRequest {
 /// What the page shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PageOutcome {
-    /// Points in every frame.
-    pub points: usize,
+    /// Splats in every frame.
+    pub splats: usize,
     /// Frames.
     pub frames: usize,
     /// Size of the page.
     pub bytes: usize,
 }
 
-/// What the script needs to know besides the points.
+/// A motion as the viewer's script reads it.
 #[derive(Serialize)]
-struct PageHeader {
-    points: usize,
-    frames: usize,
+pub struct Viewer {
+    /// What the script needs to know besides the matter: JSON.
+    head: String,
+    /// The matter: bytes, base64.
+    data: String,
+    /// Splats in every frame.
+    pub splats: usize,
+    /// Frames.
+    pub frames: usize,
+}
+
+/// The content of `head`.
+#[derive(Serialize)]
+struct ViewerHeader {
+    matter: MatterHeader,
     times_s: Vec<f64>,
     frame_rate_hz: f64,
-    /// Box of all points in all frames [m]; positions are fractions of it.
-    low: [f64; 3],
-    high: [f64; 3],
-    point_radius_m: f64,
     up: [f64; 3],
-    /// Ends of the floor's lines [m].
-    floor: Vec<f64>,
-    modes: Vec<ColorMode>,
+    bodies: Vec<PageBody>,
+    obstacles: Vec<PageObstacle>,
+    meanings: Vec<Meaning>,
 }
 
-/// A meaning of the colours; `kind` 0 is the points' own colour, 1 stress, 2 speed.
+/// A body: its name, and how many of the splats are its own.
 #[derive(Serialize)]
-struct ColorMode {
+struct PageBody {
+    name: String,
+    splats: usize,
+}
+
+/// A meaning of the colours; `kind` 0 is the splats' own colour, 1 stress, 2 speed, 3 bodies.
+#[derive(Serialize)]
+struct Meaning {
     name: &'static str,
     kind: u8,
-    legend: String,
+    title: &'static str,
+    unit: &'static str,
+    /// From SI to the unit.
+    factor: f64,
+    /// Values drawn blue and red, SI; null where the colours measure nothing.
+    range: Option<[f64; 2]>,
 }
 
-/// Writes the page.
+impl Viewer {
+    /// Reads the motion; `stage` is whose steps are told.
+    ///
+    /// # Errors
+    /// Damaged files, obstacles that are not valid, an interrupt.
+    pub fn of(motion: &SimulatedMotion, stage: &str, events: &Events, interrupt: &Interrupt) -> Result<Self> {
+        let frames = motion.trajectory.frames.len();
+        let skins = particle_splats::skins_or_warning(motion, stage, events);
+        let matter = PageMatter::read(motion, skins.as_deref(), &mut |index| {
+            events.step(stage, "matter", index as u64 + 1, Some(frames as u64), &[]);
+            interrupt.requested()
+        })?;
+        let names = motion.continua().into_iter().map(|body| body.name);
+        let head = ViewerHeader {
+            matter: matter.header(),
+            times_s: motion.trajectory.frames.iter().map(|frame| frame.time_s).collect(),
+            frame_rate_hz: motion.frame_rate_hz(),
+            up: motion.up().into(),
+            bodies: names.zip(matter.bodies()).map(|(name, &splats)| PageBody { name, splats }).collect(),
+            obstacles: obstacles(&motion.trajectory)?,
+            meanings: meanings(motion, matter.has_colors(), matter.bodies().len()),
+        };
+        let (splats, data) = (head.matter.splats, STANDARD.encode(matter.encode()));
+        Ok(Self { head: template::script_json(&head)?, data, splats, frames })
+    }
+}
+
+fn meanings(motion: &SimulatedMotion, has_colors: bool, bodies: usize) -> Vec<Meaning> {
+    let plain = |name, kind| Meaning { name, kind, title: "", unit: "", factor: 1.0, range: None };
+    let measured = |name, kind, coloring, title, unit: fn(f64) -> Unit| {
+        let max = ColorScale::new(coloring, &motion.trajectory).max_value();
+        let unit = unit(max);
+        Meaning { name, kind, title, unit: unit.name, factor: 1.0 / unit.size, range: Some([0.0, max]) }
+    };
+    let mut meanings = vec![
+        measured("stress", 1, Coloring::Stress, "von Mises stress", Unit::pressure),
+        measured("speed", 2, Coloring::Speed, "speed", Unit::speed),
+    ];
+    if bodies > 1 {
+        meanings.insert(0, plain("bodies", 3));
+    }
+    if has_colors {
+        meanings.insert(0, plain("appearance", 0));
+    }
+    meanings
+}
+
+/// Writes the page of a motion, with the film behind it where `scene` is given.
 ///
 /// # Errors
-/// A folder without frames, damaged files, an unwritable page.
-pub fn view(request: &PageRequest, events: &Events, interrupt: &Interrupt) -> Result<PageOutcome> {
-    let motion = SimulatedMotion::open(&request.frames)?;
-    let count = motion.trajectory.frames.len();
-    events.send(&Event::StageStarted { stage: STAGE.into(), reason: format!("{count} frames") });
+/// Damaged files, pictures that cannot be read, an unwritable page.
+pub fn view(
+    request: &PageRequest,
+    motion: &SimulatedMotion,
+    scene: Option<&Scene>,
+    events: &Events,
+    interrupt: &Interrupt,
+) -> Result<PageOutcome> {
+    let frames = motion.trajectory.frames.len();
+    events.send(&Event::StageStarted { stage: STAGE.into(), reason: format!("{frames} frames") });
     let meter = ResourceMeter::start();
-    let skins = particle_splats::skins_or_warning(&motion, STAGE, events);
-    let points = PagePoints::read(&motion, skins, &mut |index| {
-        events.step(STAGE, "", index as u64 + 1, Some(count as u64), &[]);
-        interrupt.requested()
-    })?;
-    let scales = [Coloring::Stress, Coloring::Speed].map(|coloring| ColorScale::new(coloring, &motion.trajectory));
-    let bytes = points.encode(&scales);
-    let head = head(&motion, &points, &scales);
-    let title = motion.trajectory.twin.pointer("/material/model").and_then(|m| m.as_str()).unwrap_or("twin");
-    let json = gic_twin::json::text(&head).map_err(ViewError::stage("writing the page"))?;
-    // The script last: it holds none of the other marks.
-    let page = include_str!("page.html")
-        .replace("TITLE", &crate::html::escape(&format!("{title} twin")))
-        .replace("HEAD", &json)
-        .replace("DATA", &STANDARD.encode(&bytes))
-        .replace("SCRIPT", include_str!("page.js"));
+    let viewer = Viewer::of(motion, STAGE, events, interrupt)?;
+    let video = scene.map(|scene| {
+        Video::read(scene, &mut |frame| {
+            events.step(STAGE, "film", frame as u64 + 1, Some(scene.times.len() as u64), &[]);
+            interrupt.requested()
+        })
+    });
+    let video = template::script_json(&video.transpose()?)?;
+    let model = motion.trajectory.twin.pointer("/material/model").and_then(|m| m.as_str()).unwrap_or("digital");
+    let (splats, context) =
+        (viewer.splats, Page { title: format!("{model} twin"), viewer, video });
+    let templates = [&[("page.html", include_str!("viewer/page.html"))], &VIEWER_TEMPLATES[..]].concat();
+    let page = template::fill(&templates, &context)?;
     atomic::write(&request.page, page.as_bytes())?;
     events.send(&meter.done(STAGE));
-    Ok(PageOutcome { points: points.len(), frames: count, bytes: page.len() })
+    Ok(PageOutcome { splats, frames, bytes: page.len() })
 }
 
-fn head(motion: &SimulatedMotion, points: &PagePoints, scales: &[ColorScale; 2]) -> PageHeader {
-    let (low, high) = points.bounds();
-    let mut modes = vec![
-        ColorMode { name: "stress", kind: 1, legend: scales[0].legend() },
-        ColorMode { name: "speed", kind: 2, legend: scales[1].legend() },
-    ];
-    if points.has_colors() {
-        modes.insert(0, ColorMode { name: "appearance", kind: 0, legend: "colour: as in the video".into() });
-    }
-    PageHeader {
-        points: points.len(),
-        frames: motion.trajectory.frames.len(),
-        times_s: motion.trajectory.frames.iter().map(|frame| frame.time_s).collect(),
-        frame_rate_hz: motion.frame_rate_hz(),
-        low: low.into(),
-        high: high.into(),
-        point_radius_m: points.spacing(),
-        up: motion.up().into(),
-        floor: motion.planes().first().map(|plane| floor(*plane, low, high)).unwrap_or_default(),
-        modes,
-    }
-}
-
-/// Lines on a plane below the middle of a box.
-fn floor((point, normal): (DVec3, DVec3), low: DVec3, high: DVec3) -> Vec<f64> {
-    let normal = normal.normalize_or(DVec3::Y);
-    let (u, v) = normal.any_orthonormal_pair();
-    let centre = 0.5 * (low + high);
-    let middle = centre - normal * (centre - point).dot(normal);
-    let half = 0.75 * (high - low).length();
-    let mut ends = Vec::new();
-    for i in -FLOOR_LINES..=FLOOR_LINES {
-        let offset = half * f64::from(i) / f64::from(FLOOR_LINES);
-        for (along, across) in [(u, v), (v, u)] {
-            for side in [-half, half] {
-                ends.extend((middle + along * side + across * offset).to_array());
-            }
-        }
-    }
-    ends
+/// The context of the page.
+#[derive(Serialize)]
+struct Page {
+    title: String,
+    viewer: Viewer,
+    video: String,
 }
 
 /// Where the page of a motion goes if nothing else is said.

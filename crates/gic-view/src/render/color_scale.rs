@@ -1,6 +1,10 @@
 //! What the colours of particles mean.
 
+use std::path::Path;
+
+use gic_mpm::Material;
 use gic_twin::simulate::{FrameSummary, Trajectory};
+use gic_twin::twin::Twin;
 
 use super::simulated_motion::FrameParticles;
 
@@ -9,6 +13,13 @@ const SH0: f32 = 0.282_094_8;
 
 /// Colour of matter without colours of its own, RGB in [0, 1].
 pub(crate) const PLAIN_RGB: [f32; 3] = [0.80, 0.58, 0.42];
+
+/// Strain of a solid, and rate of shear of a fluid [1/s], whose stress is still drawn red where nothing is larger:
+/// below lies the rounding of a body in free flight. Derived: no eye sees a body bend by a thousandth.
+const LEAST_STRAIN: f64 = 1e-3;
+const LEAST_SHEAR_RATE_HZ: f64 = 1.0;
+/// The same for speeds [m/s]. Derived: a centimetre a second is hardly seen on a body at hand.
+const LEAST_SPEED_M_S: f64 = 0.01;
 
 /// RGB in [0, 1] as bytes.
 pub(crate) fn byte_color(rgb: [f32; 3]) -> [u8; 3] {
@@ -37,7 +48,7 @@ pub(crate) struct ColorScale {
 
 impl ColorScale {
     /// Red is the largest value of a typical frame: the median of the frames' maxima, so that one short impact does not
-    /// leave all else blue.
+    /// leave all else blue; but never less than what the material shows at a strain that no eye sees.
     pub(crate) fn new(coloring: Coloring, trajectory: &Trajectory) -> Self {
         let largest = |frame: &FrameSummary| match coloring {
             Coloring::Stress => frame.largest_von_mises_pa,
@@ -46,8 +57,20 @@ impl ColorScale {
         };
         let mut maxima: Vec<f64> = trajectory.frames.iter().map(largest).collect();
         maxima.sort_by(f64::total_cmp);
-        let max_value = maxima.get(maxima.len() / 2).copied().filter(|&max_value| max_value > 0.0).unwrap_or(1.0);
-        Self { coloring, max_value }
+        let least = match coloring {
+            Coloring::Stress => least_stress_pa(&trajectory.twin),
+            Coloring::Speed => LEAST_SPEED_M_S,
+            Coloring::Plain | Coloring::Appearance => 1.0,
+        };
+        // Half of the frames may show a flight; then red is typical of those with contact.
+        let first = maxima.partition_point(|&value| value <= least);
+        let typical = maxima[first..].get((maxima.len() - first) / 2).copied();
+        Self { coloring, max_value: typical.unwrap_or(least).max(least) }
+    }
+
+    /// The value that is drawn red: [Pa] or [m/s].
+    pub(crate) fn max_value(&self) -> f64 {
+        self.max_value
     }
 
     /// Red is the von Mises stress given [Pa].
@@ -61,12 +84,6 @@ impl ColorScale {
             Coloring::Speed => format!("colour: speed, blue 0 to red {:.3} m/s and more", self.max_value),
             Coloring::Plain | Coloring::Appearance => "colour: plain".into(),
         }
-    }
-
-    /// A value as a fraction of what is drawn red; 0 for what is no number.
-    pub(crate) fn share(&self, value: f32) -> f32 {
-        let share = value / self.max_value as f32;
-        if share.is_nan() { 0.0 } else { share.clamp(0.0, 1.0) }
     }
 
     /// The particles' colours, RGB in [0, 1].
@@ -85,6 +102,20 @@ impl ColorScale {
     }
 }
 
+/// The smallest von Mises stress [Pa] that is worth red: what a strain or a rate that no eye sees does to the stiffest
+/// of the bodies.
+pub(crate) fn least_stress_pa(twin: &serde_json::Value) -> f64 {
+    let companions = twin.get("companions").and_then(|list| list.as_array()).into_iter().flatten();
+    let twins = std::iter::once(twin).chain(companions.filter_map(|companion| companion.get("twin")));
+    let materials = twins.filter_map(|twin| Twin::material_of(Path::new("twin"), twin.get("material")?).ok());
+    let least = |material: Material| match (material, material.elastic_moduli()) {
+        (_, Some([youngs_modulus_pa, _])) => LEAST_STRAIN * youngs_modulus_pa,
+        (Material::Newtonian { viscosity_pa_s, .. }, None) => LEAST_SHEAR_RATE_HZ * viscosity_pa_s,
+        _ => 1.0,
+    };
+    materials.map(least).reduce(f64::max).unwrap_or(1.0)
+}
+
 /// Blue, light blue, yellow, red for 0 to 1; what is no number is grey.
 fn blue_to_red(t: f32) -> [f32; 3] {
     const STOPS: [[f32; 3]; 4] = [[0.16, 0.27, 0.66], [0.35, 0.70, 0.90], [0.98, 0.86, 0.38], [0.84, 0.15, 0.16]];
@@ -100,6 +131,17 @@ fn blue_to_red(t: f32) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_noise_of_a_flight_is_not_red() {
+        let twin = serde_json::json!({"material": {"model": "elastic", "youngs_modulus_pa": 1e5, "poisson_ratio": 0.3}});
+        assert_eq!(least_stress_pa(&twin), 100.0);
+        let stiffer = serde_json::json!({"material": {"model": "elastic", "youngs_modulus_pa": 3e5, "poisson_ratio": 0.3}});
+        let pair = serde_json::json!({"material": twin["material"], "companions": [{"shift_m": [0, 1, 0], "twin": stiffer}]});
+        assert_eq!(least_stress_pa(&pair), 300.0);
+        let honey = serde_json::json!({"material": {"model": "newtonian", "viscosity_pa_s": 5.0, "bulk_modulus_pa": 1e5}});
+        assert_eq!(least_stress_pa(&honey), 5.0);
+    }
 
     #[test]
     fn colours_run_from_blue_to_red_and_stay_in_range() {

@@ -12,9 +12,9 @@ use crate::error::{Result, ViewError};
 use crate::skinned_gaussians::SkinnedGaussians;
 
 /// Standard deviation of a particle's Gaussian in units of the particles' spacing: closed surfaces, sharp outlines.
-const SCALE: f64 = 0.55;
+pub(crate) const SCALE: f64 = 0.55;
 /// Opacity of a particle.
-const OPACITY: f32 = 0.95;
+pub(crate) const OPACITY: f32 = 0.95;
 
 /// What is drawn for particles.
 pub(super) enum ParticleSplats {

@@ -19,6 +19,7 @@ pub struct SimulatedMotion {
 }
 
 /// The particles of a frame.
+#[derive(Clone)]
 pub struct FrameParticles {
     /// Positions [m].
     pub positions: Vec<DVec3>,
@@ -36,6 +37,8 @@ pub(crate) struct BodyMatter {
     pub(crate) file: Option<PathBuf>,
     /// By how much it was moved before the simulation [m]; `None` for the first body, which stays where it is.
     pub(crate) shift_m: Option<DVec3>,
+    /// What to call it: the folder of its run, the name of its file, or its shape.
+    pub(crate) name: String,
 }
 
 impl SimulatedMotion {
@@ -84,8 +87,31 @@ impl SimulatedMotion {
                 particles,
                 file: twin.get("continuum").and_then(|c| c.as_str()).map(|file| self.folder.join(file)),
                 shift_m: shift.and_then(vector),
+                name: self.body_name(twin),
             };
-        counts.iter().zip(twins).map(matter).collect()
+        let mut bodies: Vec<BodyMatter> = counts.iter().zip(twins).map(matter).collect();
+        // Copies of the same get numbers.
+        for index in 1..bodies.len() {
+            let earlier = bodies[..index].iter().filter(|body| body.name == bodies[index].name).count();
+            if earlier > 0 {
+                bodies[index].name += &format!(" ({})", earlier + 1);
+            }
+        }
+        bodies
+    }
+
+    fn body_name(&self, twin: &serde_json::Value) -> String {
+        let text = |pointer: &str| twin.pointer(pointer).and_then(|value| value.as_str());
+        let model = text("/material/model").unwrap_or("body");
+        let Some(file) = text("/continuum") else {
+            return format!("{model} {}", text("/continuum/shape").unwrap_or("body"));
+        };
+        let file = self.folder.join(file);
+        // Links and `..` hide the folder's name.
+        let file = file.canonicalize().unwrap_or(file);
+        let is_of_run = file.file_name().is_some_and(|name| name == "twin.ply");
+        let name = if is_of_run { file.parent().and_then(Path::file_name) } else { file.file_stem() };
+        name.map_or_else(|| model.to_owned(), |name| name.to_string_lossy().into_owned())
     }
 
     /// Frames per second of the simulation.

@@ -3,5 +3,5 @@
 mod chart;
 mod overlay;
 
-pub use chart::{Series, chart, short_number};
+pub use chart::{Chart, Series};
 pub use overlay::{Overlay, TwinDrawing, overlays};

@@ -1,33 +1,33 @@
-//! Pictures of the video with the outlines of the observed and the re-rendered mask, and of the twin in its colours.
+//! The twin as each camera of the video would have filmed it, and its outline over that of the observed mask.
 
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use gic_continuum::{Appearance, Drawing, agreement, informed_gaussians};
-use gic_scene::{Camera, Mask, Picture, Scene};
+use gic_scene::{Camera, Picture, Scene};
 use gic_splat::{Gaussians, RenderSettings, render};
 use glam::DVec3;
-use image::codecs::jpeg::JpegEncoder;
+use image::ExtendedColorType;
+use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::error::{Result, ViewError};
 use crate::skinned_gaussians::SkinnedGaussians;
+use crate::video::Thumbnail;
 
-/// Pictures are reduced to at most this width [pixels].
-const THUMBNAIL_WIDTH_PX: usize = 280;
-const JPEG_QUALITY: u8 = 70;
-const OBSERVED_RGB: [u8; 3] = [46, 204, 64];
-const TWIN_RGB: [u8; 3] = [255, 59, 48];
+const OBSERVED_RGBA: [u8; 4] = [46, 204, 64, 255];
+const TWIN_RGBA: [u8; 4] = [255, 59, 48, 255];
+/// What the twin stands before where the scene has no picture without the object.
+const BACKDROP_RGB: [f32; 3] = [0.16, 0.17, 0.20];
+/// Colour of a twin without colours of its own.
+const PLAIN_RGB: [f32; 3] = crate::render::color_scale::PLAIN_RGB;
 
-/// One camera's view of a frame.
+/// One camera's view of the twin in a frame.
 #[derive(Serialize)]
 pub struct Overlay {
-    /// The video's picture with both outlines, JPEG, base64.
-    jpeg: String,
-    /// Overlap of both masks.
+    /// Overlap of the observed and the re-rendered mask (intersection over union).
     pub iou: f64,
-    /// The twin in its own colours over black, JPEG, base64.
-    #[serde(rename = "look")]
-    colored: Option<String>,
+    /// The twin over the scene without the object, JPEG, base64.
+    twin: String,
+    /// The outlines of the observed mask and of the twin, otherwise clear; PNG, base64.
+    outlines: String,
 }
 
 /// How the twin is drawn.
@@ -40,95 +40,71 @@ pub struct TwinDrawing {
     pub factor: f64,
     /// Its colours, where it has any.
     pub skin: Option<SkinnedGaussians>,
+    /// What each camera sees without the object, where the scene tells.
+    pub backgrounds: Vec<Option<Picture>>,
 }
 
 /// Every camera's view of a frame, in the order of the cameras; `None` where a camera has no picture. `positions` [m]
 /// are those of the twin's particles.
+///
+/// # Errors
+/// Masks that cannot be read.
 pub fn overlays(scene: &Scene, drawn: &TwinDrawing, positions: &[DVec3], frame: usize) -> Result<Vec<Option<Overlay>>> {
     let views = scene.views_at(frame);
-    let loaded = scene.load_all(views).map_err(ViewError::stage("reading pictures"))?;
+    let masks = scene.load_masks(views).map_err(ViewError::stage("reading masks"))?;
     let appearance = Appearance { scale: drawn.factor * drawn.appearance.scale, ..drawn.appearance };
     let shape = informed_gaussians(&drawn.drawing.positions(positions), &drawn.drawing.particles, &appearance);
     let skin = drawn.skin.as_ref().map(|skin| skin.visible(positions));
-    let mut found: Vec<Option<Overlay>> = scene.cameras.iter().map(|_| None).collect();
-    for (view, (picture, mask)) in views.iter().zip(loaded) {
+    let overlays = views.par_iter().zip(&masks).map(|(view, mask)| {
         let camera = scene.camera_of(view);
+        let thumbnail = Thumbnail::of(scene, view.camera);
         let alpha = render(&shape, camera, &RenderSettings::masks()).alpha;
         let iou = agreement(&alpha, &mask.coverage).iou;
-        let twin = Mask { width: mask.width, height: mask.height, coverage: alpha };
-        let colored = skin.as_ref().map(|skin| colored(skin, camera)).transpose()?;
-        found[view.camera] = Some(Overlay { jpeg: outlined(&picture, &mask, &twin)?, iou, colored });
+        let outlines = outlines(&thumbnail, &mask.coverage, &alpha)?;
+        let twin = twin_over(drawn.backgrounds[view.camera].as_ref(), skin.as_ref(), &alpha, camera);
+        Ok(Overlay { iou, twin: thumbnail.jpeg_of(&twin)?, outlines })
+    });
+    let overlays: Vec<Overlay> = overlays.collect::<Result<_>>()?;
+    let mut found: Vec<Option<Overlay>> = scene.cameras.iter().map(|_| None).collect();
+    for (view, overlay) in views.iter().zip(overlays) {
+        found[view.camera] = Some(overlay);
     }
     Ok(found)
 }
 
-/// The video's picture with the outlines of both masks.
-fn outlined(picture: &Picture, mask: &Mask, twin: &Mask) -> Result<String> {
-    let thumbnail = Thumbnail::of(picture.width, picture.height);
-    let inside = |mask: &Mask| -> Vec<bool> {
-        (0..thumbnail.width * thumbnail.height).map(|i| thumbnail.mean(i, &|p| mask.coverage[p]) >= 0.5).collect()
+/// The outlines of both masks; the twin's lies above.
+fn outlines(thumbnail: &Thumbnail, observed: &[f32], twin: &[f32]) -> Result<String> {
+    let inside =
+        |mask: &[f32]| -> Vec<bool> { (0..thumbnail.len()).map(|i| thumbnail.mean(i, &|p| mask[p]) >= 0.5).collect() };
+    let (observed, twin) = (inside(observed), inside(twin));
+    let color = |i: usize| match (is_outline(thumbnail, &twin, i), is_outline(thumbnail, &observed, i)) {
+        (true, _) => TWIN_RGBA,
+        (false, true) => OBSERVED_RGBA,
+        (false, false) => [0; 4],
     };
-    let (observed, twin) = (inside(mask), inside(twin));
-    thumbnail.encode(|i| match (thumbnail.is_outline(&twin, i), thumbnail.is_outline(&observed, i)) {
-        (true, _) => TWIN_RGB,
-        (false, true) => OBSERVED_RGB,
-        (false, false) => [0, 1, 2].map(|c| byte(thumbnail.mean(i, &|p| picture.rgb[3 * p + c]))),
-    })
+    thumbnail.png(&(0..thumbnail.len()).flat_map(color).collect::<Vec<u8>>(), ExtendedColorType::Rgba8)
 }
 
-/// The twin in its own colours, over black.
-fn colored(skin: &Gaussians, camera: &Camera) -> Result<String> {
-    let thumbnail = Thumbnail::of(camera.width, camera.height);
-    let color = render(skin, camera, &RenderSettings::pictures()).color;
-    thumbnail.encode(|i| [0, 1, 2].map(|c| byte(thumbnail.mean(i, &|p| color[p][c].clamp(0.0, 1.0)))))
+/// Whether pixel `i` is inside with a neighbour outside.
+fn is_outline(thumbnail: &Thumbnail, inside: &[bool], i: usize) -> bool {
+    let (width, height) = (thumbnail.width, thumbnail.height);
+    let (x, y) = (i % width, i / width);
+    let at_border = x == 0 || y == 0 || x + 1 == width || y + 1 == height;
+    inside[i] && (at_border || !(inside[i - 1] && inside[i + 1] && inside[i - width] && inside[i + width]))
 }
 
-fn byte(value: f32) -> u8 {
-    (255.0 * value).round() as u8
-}
-
-/// How the report shows a picture: every `factor` x `factor` pixels as one.
-struct Thumbnail {
-    factor: usize,
-    width: usize,
-    height: usize,
-    /// Width of the picture itself [pixels].
-    full_width: usize,
-}
-
-impl Thumbnail {
-    fn of(width: usize, height: usize) -> Thumbnail {
-        let factor = width.div_ceil(THUMBNAIL_WIDTH_PX).max(1);
-        Thumbnail { factor, width: width / factor, height: height / factor, full_width: width }
+/// The twin in its own colours over the picture without the object; a twin without colours is its mask.
+fn twin_over(background: Option<&Picture>, skin: Option<&Gaussians>, alpha: &[f32], camera: &Camera) -> Picture {
+    let rendered = skin.map(|skin| render(skin, camera, &RenderSettings::pictures()));
+    let pixels = camera.width * camera.height;
+    let mut rgb = Vec::with_capacity(3 * pixels);
+    for i in 0..pixels {
+        let (color, alpha) = match &rendered {
+            Some(rendered) => (rendered.color[i], rendered.alpha[i]),
+            None => (PLAIN_RGB.map(|c| c * alpha[i]), alpha[i]),
+        };
+        let behind = background.map_or(BACKDROP_RGB, |picture| [0, 1, 2].map(|c| picture.rgb[3 * i + c]));
+        rgb.extend([0, 1, 2].map(|c| (color[c] + (1.0 - alpha) * behind[c]).clamp(0.0, 1.0)));
     }
-
-    /// Mean of what the pixels have that become pixel `i`.
-    fn mean(&self, i: usize, value: &dyn Fn(usize) -> f32) -> f32 {
-        let (x, y) = (i % self.width * self.factor, i / self.width * self.factor);
-        let mut sum = 0.0;
-        for row in y..y + self.factor {
-            for column in x..x + self.factor {
-                sum += value(row * self.full_width + column);
-            }
-        }
-        sum / (self.factor * self.factor) as f32
-    }
-
-    /// Whether pixel `i` is inside with a neighbour outside.
-    fn is_outline(&self, inside: &[bool], i: usize) -> bool {
-        let (x, y) = (i % self.width, i / self.width);
-        let at_border = x == 0 || y == 0 || x + 1 == self.width || y + 1 == self.height;
-        inside[i]
-            && (at_border || !(inside[i - 1] && inside[i + 1] && inside[i - self.width] && inside[i + self.width]))
-    }
-
-    /// JPEG, base64, of a colour per pixel.
-    fn encode(&self, color: impl Fn(usize) -> [u8; 3]) -> Result<String> {
-        let bytes: Vec<u8> = (0..self.width * self.height).flat_map(color).collect();
-        let mut jpeg = Vec::new();
-        JpegEncoder::new_with_quality(&mut jpeg, JPEG_QUALITY)
-            .encode(&bytes, self.width as u32, self.height as u32, image::ExtendedColorType::Rgb8)
-            .map_err(ViewError::stage("encoding a picture of the report"))?;
-        Ok(STANDARD.encode(jpeg))
-    }
+    Picture { width: camera.width, height: camera.height, rgb }
 }

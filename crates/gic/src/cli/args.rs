@@ -430,7 +430,9 @@ pub(crate) struct RenderArgs {
 
 /// Make a page that shows a simulated motion in a browser: turn it, step through time, see stress and speed
 ///
-/// One HTML file that needs nothing installed and no network.
+/// One HTML file that needs nothing installed and no network: splats or points, stress and speed on a colour bar whose
+/// range can be set, obstacles, and with a scene the film or its masks behind the twin through the scene's cameras.
+/// FILE.html#frame=7&colour=stress&draw=points&camera=0 opens it there.
 #[derive(Debug, Args)]
 #[command(after_help = "Example: gic view RUN -o twin.html")]
 pub(crate) struct ViewArgs {
@@ -440,6 +442,9 @@ pub(crate) struct ViewArgs {
     /// The page [default: view.html in the folder]
     #[arg(short, long, value_name = "FILE.html")]
     pub(crate) out: Option<PathBuf>,
+    /// The scene whose film stands behind the twin; a run knows its own
+    #[arg(long, value_name = "SCENE")]
+    pub(crate) scene: Option<PathBuf>,
     /// Write a recording for the Rerun viewer instead, and open it where that is installed; needs a gic built with
     /// --features rerun
     #[arg(long, value_name = "FILE.rrd", conflicts_with = "out")]

@@ -3,12 +3,14 @@
 use std::path::Path;
 use std::process::{Command, Stdio};
 
+use gic_scene::Scene;
 use gic_view::page::{PageRequest, default_page, view};
+use gic_view::render::SimulatedMotion;
 
 use super::Context;
 use super::args::ViewArgs;
 use crate::outputs::Inputs;
-use crate::pipeline::{Stage, check_results};
+use crate::pipeline::{Stage, check_results, scene_of_run};
 use crate::recording::record;
 
 pub(crate) fn run(args: &ViewArgs, context: &Context) -> anyhow::Result<()> {
@@ -19,16 +21,33 @@ pub(crate) fn run(args: &ViewArgs, context: &Context) -> anyhow::Result<()> {
     }
     let page = args.out.clone().unwrap_or_else(|| default_page(&args.frames));
     Inputs::default().allow_file(&page)?;
-    let request = PageRequest { frames: args.frames.clone(), page: page.clone() };
-    let outcome = view(&request, &context.events, &context.interrupt)?;
+    let motion = SimulatedMotion::open(&args.frames)?;
+    let scene = film_of(args, &motion, context)?;
+    let request = PageRequest { page: page.clone() };
+    let outcome = view(&request, &motion, scene.as_ref(), &context.events, &context.interrupt)?;
     let megabytes = outcome.bytes as f64 / 1e6;
     context.print(format!(
-        "{} points, {} frames, {megabytes:.1} MB: open {} in a browser",
-        outcome.points,
+        "{} splats, {} frames, {megabytes:.1} MB: open {} in a browser",
+        outcome.splats,
         outcome.frames,
         page.display()
     ))?;
     Ok(())
+}
+
+/// The scene whose film stands behind the twin: the one asked for, or a run's own, if it is still where it was.
+fn film_of(args: &ViewArgs, motion: &SimulatedMotion, context: &Context) -> anyhow::Result<Option<Scene>> {
+    match (&args.scene, &motion.run) {
+        (Some(path), Some(run)) => Ok(Some(scene_of_run(run, Some(path))?)),
+        (Some(path), None) => Ok(Some(Scene::open(path).map_err(crate::Error::stage("reading the scene"))?)),
+        (None, Some(run)) => Ok(scene_of_run(run, None)
+            .inspect_err(|error| {
+                let text = format!("without the film: {error}; say with --scene SCENE where it is");
+                context.events.warn("view", text);
+            })
+            .ok()),
+        (None, None) => Ok(None),
+    }
 }
 
 /// Refuses the motion of a run whose results are not what its stages wrote.

@@ -1,4 +1,4 @@
-//! `log.jsonl`: every event as a line of JSON, with the seconds since the command began.
+//! `log.jsonl`: every event as a line of JSON, with the time since the command began.
 
 use std::fs::{File, OpenOptions};
 use std::io::{BufWriter, Write};
@@ -17,7 +17,8 @@ pub(super) struct Log {
 
 #[derive(Serialize)]
 struct Line<'a> {
-    seconds: f64,
+    /// Time since the command began [s]; events have fields of their own, such as `seconds`.
+    elapsed_s: f64,
     #[serde(flatten)]
     event: &'a Event,
 }
@@ -32,9 +33,9 @@ impl Log {
 
 impl Sink for Log {
     fn receive(&mut self, event: &Event) {
-        let seconds = (self.start.elapsed().as_secs_f64() * 1000.0).round() / 1000.0;
+        let elapsed_s = (self.start.elapsed().as_secs_f64() * 1000.0).round() / 1000.0;
         // A full disk shows up where results are written; the log must not end the run.
-        if let Ok(text) = gic_twin::json::text(&Line { seconds, event }) {
+        if let Ok(text) = gic_twin::json::text(&Line { elapsed_s, event }) {
             let _ = writeln!(self.file, "{text}").and_then(|()| self.file.flush());
         }
     }

@@ -334,6 +334,16 @@ impl<'a> Run<'a> {
         Ok(seconds)
     }
 
+    /// Whether to stop.
+    pub(crate) fn interrupt(&self) -> &Interrupt {
+        self.interrupt
+    }
+
+    /// Fails where the user asked to stop; `after` is what is done.
+    pub(crate) fn stop_if_asked(&self, after: &str) -> Result<()> {
+        if self.interrupt.requested() { Err(self.interrupted(&format!("after {after}"))) } else { Ok(()) }
+    }
+
     fn check_interrupt(&self, stage: Stage) -> Result<()> {
         if !self.interrupt.requested() {
             return Ok(());
