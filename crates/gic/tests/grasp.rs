@@ -262,6 +262,16 @@ fn the_program_writes_a_table_numbers_pictures_and_a_film() {
     for file in ["width_48.0mm.png", "width_46.0mm.png", "grasp.gif"] {
         assert!(case.path("grasp").join(file).is_file(), "{file}");
     }
+    let mut names: Vec<String> = fs::read_dir(case.path("grasp"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    assert_eq!(names, ["grasp.gif", "grasp.json", "width_46.0mm.png", "width_48.0mm.png"], "nothing else is left");
+    // The table is chequered grey below; above is sky.
+    let picture = image::open(case.path("grasp/width_48.0mm.png")).unwrap().to_rgb8();
+    let grey = |x: u32, y: u32| picture.get_pixel(x, y).0;
+    assert!(grey(2, 70)[0] < grey(2, 2)[0] && grey(2, 70)[0] == grey(2, 70)[2], "{:?} {:?}", grey(2, 70), grey(2, 2));
     let first = fs::read(case.path("grasp/grasp.json")).unwrap();
     assert!(case.run(&twin, &[&args[..], &["--no-pictures"]].concat()).status.success());
     assert_eq!(first, fs::read(case.path("grasp/grasp.json")).unwrap(), "the same numbers again");

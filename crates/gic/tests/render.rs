@@ -47,6 +47,34 @@ fn frames_become_pictures_and_a_film() {
 }
 
 #[test]
+fn pictures_tell_time_and_stress_unless_asked_not_to() {
+    let folder = falling_box(0.1);
+    let frames = folder.path().join("frames");
+    let drawn = |name: &str, more: &[&str]| {
+        let out = folder.path().join(name);
+        let args = ["render", text(&frames), "-o", text(&out), "--size", "320x240", "--background", "black"];
+        let output = gic(&[&args[..], more].concat());
+        assert!(output.status.success(), "{output:?}");
+        (String::from_utf8(output.stdout).unwrap(), image::open(out.join("frame_0000.png")).unwrap().to_rgb8())
+    };
+    let (said, labelled) = drawn("labelled", &[]);
+    let (_, bare) = drawn("bare", &["--no-labels"]);
+    assert!(said.contains("von Mises stress, blue 0 to red") && said.contains("Pa and more"), "{said}");
+    let lit = |picture: &image::RgbImage, rows: std::ops::Range<u32>| {
+        rows.flat_map(|y| (0..100).map(move |x| (x, y))).filter(|(x, y)| picture.get_pixel(*x, *y).0[1] > 100).count()
+    };
+    assert!(lit(&labelled, 0..40) > 200, "the colour bar");
+    assert!(lit(&labelled, 215..240) > 20, "the time");
+    assert_eq!((lit(&bare, 0..40), lit(&bare, 215..240)), (0, 0));
+    // Before the floor is met, no stress is worth a colour: the box is blue.
+    let red = bare.pixels().filter(|p| p.0[0] > p.0[2]).count();
+    assert_eq!(red, 0, "the noise of a flight is not red");
+    // The body fills the picture: it is as high as half of it at least.
+    let rows: Vec<u32> = bare.enumerate_pixels().filter(|(.., p)| p.0[2] > 60).map(|(_, y, _)| y).collect();
+    assert!(rows.iter().max().unwrap() - rows.iter().min().unwrap() > 100, "{} rows", rows.len());
+}
+
+#[test]
 fn mistakes_say_the_way_out() {
     let folder = falling_box(0.1);
     let (frames, out) = (folder.path().join("frames"), folder.path().join("out"));

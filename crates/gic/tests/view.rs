@@ -29,9 +29,7 @@ fn a_page_opens_without_network() {
     let (_folder, page) = page();
     let text = fs::read_to_string(page).unwrap();
     assert!(!text.contains("http://") && !text.contains("https://"), "the page must need no network");
-    for mark in [">HEAD<", ">DATA<", "\nSCRIPT\n", "TITLE"] {
-        assert!(!text.contains(mark), "{mark} was not filled in");
-    }
+    assert!(!text.contains("{{") && !text.contains("{%"), "everything was filled in");
     assert!(text.contains("\"frames\":3") && text.contains("gic: elastic twin"));
 }
 
@@ -79,15 +77,16 @@ fn a_browser_shows_the_box_falling_onto_the_floor() {
     // Box pixels are saturated: blue to red, on greys.
     let coloured = |state: &str| -> Option<Vec<u32>> {
         let shot = screenshot(&page, state, &picture)?;
-        let stage = shot.enumerate_pixels().filter(|(_, y, _)| (60..340).contains(y));
+        // Between the colour bar, the panel and the player.
+        let stage = shot.enumerate_pixels().filter(|(x, y, _)| (30..280).contains(x) && (110..290).contains(y));
         let vivid = stage.filter(|(.., p)| p.0.iter().max().unwrap() - p.0.iter().min().unwrap() > 60);
         Some(vivid.map(|(_, y, _)| y).collect())
     };
-    let Some(start) = coloured("frame=0&mode=1") else {
+    let Some(start) = coloured("frame=0&colour=speed&draw=points") else {
         eprintln!("skipped: the program `chromium` is not installed");
         return;
     };
-    let end = coloured("frame=2&mode=1").unwrap();
+    let end = coloured("frame=2&colour=speed").unwrap();
     let mean = |rows: &[u32]| f64::from(rows.iter().sum::<u32>()) / rows.len() as f64;
     assert!(start.len() > 2000 && end.len() > 2000, "{} and {} coloured pixels", start.len(), end.len());
     assert!(mean(&end) > mean(&start) + 20.0, "it falls: {} {}", mean(&start), mean(&end));

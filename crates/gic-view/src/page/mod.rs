@@ -177,8 +177,7 @@ pub fn view(
     });
     let video = template::script_json(&video.transpose()?)?;
     let model = motion.trajectory.twin.pointer("/material/model").and_then(|m| m.as_str()).unwrap_or("digital");
-    let (splats, context) =
-        (viewer.splats, Page { title: format!("{model} twin"), viewer, video });
+    let (splats, context) = (viewer.splats, Page { title: format!("{model} twin"), viewer, video });
     let templates = [&[("page.html", include_str!("viewer/page.html"))], &VIEWER_TEMPLATES[..]].concat();
     let page = template::fill(&templates, &context)?;
     atomic::write(&request.page, page.as_bytes())?;

@@ -68,7 +68,8 @@ mod tests {
     fn a_finger_moves_and_a_floor_rests() {
         let shape = ObstacleShape::Box { centre_m: [0.0; 3], size_m: [0.2, 0.4, 0.6] };
         let mut finger = Obstacle::new(shape, ContactKind::Sticky);
-        finger.keyframes = [(0.0, 0.0), (1.0, 0.5)].map(|(time_s, x)| Keyframe { time_s, position_m: [x, 0.0, 0.0] }).into();
+        finger.keyframes =
+            [(0.0, 0.0), (1.0, 0.5)].map(|(time_s, x)| Keyframe { time_s, position_m: [x, 0.0, 0.0] }).into();
         let drawn = posed(&finger, 0, &[0.0, 0.5, 1.0]);
         assert_eq!(drawn.poses.iter().map(|pose| pose[0]).collect::<Vec<_>>(), [0.0, 0.25, 0.5]);
         assert_eq!((drawn.shape, drawn.half_size_m), ("box", [0.1, 0.2, 0.3]));

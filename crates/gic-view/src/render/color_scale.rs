@@ -7,6 +7,7 @@ use gic_twin::simulate::{FrameSummary, Trajectory};
 use gic_twin::twin::Twin;
 
 use super::simulated_motion::FrameParticles;
+use crate::units::{Unit, three_digits};
 
 /// Value of the degree-0 harmonic: colour = 0.5 + this * coefficient.
 const SH0: f32 = 0.282_094_8;
@@ -78,11 +79,22 @@ impl ColorScale {
         Self { coloring: Coloring::Stress, max_value: if most_pa > 0.0 { most_pa } else { 1.0 } }
     }
 
+    /// What the colours measure, and in which unit the scale is short; `None` where they measure nothing.
+    pub(super) fn title(&self) -> Option<(&'static str, Unit)> {
+        match self.coloring {
+            Coloring::Stress => Some(("von Mises stress", Unit::pressure(self.max_value))),
+            Coloring::Speed => Some(("speed", Unit::speed(self.max_value))),
+            Coloring::Plain | Coloring::Appearance => None,
+        }
+    }
+
     pub(crate) fn legend(&self) -> String {
         match self.coloring {
-            Coloring::Stress => format!("colour: von Mises stress, blue 0 to red {:.3e} Pa and more", self.max_value),
-            Coloring::Speed => format!("colour: speed, blue 0 to red {:.3} m/s and more", self.max_value),
             Coloring::Plain | Coloring::Appearance => "colour: plain".into(),
+            Coloring::Stress | Coloring::Speed => self.title().map_or(String::new(), |(title, unit)| {
+                let most = three_digits(self.max_value / unit.size);
+                format!("colour: {title}, blue 0 to red {most} {} and more", unit.name)
+            }),
         }
     }
 
@@ -117,7 +129,7 @@ pub(crate) fn least_stress_pa(twin: &serde_json::Value) -> f64 {
 }
 
 /// Blue, light blue, yellow, red for 0 to 1; what is no number is grey.
-fn blue_to_red(t: f32) -> [f32; 3] {
+pub(super) fn blue_to_red(t: f32) -> [f32; 3] {
     const STOPS: [[f32; 3]; 4] = [[0.16, 0.27, 0.66], [0.35, 0.70, 0.90], [0.98, 0.86, 0.38], [0.84, 0.15, 0.16]];
     if t.is_nan() {
         return [0.5; 3];
@@ -134,12 +146,16 @@ mod tests {
 
     #[test]
     fn the_noise_of_a_flight_is_not_red() {
-        let twin = serde_json::json!({"material": {"model": "elastic", "youngs_modulus_pa": 1e5, "poisson_ratio": 0.3}});
+        let twin =
+            serde_json::json!({"material": {"model": "elastic", "youngs_modulus_pa": 1e5, "poisson_ratio": 0.3}});
         assert_eq!(least_stress_pa(&twin), 100.0);
-        let stiffer = serde_json::json!({"material": {"model": "elastic", "youngs_modulus_pa": 3e5, "poisson_ratio": 0.3}});
-        let pair = serde_json::json!({"material": twin["material"], "companions": [{"shift_m": [0, 1, 0], "twin": stiffer}]});
+        let stiffer =
+            serde_json::json!({"material": {"model": "elastic", "youngs_modulus_pa": 3e5, "poisson_ratio": 0.3}});
+        let pair =
+            serde_json::json!({"material": twin["material"], "companions": [{"shift_m": [0, 1, 0], "twin": stiffer}]});
         assert_eq!(least_stress_pa(&pair), 300.0);
-        let honey = serde_json::json!({"material": {"model": "newtonian", "viscosity_pa_s": 5.0, "bulk_modulus_pa": 1e5}});
+        let honey =
+            serde_json::json!({"material": {"model": "newtonian", "viscosity_pa_s": 5.0, "bulk_modulus_pa": 1e5}});
         assert_eq!(least_stress_pa(&honey), 5.0);
     }
 

@@ -1,5 +1,6 @@
 //! Films: GIF here, MP4 and animated WebP by a found ffmpeg.
 
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -58,11 +59,11 @@ impl FilmEncoder {
         Ok(Self { path: path.to_owned(), kind, slow_motion })
     }
 
-    /// Writes the film of the pictures, which also lie in `folder`; says how.
+    /// Writes the film of the pictures; says how.
     ///
     /// # Errors
     /// An unwritable file, a failure of ffmpeg.
-    pub fn write(&self, pictures: &[Picture], folder: &Path, frame_rate_hz: f64) -> Result<String> {
+    pub fn write(&self, pictures: &[Picture], frame_rate_hz: f64) -> Result<String> {
         let rate = frame_rate_hz / self.slow_motion;
         let by = match self.kind {
             FilmFormat::Gif => {
@@ -73,16 +74,12 @@ impl FilmEncoder {
                 // H.264 needs even sizes.
                 let even = ["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2"];
                 let quality = ["-f", "mp4", "-c:v", "libx264", "-pix_fmt", "yuv420p", "-crf", "18"];
-                self.ffmpeg(pictures.len(), folder, rate, &[&even[..], &quality].concat())?;
+                self.ffmpeg(pictures, rate, &[&even[..], &quality].concat())?;
                 "H.264, by ffmpeg"
             }
             FilmFormat::Webp => {
-                self.ffmpeg(
-                    pictures.len(),
-                    folder,
-                    rate,
-                    &["-f", "webp", "-c:v", "libwebp_anim", "-loop", "0", "-quality", "80"],
-                )?;
+                let codec = ["-f", "webp", "-c:v", "libwebp_anim", "-loop", "0", "-quality", "80"];
+                self.ffmpeg(pictures, rate, &codec)?;
                 "animated WebP, by ffmpeg"
             }
         };
@@ -103,17 +100,29 @@ impl FilmEncoder {
         Ok(atomic::write(&self.path, &bytes)?)
     }
 
-    /// Encodes with ffmpeg the first `count` pictures that lie in `folder`.
-    fn ffmpeg(&self, count: usize, folder: &Path, rate: f64, codec: &[&str]) -> Result<()> {
+    /// Hands the pictures to ffmpeg, one after the other.
+    fn ffmpeg(&self, pictures: &[Picture], rate: f64, codec: &[&str]) -> Result<()> {
         let film = NewFile::at(&self.path).map_err(TwinError::from)?;
-        let output = Command::new("ffmpeg")
-            .args(["-y", "-loglevel", "error", "-framerate", &format!("{rate}"), "-i"])
-            .arg(folder.join("frame_%04d.png"))
-            .args(["-frames:v", &count.to_string()])
+        let [width, height] = pictures.first().map_or([0, 0], |picture| [picture.width, picture.height]);
+        let mut ffmpeg = Command::new("ffmpeg")
+            .args(["-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"])
+            .args(["-video_size", &format!("{width}x{height}"), "-framerate", &format!("{rate}"), "-i", "-"])
             .args(codec)
             .arg(film.part())
-            .output()
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
             .map_err(TwinError::write(&self.path))?;
+        if let Some(mut input) = ffmpeg.stdin.take() {
+            for picture in pictures {
+                // Where ffmpeg gives up early, it says why below.
+                if input.write_all(&bytes_of(picture)).is_err() {
+                    break;
+                }
+            }
+        }
+        let output = ffmpeg.wait_with_output().map_err(TwinError::write(&self.path))?;
         if !output.status.success() {
             let reason = String::from_utf8_lossy(&output.stderr).trim().to_owned();
             return Err(ViewError::Stage {
@@ -124,6 +133,11 @@ impl FilmEncoder {
         }
         Ok(film.finish().map_err(TwinError::from)?)
     }
+}
+
+/// Red, green and blue of all pixels.
+fn bytes_of(picture: &Picture) -> Vec<u8> {
+    picture.rgb.iter().map(|c| (c * 255.0).round() as u8).collect()
 }
 
 fn to_image(picture: &Picture) -> RgbaImage {

@@ -4,8 +4,12 @@
 pub(crate) mod color_scale;
 mod film;
 mod fixed_camera;
+mod labels;
+mod lettering;
+mod obstacle_points;
 pub(crate) mod particle_splats;
 mod shade;
+mod shadow;
 pub(crate) mod simulated_motion;
 mod viewpoint;
 
@@ -21,7 +25,9 @@ use rayon::prelude::*;
 pub use color_scale::Coloring;
 pub use film::FilmEncoder;
 pub use fixed_camera::FixedCameraRenderer;
+use obstacle_points::Obstacles;
 use particle_splats::ParticleSplats;
+use shadow::FloorShadow;
 pub use simulated_motion::{FrameParticles, SimulatedMotion};
 pub use viewpoint::{Viewpoint, ViewpointError};
 
@@ -60,6 +66,8 @@ pub struct RenderRequest {
     pub film: Option<PathBuf>,
     /// How many times slower than life the film runs.
     pub slow_motion: f64,
+    /// Whether time and colour bar are written into the pictures.
+    pub labels: bool,
 }
 
 /// What was rendered.
@@ -90,16 +98,24 @@ pub fn render(
     let environment = view.environment(motion, request.background);
     let first = motion.particles(0)?;
     let splats = ParticleSplats::new(request.coloring, motion, &first)?;
+    let spacing = first.spacing();
+    let obstacles = Obstacles::of(&motion.trajectory, splats.spacing())?;
     atomic::create_folder(&request.out)?;
     let count = motion.trajectory.frames.len();
     events.send(&Event::StageStarted { stage: STAGE.into(), reason: format!("{count} frames") });
     let meter = ResourceMeter::start();
     let draw = |index: usize| -> Result<Picture> {
         let later = if index > 0 { Some(motion.particles(index)?) } else { None };
-        let gaussians = splats.gaussians(later.as_ref().unwrap_or(&first));
-        let camera = view.camera(index, count);
-        let rendered = gic_splat::render(&gaussians, &camera, &splats.settings());
-        let mut picture = shade::compose(&rendered, &camera, &environment, splats.is_lit());
+        let mut gaussians = splats.gaussians(later.as_ref().unwrap_or(&first));
+        splats.add_obstacles(&mut gaussians, &obstacles.at(motion.trajectory.frames[index].time_s));
+        let camera = view.camera(index);
+        let rendered = gic_splat::render(&gaussians, camera, &splats.settings());
+        let positions = &later.as_ref().unwrap_or(&first).positions;
+        let shadow = environment.backdrop.first_plane().and_then(|plane| FloorShadow::of(positions, spacing, plane));
+        let mut picture = shade::compose(&rendered, camera, &environment, splats.is_lit(), shadow.as_ref());
+        if request.labels {
+            labels::label(&mut picture, splats.scale(), Some(motion.trajectory.frames[index].time_s));
+        }
         if request.beside_video {
             picture = beside(&view.video(motion.trajectory.frames[index].time_s)?, &picture);
         }
@@ -118,7 +134,7 @@ pub fn render(
         }
         events.step(STAGE, "", (batch[0] + batch.len()) as u64, Some(count as u64), &[]);
     }
-    let film = film.map(|film| film.write(&pictures, &request.out, motion.frame_rate_hz())).transpose()?;
+    let film = film.map(|film| film.write(&pictures, motion.frame_rate_hz())).transpose()?;
     events.send(&meter.done(STAGE));
     Ok(RenderOutcome { frames: count, legend: splats.legend(), film })
 }

@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use gic_splat::{Channels, Gaussians, RenderSettings, Shape};
+use gic_splat::{Channels, Gaussians, RenderSettings, Shape, coefficient_of_color};
 use gic_twin::events::Events;
 use gic_twin::matter::read_particles;
+use glam::DVec3;
 
 use super::color_scale::{ColorScale, Coloring};
 use super::simulated_motion::{FrameParticles, SimulatedMotion};
@@ -15,6 +16,9 @@ use crate::skinned_gaussians::SkinnedGaussians;
 pub(crate) const SCALE: f64 = 0.55;
 /// Opacity of a particle.
 pub(crate) const OPACITY: f32 = 0.95;
+
+/// Brightness of obstacles.
+const OBSTACLE_GREY: f32 = 0.5;
 
 /// What is drawn for particles.
 pub(super) enum ParticleSplats {
@@ -45,6 +49,14 @@ impl ParticleSplats {
         }
     }
 
+    /// The scale of the colours; `None` where they are the bodies' own.
+    pub(super) fn scale(&self) -> Option<&ColorScale> {
+        match self {
+            Self::ColorMapped { scale, .. } => Some(scale),
+            Self::Skinned(_) => None,
+        }
+    }
+
     /// Whether the colours hold the light already.
     pub(super) fn is_lit(&self) -> bool {
         matches!(self, Self::Skinned(_))
@@ -71,6 +83,24 @@ impl ParticleSplats {
                 });
                 concatenated(bodies)
             }
+        }
+    }
+
+    /// Distance of neighbouring splats [m].
+    pub(super) fn spacing(&self) -> f64 {
+        match self {
+            Self::ColorMapped { spacing, .. } => *spacing,
+            Self::Skinned(skins) => skins.iter().map(|(_, skin)| skin.spacing()).fold(f64::INFINITY, f64::min),
+        }
+    }
+
+    /// Adds points of obstacles [m], grey.
+    pub(super) fn add_obstacles(&self, gaussians: &mut Gaussians, points: &[DVec3]) {
+        gaussians.positions.extend(points.iter().map(|p| p.as_vec3().to_array()));
+        gaussians.opacities.resize(gaussians.positions.len(), OPACITY);
+        gaussians.sh.resize(gaussians.positions.len(), [coefficient_of_color(OBSTACLE_GREY); 3]);
+        if let Shape::Isotropic { scales } = &mut gaussians.shape {
+            scales.resize(gaussians.positions.len(), (SCALE * self.spacing()) as f32);
         }
     }
 

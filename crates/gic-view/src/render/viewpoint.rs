@@ -40,12 +40,14 @@ impl FromStr for Viewpoint {
 const ELEVATION: f64 = 0.35;
 /// Half of the angle that the orbit's camera sees [rad].
 const HALF_ANGLE: f64 = 0.35;
-/// Empty space around the motion, as a factor.
-const MARGIN: f64 = 1.15;
+/// How much of the picture's half the motion fills at most; the rest is margin, and place for labels.
+const FILLED: f64 = 0.86;
+/// How much of the body's way the orbit's camera follows: the body stays large, and is still seen to move.
+const FOLLOWED: f64 = 0.5;
 
 /// The camera of every frame, and what does not move.
 pub(super) enum CameraPath<'a> {
-    Orbit { centre: DVec3, distance: f64, up: DVec3, size: [usize; 2] },
+    Orbit { frames: Vec<Camera> },
     Fixed { number: usize, camera: Camera, backdrop: Option<Picture>, scene: &'a Scene },
 }
 
@@ -61,11 +63,7 @@ impl<'a> CameraPath<'a> {
                 problem: "an orbit has no background picture".into(),
                 hint: Some("use a camera of the scene (--camera 0), or --background floor, black or white".into()),
             }),
-            Viewpoint::Orbit => {
-                let bounds = motion.bounds();
-                let distance = distance_to(bounds, request.size);
-                Ok(Self::Orbit { centre: 0.5 * (bounds.0 + bounds.1), distance, up: motion.up(), size: request.size })
-            }
+            Viewpoint::Orbit => Ok(Self::Orbit { frames: orbit_of(motion, request.size) }),
             Viewpoint::Camera(number) => {
                 let Some(scene) = scene else {
                     return Err(ViewError::Usage {
@@ -92,14 +90,11 @@ impl<'a> CameraPath<'a> {
         }
     }
 
-    /// The camera of frame `index` of `count`.
-    pub(super) fn camera(&self, index: usize, count: usize) -> Camera {
+    /// The camera of a frame.
+    pub(super) fn camera(&self, index: usize) -> &Camera {
         match self {
-            Self::Fixed { camera, .. } => camera.clone(),
-            Self::Orbit { centre, distance, up, size } => {
-                let turn = TAU * index as f64 / count.max(1) as f64 + 0.25 * PI;
-                orbit(*centre, *distance, *up, turn, *size)
-            }
+            Self::Fixed { camera, .. } => camera,
+            Self::Orbit { frames } => &frames[index],
         }
     }
 
@@ -131,17 +126,35 @@ impl<'a> CameraPath<'a> {
     }
 }
 
-/// How far away a camera sees everything within the bounds [m].
-fn distance_to((low, high): (DVec3, DVec3), [width, height]: [usize; 2]) -> f64 {
-    let radius = 0.5 * (high - low).length() * MARGIN;
-    // The shorter side of the picture has to hold the ball.
-    radius / HALF_ANGLE.sin() * (height as f64 / width.min(height) as f64)
+/// One turn around a motion, as near as the bodies stay in the picture in every frame.
+fn orbit_of(motion: &SimulatedMotion, size: [usize; 2]) -> Vec<Camera> {
+    let (low, high) = motion.bounds();
+    let middle = 0.5 * (low + high);
+    let frames = &motion.trajectory.frames;
+    let boxes: Vec<(DVec3, DVec3)> = frames.iter().map(|frame| (frame.low_m.into(), frame.high_m.into())).collect();
+    let centre = |(low, high): &(DVec3, DVec3)| middle.lerp(0.5 * (*low + *high), FOLLOWED);
+    let camera = |index: usize, distance: f64| {
+        let turn = TAU * index as f64 / frames.len() as f64 + 0.25 * PI;
+        orbit(centre(&boxes[index]), distance, motion.up(), turn, size)
+    };
+    let distance = (0..frames.len()).map(|i| distance_to(boxes[i], &camera(i, 0.0))).fold(1e-6, f64::max);
+    (0..frames.len()).map(|index| camera(index, distance)).collect()
+}
+
+/// How far a camera that stands where it looks has to go back to see everything within the bounds [m].
+fn distance_to((low, high): (DVec3, DVec3), camera: &Camera) -> f64 {
+    let slopes = FILLED * camera.principal / camera.focal;
+    let corner =
+        |i: usize| DVec3::from_array([0, 1, 2].map(|axis| if i >> axis & 1 == 0 { low[axis] } else { high[axis] }));
+    let needed = |p: DVec3| (p.x.abs() / slopes.x).max(p.y.abs() / slopes.y) - p.z;
+    (0..8).map(|i| needed(camera.rotation.transpose() * (corner(i) - camera.centre))).fold(0.0, f64::max)
 }
 
 /// A camera that sees everything within the bounds [m] from the side `from`, a little above.
 pub(super) fn beside(bounds: (DVec3, DVec3), up: DVec3, from: DVec3, size: [usize; 2]) -> Camera {
     let horizontal = from.reject_from_normalized(up).try_normalize().unwrap_or_else(|| up.any_orthonormal_vector());
-    looking(0.5 * (bounds.0 + bounds.1), distance_to(bounds, size), up, horizontal, size)
+    let at = |distance: f64| looking(0.5 * (bounds.0 + bounds.1), distance, up, horizontal, size);
+    at(distance_to(bounds, &at(0.0)))
 }
 
 /// A camera on an orbit around `centre`, `distance` metres away.
@@ -181,6 +194,18 @@ mod tests {
             assert!(above.y < pixel.y && (above.x - pixel.x).abs() < 1e-9);
             assert!((camera.rotation.determinant() - 1.0).abs() < 1e-12);
         }
+    }
+
+    #[test]
+    fn a_box_fills_the_picture_and_stays_inside() {
+        let bounds = (DVec3::new(-0.1, 0.0, -0.3), DVec3::new(0.2, 0.5, 0.1));
+        let camera = beside(bounds, DVec3::Y, DVec3::new(1.0, 0.0, 2.0), [640, 480]);
+        let corner =
+            |i: usize| DVec3::from_array([0, 1, 2].map(|a| if i >> a & 1 == 0 { bounds.0[a] } else { bounds.1[a] }));
+        let places: Vec<DVec2> =
+            (0..8).map(|i| (camera.project(corner(i)).unwrap().0 - camera.principal) / camera.principal).collect();
+        let farthest = places.iter().map(|p| p.abs().max_element()).fold(0.0, f64::max);
+        assert!((farthest - FILLED).abs() < 1e-9, "{farthest}");
     }
 
     #[test]

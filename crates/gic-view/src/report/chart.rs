@@ -154,7 +154,8 @@ impl Chart {
             let points = series.pieces.iter().flatten().filter(usable).count();
             let place = |p: &(f64, f64)| (x.at(p.0), y.at(p.1));
             let piece = |points: &Vec<(f64, f64)>| {
-                let places: Vec<String> = points.iter().filter(usable).map(place).map(|(x, y)| format!("{x},{y}")).collect();
+                let places: Vec<String> =
+                    points.iter().filter(usable).map(place).map(|(x, y)| format!("{x},{y}")).collect();
                 places.join(" ")
             };
             let dot = |p: &(f64, f64)| Dot { x: place(p).0, y: place(p).1, text: self.told(p) };

@@ -392,7 +392,8 @@ pub(crate) struct BudgetArgs {
 /// Make pictures and films of a simulated motion
 ///
 /// Writes frame_NNNN.png for every frame of a folder that `gic simulate` wrote, or of a run's prediction; with --film
-/// also a .gif, or where the program ffmpeg is installed an .mp4 (H.264) or an animated .webp.
+/// also a .gif, or where the program ffmpeg is installed an .mp4 (H.264) or an animated .webp. Pictures of 160 rows and
+/// more show the time and what the colours mean. An orbit follows the body half of its way.
 #[derive(Debug, Args)]
 #[command(after_help = "Example: gic render /tmp/elastic -o /tmp/pictures --film /tmp/elastic.gif")]
 pub(crate) struct RenderArgs {
@@ -426,6 +427,9 @@ pub(crate) struct RenderArgs {
     /// How many times slower than life the film runs
     #[arg(long, value_name = "TIMES", default_value = "1", value_parser = positive_number)]
     pub(crate) slow_motion: f64,
+    /// Without time and colour bar in the pictures
+    #[arg(long)]
+    pub(crate) no_labels: bool,
 }
 
 /// Make a page that shows a simulated motion in a browser: turn it, step through time, see stress and speed

@@ -29,6 +29,7 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> anyhow::Result<()> {
         size: args.size,
         film: args.film.clone(),
         slow_motion: args.slow_motion,
+        labels: !args.no_labels,
     };
     let outcome = render(&request, &motion, scene.as_ref(), &context.events, &context.interrupt)?;
     context.print(format!("{} pictures in {}; {}", outcome.frames, args.out.display(), outcome.legend))?;

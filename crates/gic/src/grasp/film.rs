@@ -1,10 +1,9 @@
-//! Pictures of a grasp: one per width, stress from blue to red, and a film.
+//! Pictures of a grasp on its table: one per width, stress from blue to red, and a film.
 
 use std::path::{Path, PathBuf};
 
 use gic_geometry::outward_normals;
 use gic_mpm::Body;
-use gic_twin::atomic;
 use gic_view::render::{FilmEncoder, FixedCameraRenderer, FrameParticles};
 use glam::DVec3;
 
@@ -99,28 +98,25 @@ impl GraspFilm {
         let points = || held.iter().chain(&moving).flat_map(|p| &p.positions);
         let low = points().fold(DVec3::INFINITY, |low, &p| low.min(p));
         let high = points().fold(DVec3::NEG_INFINITY, |high, &p| high.max(p));
+        // The table: below all of the body before it is lifted.
+        let rest = || self.film.first().into_iter().flat_map(|shot| &shot.positions);
+        let lowest = rest().min_by(|a, b| a.dot(up).total_cmp(&b.dot(up))).copied().unwrap_or(DVec3::ZERO);
         let side = gripper_frame.world_from_gripper.z_axis + 0.45 * gripper_frame.world_from_gripper.x_axis;
         let studio = FixedCameraRenderer::new(
             (low, high),
-            gripper_frame.world_from_gripper * up,
-            side,
+            (gripper_frame.world_from_gripper * up, side, gripper_frame.point_to_world(lowest)),
             size,
             most,
             report.particle_spacing_m,
         );
         for (particles, width) in held.iter().zip(&report.widths) {
             let path = folder.join(format!("width_{:.1}mm.png", 1e3 * width.width_m));
-            studio.picture(particles).save_png(&path).map_err(Error::stage(STAGE))?;
+            studio.picture(particles, None).save_png(&path).map_err(Error::stage(STAGE))?;
         }
-        let frames = folder.join("film");
-        atomic::create_folder(&frames)?;
-        let mut pictures = Vec::with_capacity(moving.len());
-        for (index, particles) in moving.iter().enumerate() {
-            let picture = studio.picture(particles);
-            picture.save_png(&frames.join(format!("frame_{index:04}.png"))).map_err(Error::stage(STAGE))?;
-            pictures.push(picture);
-        }
-        let made = film.encoder.write(&pictures, &frames, FILM_RATE_HZ)?;
+        let picture =
+            |(index, particles): (usize, &FrameParticles)| studio.picture(particles, Some(index as f64 / FILM_RATE_HZ));
+        let pictures: Vec<_> = moving.iter().enumerate().map(picture).collect();
+        let made = film.encoder.write(&pictures, FILM_RATE_HZ)?;
         let name = film.path.display();
         Ok(format!("{} pictures in {}; {}; film {name}: {made}", held.len(), folder.display(), studio.legend()))
     }

@@ -80,7 +80,6 @@ fn reconstruction(history: &History) -> Vec<Chart> {
         ("loss", "Loss", "", true),
         ("psnr_db", "Likeness of the trained pictures (PSNR)", "dB", false),
         ("held_out_psnr_db", "Likeness of the held-out cameras' pictures (PSNR)", "dB", false),
-        ("gaussians", "Gaussians", "", false),
     ];
     let chart = |(key, title, unit, logarithmic): (&str, &str, &str, bool)| {
         let mut series: Vec<Series> = Vec::new();
@@ -101,9 +100,8 @@ fn reconstruction(history: &History) -> Vec<Chart> {
 fn descents(trace: &[StepRecord]) -> Vec<Vec<(usize, &StepRecord)>> {
     let mut pieces: Vec<Vec<(usize, &StepRecord)>> = Vec::new();
     for (index, step) in trace.iter().enumerate() {
-        let goes_on = |last: &StepRecord| {
-            last.stage == step.stage && step.objective <= last.objective && step.stage != "search"
-        };
+        let goes_on =
+            |last: &StepRecord| last.stage == step.stage && step.objective <= last.objective && step.stage != "search";
         match pieces.last_mut().filter(|piece| piece.last().is_some_and(|(_, last)| goes_on(last))) {
             Some(piece) => piece.push((index, step)),
             None => pieces.push(vec![(index, step)]),
@@ -152,8 +150,9 @@ fn unknowns(found: &IdentifyRecord, truth: Option<&RunTruth>) -> Vec<Chart> {
             ..Chart::default()
         }
     };
-    let axis = |(axis, name): (usize, &str)| {
-        Series { name: name.into(), pieces: lines(&|step: &StepRecord| Some(step.velocity_m_s[axis])) }
+    let axis = |(axis, name): (usize, &str)| Series {
+        name: name.into(),
+        pieces: lines(&|step: &StepRecord| Some(step.velocity_m_s[axis])),
     };
     let velocity = Chart {
         title: "Initial velocity".into(),
@@ -177,8 +176,15 @@ mod tests {
     #[test]
     fn a_line_breaks_where_the_objective_changes() {
         let trace = [
-            step("search", 9.0), step("search", 8.0), step("material", 100.0), step("material", 50.0),
-            step("material", 90.0), step("material", 40.0), step("joint", 3.0), step("joint", 2.0), step("joint", 6.0),
+            step("search", 9.0),
+            step("search", 8.0),
+            step("material", 100.0),
+            step("material", 50.0),
+            step("material", 90.0),
+            step("material", 40.0),
+            step("joint", 3.0),
+            step("joint", 2.0),
+            step("joint", 6.0),
         ];
         let sizes: Vec<usize> = descents(&trace).iter().map(Vec::len).collect();
         assert_eq!(sizes, [1, 1, 2, 2, 2, 1]);

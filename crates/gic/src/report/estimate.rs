@@ -34,7 +34,11 @@ pub(super) struct EstimateRow {
 /// A value in a unit, with as many digits as its 95 % interval is worth.
 fn number(value: f64, unit: Unit) -> String {
     let text = three_digits(value / unit.size);
-    if unit.name.is_empty() || unit.name == "\u{b0}" { format!("{text}{}", unit.name) } else { format!("{text} {}", unit.name) }
+    if unit.name.is_empty() || unit.name == "\u{b0}" {
+        format!("{text}{}", unit.name)
+    } else {
+        format!("{text} {}", unit.name)
+    }
 }
 
 fn interval([low, high]: [f64; 2], unit: Unit) -> String {
@@ -62,7 +66,8 @@ pub(super) fn verdict(found: &IdentifyRecord, overlap: &[Option<f64>]) -> Verdic
         }
         (true, false) => format!("This video does not determine {}", listed(&unsure)),
     };
-    let seen: Vec<(usize, f64)> = overlap.iter().enumerate().filter_map(|(frame, iou)| Some((frame, (*iou)?))).collect();
+    let seen: Vec<(usize, f64)> =
+        overlap.iter().enumerate().filter_map(|(frame, iou)| Some((frame, (*iou)?))).collect();
     let mean = seen.iter().map(|(_, iou)| iou).sum::<f64>() / seen.len().max(1) as f64;
     let cover = match seen.iter().min_by(|a, b| a.1.total_cmp(&b.1)) {
         Some((frame, worst)) => format!(
@@ -96,9 +101,9 @@ pub(super) fn rows(found: &IdentifyRecord, truth: Option<&RunTruth>) -> Vec<Esti
     let told = |value: Option<f64>, unit: Unit| value.map_or(String::new(), |value| number(value, unit));
     let parameter = |e: &EstimateRecord| {
         let (name, unit) = quantity(&e.name, e.value);
-        let shift = e.resolution_shift.map_or(String::new(), |shift| {
-            format!("{}{}", if shift < 0.0 { "" } else { "+" }, number(shift, unit))
-        });
+        let shift = e
+            .resolution_shift
+            .map_or(String::new(), |shift| format!("{}{}", if shift < 0.0 { "" } else { "+" }, number(shift, unit)));
         EstimateRow {
             name: if name == "Parameter" { e.name.clone() } else { name.to_owned() },
             key: e.name.clone(),
@@ -179,7 +184,11 @@ mod tests {
         assert!(half.text.contains("but not Poisson's ratio"), "{}", half.text);
         let none = verdict(&found([false, false]), &[Some(0.98)]);
         assert_eq!(none.standing, "poor");
-        assert!(none.text.starts_with("This video does not determine Young's modulus and Poisson's ratio"), "{}", none.text);
+        assert!(
+            none.text.starts_with("This video does not determine Young's modulus and Poisson's ratio"),
+            "{}",
+            none.text
+        );
         assert_eq!(verdict(&found([true, true]), &[Some(0.5)]).standing, "poor");
     }
 

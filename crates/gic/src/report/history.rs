@@ -60,7 +60,8 @@ impl History {
     /// Warnings of the stages that made the run, those `known` left out, each once.
     pub(super) fn warnings(&self, known: &[String]) -> Vec<String> {
         let mut found: Vec<String> = Vec::new();
-        for (_, text) in self.warnings.iter().filter(|(stage, _)| !["report", "eval", "view"].contains(&stage.as_str())) {
+        for (_, text) in self.warnings.iter().filter(|(stage, _)| !["report", "eval", "view"].contains(&stage.as_str()))
+        {
             if !known.contains(text) && !found.contains(text) {
                 found.push(text.clone());
             }
@@ -97,7 +98,9 @@ mod tests {
 
     #[test]
     fn steps_that_are_done_again_count_once() {
-        let step = |n: usize| format!(r#"{{"event":"step","stage":"reconstruct","phase":"motion","step":{n},"of":9,"values":{{}}}}"#);
+        let step = |n: usize| {
+            format!(r#"{{"event":"step","stage":"reconstruct","phase":"motion","step":{n},"of":9,"values":{{}}}}"#)
+        };
         let lines: Vec<String> = [1, 2, 3, 2, 3, 4].into_iter().map(step).collect();
         let history = history(&lines.iter().map(String::as_str).collect::<Vec<_>>());
         let numbers: Vec<u64> = history.steps["reconstruct"].iter().map(|(_, n, _)| *n).collect();

@@ -138,10 +138,8 @@ fn remarks(found: &IdentifyRecord) -> Vec<String> {
         1e3 * found.chamfer_m,
         100.0 * found.mask_error
     ));
-    remarks.push(format!(
-        "{} rollouts were simulated, and {} on a coarse grid.",
-        found.rollouts, found.coarse_rollouts
-    ));
+    remarks
+        .push(format!("{} rollouts were simulated, and {} on a coarse grid.", found.rollouts, found.coarse_rollouts));
     remarks
 }
 

@@ -17,7 +17,7 @@ function show() {
   put(stage.querySelector(".simulated .picture"), overlay && jpeg(overlay.twin));
   for (const image of stage.querySelectorAll(".outlines")) put(image, overlay && part("outlined").checked && png(overlay.outlines));
   part("time").textContent = `frame ${frame} of ${count - 1}, ${video.times_s[frame].toFixed(3)} s${frame < fitted ? "" : ", predicted"}`;
-  document.querySelectorAll(".camera").forEach((button, i) => {
+  document.querySelectorAll("#cameras .camera").forEach((button, i) => {
     const own = video.cameras[i].shots[frame], seen = overlays[i][frame];
     button.classList.toggle("chosen", i === camera);
     put(button.querySelector("img"), own && jpeg(own.picture));
@@ -49,6 +49,6 @@ const enlarge = (large) => {
 part("enlarge").addEventListener("click", () => enlarge());
 for (const layers of stage.querySelectorAll(".layers")) layers.addEventListener("click", () => enlarge());
 addEventListener("keydown", (event) => { if (event.key === "Escape") enlarge(false); });
-document.querySelectorAll(".camera").forEach((button, i) => button.addEventListener("click", () => { camera = i; show(); }));
+document.querySelectorAll("#cameras .camera").forEach((button, i) => button.addEventListener("click", () => { camera = i; show(); }));
 if (viewer.renderer) viewer.onFrame((frame) => { if (frame < count && Number(slider.value) !== frame) { slider.value = frame; show(); } });
 show();

@@ -11,7 +11,7 @@ class Orbit {
   reset() {
     this.target = scaled(add(this.low, this.high), 0.5);
     this.reach = Math.max(Math.hypot(...subtract(this.high, this.low)), 1e-6);
-    this.distance = 1.55 * this.reach;
+    this.distance = 1.35 * this.reach;
     [this.turn, this.tilt] = [0.8, 0.3];
   }
 

@@ -2,7 +2,7 @@
 class Renderer {
   constructor(canvas, head, matter) {
     // Drawn on demand: the browser may ask for the picture at any time.
-    const gl = canvas.getContext("webgl2", { antialias: true, alpha: false, preserveDrawingBuffer: true });
+    const gl = canvas.getContext("webgl2", { antialias: false, alpha: false, preserveDrawingBuffer: true });
     if (!gl) throw new Error("this browser has no WebGL2");
     Object.assign(this, { gl, canvas, head, matter });
     this.programs = Object.fromEntries(Object.entries(SHADERS).map(([name, [vertex, fragment]]) => [name, this.program(vertex, fragment)]));
@@ -13,9 +13,10 @@ class Renderer {
       picture: gl.createTexture(), mask: gl.createTexture(),
     };
     this.corners = this.arrayOf([["corner", 2, 2, 0]], new Float32Array([-1, -1, 1, -1, -1, 1, 1, 1]));
-    this.sorted = this.indices(new Uint32Array(matter.splats));
-    const few = Math.max(1, Math.ceil(matter.splats / 1500));
-    this.sparse = this.indices(Uint32Array.from({ length: Math.floor(matter.splats / few) }, (_, i) => i * few));
+    this.sorted = this.squares(matter.splats);
+    const step = Math.max(1, Math.ceil(matter.splats / 1500));
+    this.sparse = this.squares(Math.floor(matter.splats / step));
+    this.fill(this.sparse, Uint32Array.from({ length: this.sparse.count }, (_, i) => i * step));
     this.empty = gl.createVertexArray();
     this.solids = head.obstacles.map((obstacle) => {
       const triangles = solidOf(obstacle);
@@ -32,7 +33,7 @@ class Renderer {
       if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS)) throw new Error(gl.getShaderInfoLog(shader));
       gl.attachShader(made, shader);
     }
-    ["place", "normal", "corner", "index"].forEach((name, i) => gl.bindAttribLocation(made, i, name));
+    ["place", "normal", "corner"].forEach((name, i) => gl.bindAttribLocation(made, i, name));
     gl.linkProgram(made);
     if (!gl.getProgramParameter(made, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(made));
     const uniforms = new Map();
@@ -74,16 +75,24 @@ class Renderer {
     return { array, count: numbers.length / attributes[0][2] };
   }
 
-  // One number for each instance.
-  indices(numbers) {
-    const { gl } = this, array = gl.createVertexArray(), buffer = gl.createBuffer();
+  // Two triangles for each of some splats. Instances would do, too, but cost much without hardware.
+  squares(count) {
+    const { gl } = this, array = gl.createVertexArray(), buffer = gl.createBuffer(), corners = new Uint32Array(6 * count);
     gl.bindVertexArray(array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
-    gl.bufferData(gl.ARRAY_BUFFER, numbers, gl.DYNAMIC_DRAW);
-    gl.enableVertexAttribArray(3);
-    gl.vertexAttribIPointer(3, 1, gl.UNSIGNED_INT, 0, 0);
-    gl.vertexAttribDivisor(3, 1);
-    return { array, buffer, count: numbers.length };
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffer);
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, corners.byteLength, gl.DYNAMIC_DRAW);
+    return { array, buffer, count, corners };
+  }
+
+  // Sets which splats are drawn, in their order.
+  fill({ array, corners }, splats) {
+    for (let i = 0, at = 0; i < splats.length; i++) {
+      const first = 4 * splats[i];
+      corners[at++] = first; corners[at++] = first + 1; corners[at++] = first + 2;
+      corners[at++] = first + 1; corners[at++] = first + 3; corners[at++] = first + 2;
+    }
+    this.gl.bindVertexArray(array);
+    this.gl.bufferSubData(this.gl.ELEMENT_ARRAY_BUFFER, 0, corners);
   }
 
   // Numbers in rows of 2048 texels.
@@ -170,12 +179,9 @@ class Renderer {
     if (look.obstacles) this.drawSolids(common);
     if (look.drawing === "splats") {
       gl.depthMask(false);
-      const order = this.order.sort(matter.centres, view.eye, view.rows[2]);
-      gl.bindVertexArray(this.sorted.array);
-      gl.bindBuffer(gl.ARRAY_BUFFER, this.sorted.buffer);
-      gl.bufferSubData(gl.ARRAY_BUFFER, 0, order);
+      this.fill(this.sorted, this.order.sort(matter.centres, view.eye, view.rows[2]));
       this.use("splats", { ...common, ...splat });
-      gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, matter.splats);
+      gl.drawElements(gl.TRIANGLES, 6 * this.sorted.count, gl.UNSIGNED_INT, 0);
       gl.depthMask(true);
     } else {
       gl.bindVertexArray(this.empty);
@@ -209,9 +215,9 @@ class Renderer {
       gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
       if (!isFloor) continue;
       gl.bindVertexArray(this.sparse.array);
-      const spread = 0.02 * half, area = 0.1 * half * half;
-      this.use("shadows", { ...common, ...splat, middle, plane, across, along, spread, strength: clamp(area / (this.sparse.count * spread * spread * 3), 0.01, 0.3) });
-      gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, this.sparse.count);
+      const spread = 0.02 * half, area = 0.2 * half * half;
+      this.use("shadows", { ...common, ...splat, middle, plane, across, along, spread, strength: clamp(area / (this.sparse.count * spread * spread * 3), 0.012, 0.5) });
+      gl.drawElements(gl.TRIANGLES, 6 * this.sparse.count, gl.UNSIGNED_INT, 0);
     }
   }
 

@@ -57,18 +57,18 @@ Splat splat(int i) {
 const vec4 NOWHERE = vec4(2., 2., 2., 1.);`;
 
 const SHADERS = {
-  // An isotropic Gaussian is an ellipse in the picture, longest away from the principal point; as wide as it is visible.
+  // Vertex 4 i + k is corner k of splat i. An isotropic Gaussian is an ellipse in the picture, longest away from the principal point; as wide as it is visible.
   splats: [`${PROJECTION}${SPLAT}
-    in uint index; out vec2 at;
+    out vec2 at;
     void main() {
-      Splat s = splat(int(index));
+      Splat s = splat(gl_VertexID >> 2);
       vec3 c = inCamera(s.centre);
       float visible = log(255. * color.a);
       if (!s.shown || c.z < near || visible <= 0.) { gl_Position = NOWHERE; return; }
       vec2 slope = c.xy / c.z;
       float along = dot(slope, slope), f = .5 * (focal.x + focal.y) * s.scale / c.z;
       vec2 axis = along > 1e-12 ? slope * inversesqrt(along) : vec2(1., 0.);
-      vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2. - 1.;
+      vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1 & 1) * 2. - 1.;
       at = corner * sqrt(2. * visible);
       vec2 sigma = sqrt(vec2(f * f * (1. + along), f * f) + .3);
       gl_Position = toClip(toPixel(c) + at.x * sigma.x * axis + at.y * sigma.y * vec2(-axis.y, axis.x), c.z);
@@ -118,16 +118,16 @@ const SHADERS = {
       vec2 near = abs(fract(share - .5) - .5) / max(wide, 1e-6);
       float line = (1. - min(min(near.x, near.y), 1.)) * clamp(1. - .5 * max(wide.x, wide.y), 0., 1.);
       float fade = clamp(1.2 - 1.2 * length(at) / half_m, 0., 1.);
-      float alpha = strength * fade * (.10 + .75 * line);
+      float alpha = strength * fade * (.24 + .6 * line);
       result = vec4(lines * alpha, alpha);
     }`],
   // A soft dark spot below every splat.
   shadows: [`${PROJECTION}${SPLAT}
-    in uint index; uniform vec3 middle, plane, across, along; uniform float spread; out vec2 at; out float dark;
+    uniform vec3 middle, plane, across, along; uniform float spread; out vec2 at; out float dark;
     void main() {
-      Splat s = splat(int(index));
+      Splat s = splat(gl_VertexID >> 2);
       float height = dot(plane, s.centre - middle);
-      at = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2. - 1.;
+      at = vec2(gl_VertexID & 1, gl_VertexID >> 1 & 1) * 2. - 1.;
       float radius = spread + .25 * max(height, 0.);
       dark = spread * spread / (radius * radius);
       vec3 foot = s.centre - plane * height + (across * at.x + along * at.y) * radius;
