@@ -47,8 +47,8 @@ pub(super) fn groups(found: &IdentifyRecord, history: &History, truth: Option<&R
     let groups = [
         Group {
             title: "Reconstruction",
-            text: "Moving Gaussians are trained on the film. The warm-up trains the first frame alone, so that the curves \
-                   begin anew with the motion.",
+            text: "Moving Gaussians are trained on the film: on the first frame alone (warm-up), then on frames that join \
+                   one after the other. Loss and likeness jump where frames join that are not yet explained.",
             charts: drawn(&reconstruction(history))?,
         },
         Group {

@@ -103,7 +103,7 @@ fn report(run: &Run, found: &IdentifyRecord, events: &Events) -> Result<Report> 
     Ok(Report {
         model: found.model.clone(),
         verdict: estimate::verdict(found, &pictures.overlap),
-        warnings: found.warnings.iter().cloned().chain(history.warnings(&found.warnings)).collect(),
+        warnings: found.warnings.iter().cloned().chain(history.warnings(&found.warnings)).map(sentence).collect(),
         rows: estimate::rows(found, truth.as_ref()),
         has_truth: truth.is_some(),
         remarks: remarks(found),
@@ -122,6 +122,12 @@ fn report(run: &Run, found: &IdentifyRecord, events: &Events) -> Result<Report> 
         config: std::fs::read_to_string(&config).map_err(Error::read(&config))?,
         version: gic_twin::VERSION,
     })
+}
+
+/// A message as a sentence.
+fn sentence(text: String) -> String {
+    let mut letters = text.trim_end_matches('.').chars();
+    letters.next().map_or(text.clone(), |first| format!("{}{}.", first.to_uppercase(), letters.as_str()))
 }
 
 /// What else identification found, a sentence each.
