@@ -214,6 +214,11 @@ fn a_run_goes_from_video_to_report_and_reruns_only_what_changed() {
     }
     let page = fs::read_to_string(run.join("report.html")).unwrap();
     assert!(!page.contains("http://") && !page.contains("https://"), "the report must open offline");
+    for part in
+        ["Young&#x27;s modulus", "kPa", "Times and memory", "<td>reconstruct</td>", "viewer-data", "<th>truth</th>"]
+    {
+        assert!(page.contains(part), "{part}");
+    }
     let twin = fs::read(run.join("twin.json")).unwrap();
     let again = text(&gic(&start).stderr);
     for stage in ["reconstruct", "fill", "identify", "predict", "appearance"] {

@@ -62,8 +62,8 @@ pub struct PageOutcome {
     pub bytes: usize,
 }
 
-/// A motion as the viewer's script reads it.
-#[derive(Serialize)]
+/// A motion as the viewer's script reads it; by default none at all.
+#[derive(Default, Serialize)]
 pub struct Viewer {
     /// What the script needs to know besides the matter: JSON.
     head: String,

@@ -47,8 +47,8 @@ pub(super) fn groups(found: &IdentifyRecord, history: &History, truth: Option<&R
     let groups = [
         Group {
             title: "Reconstruction",
-            text: "Moving Gaussians are trained on the film: on the first frame alone (warm-up), then on frames that join \
-                   one after the other. Loss and likeness jump where frames join that are not yet explained.",
+            text: "Gaussians are trained on the film: at rest first (warm-up), then moving, over a window that grows from \
+                   the first frame to the whole video. Loss and likeness jump where frames join.",
             charts: drawn(&reconstruction(history))?,
         },
         Group {

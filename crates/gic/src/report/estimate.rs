@@ -134,10 +134,10 @@ pub(super) fn rows(found: &IdentifyRecord, truth: Option<&RunTruth>) -> Vec<Esti
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    fn found(identifiable: [bool; 2]) -> IdentifyRecord {
+    pub(in crate::report) fn found(identifiable: [bool; 2]) -> IdentifyRecord {
         let estimate = |name: &str, value: f64, interval_95, identifiable| EstimateRecord {
             name: name.into(),
             value,

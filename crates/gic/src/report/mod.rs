@@ -184,3 +184,72 @@ fn costs(history: &History) -> Vec<CostRow> {
     };
     Stage::ALL.into_iter().filter_map(row).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn page(fitted_frames: usize, has_truth: bool) -> String {
+        let found = estimate::tests::found([true, false]);
+        let truth = RunTruth::of(&[("youngs_modulus_pa", 3e5)], [0.3, -1.6, -0.22]);
+        let overlap = [Some(0.98), Some(0.9), Some(0.8)];
+        let cost = CostRow {
+            stage: "fill",
+            seconds: "17.5".into(),
+            cpu_seconds: "17.9".into(),
+            peak_memory_mib: "195".into(),
+        };
+        let report = Report {
+            model: "elastic".into(),
+            verdict: estimate::verdict(&found, &overlap),
+            warnings: vec![sentence("a <b> of the run".into())],
+            rows: estimate::rows(&found, has_truth.then_some(&truth)),
+            has_truth,
+            remarks: remarks(&found),
+            selection: None,
+            fitted_frames,
+            frames: 3,
+            has_colors: true,
+            cameras: vec!["left".into(), "right".into()],
+            video: "null".into(),
+            overlays: "[]".into(),
+            viewer: Viewer::default(),
+            overlap: curves::overlap(&overlap, fitted_frames).html().unwrap(),
+            curves: curves::groups(&found, &History::default(), None).unwrap(),
+            costs: vec![cost],
+            parts: vec!["joint 1.0 s".into()],
+            config: "[scene]\nname = \"</pre>\"".into(),
+            version: "0",
+        };
+        template::fill(&[&TEMPLATES[..], &VIEWER_TEMPLATES[..]].concat(), &report).unwrap()
+    }
+
+    #[test]
+    fn the_page_holds_what_was_found() {
+        let page = page(2, true);
+        for part in [
+            "This video determines Young&#x27;s modulus 318 kPa (95 % 240 to 421 kPa), but not Poisson&#x27;s ratio",
+            "A &lt;b&gt; of the run.",
+            "The first 2 frames were fitted; the last 1 are <b>predictions</b>.",
+            "<td>318 kPa</td><td>240 to 421 kPa</td><td>300 kPa</td>",
+            "not determined by this video",
+            "camera right",
+            "<td>fill</td><td>17.5</td><td>17.9</td><td>195</td>",
+            "Overlap of the twin with the object in the film",
+            "predicted frames",
+            "id=\"viewer-data\"",
+            "&lt;&#x2f;pre&gt;",
+        ] {
+            assert!(page.contains(part), "`{part}` is missing");
+        }
+        assert!(!page.contains("http://") && !page.contains("https://"), "the page must need no network");
+        assert!(!page.contains("{{") && !page.contains("{%"), "everything is filled in");
+    }
+
+    #[test]
+    fn what_is_not_there_is_not_shown() {
+        let page = page(3, false);
+        assert!(page.contains("All 3 frames were fitted.") && !page.contains("predicted frames"));
+        assert!(!page.contains("<th>truth</th>") && !page.contains("<h3>Law</h3>"));
+    }
+}

@@ -40,30 +40,31 @@ class Matter {
 // The order of the splats from far to near, by counting their depths in 65536 steps.
 class DepthOrder {
   constructor(count) {
-    this.depths = new Uint16Array(count);
+    this.depths = new Float32Array(count);
+    this.keys = new Uint16Array(count);
     this.order = new Uint32Array(count);
     this.starts = new Uint32Array(65537);
   }
 
   sort(centres, eye, forward) {
-    const { depths, order, starts } = this, count = depths.length;
+    const { depths, keys, order, starts } = this, count = depths.length;
     const [fx, fy, fz] = forward, base = fx * eye[0] + fy * eye[1] + fz * eye[2];
     let near = Infinity, far = -Infinity;
     for (let i = 0; i < count; i++) {
       const depth = fx * centres[3 * i] + fy * centres[3 * i + 1] + fz * centres[3 * i + 2] - base;
+      depths[i] = depth;
       if (depth < near) near = depth;
       if (depth > far) far = depth;
     }
     const step = 65535 / Math.max(far - near, 1e-9);
     starts.fill(0);
     for (let i = 0; i < count; i++) {
-      const depth = fx * centres[3 * i] + fy * centres[3 * i + 1] + fz * centres[3 * i + 2] - base;
-      const key = (65535 - (depth - near) * step) | 0;
-      depths[i] = key;
+      const key = clamp(65535 - (depths[i] - near) * step, 0, 65535) | 0;
+      keys[i] = key;
       starts[key + 1]++;
     }
     for (let key = 1; key < 65537; key++) starts[key] += starts[key - 1];
-    for (let i = 0; i < count; i++) order[starts[depths[i]]++] = i;
+    for (let i = 0; i < count; i++) order[starts[keys[i]]++] = i;
     return order;
   }
 }
