@@ -228,7 +228,7 @@ def measure(browser, path):
       for (let i = 0; i < 20; i++) {
         matter.move(matter.frame(i % matter.frames).particles);
         const angle = 0.1 * i;
-        renderer.fill(renderer.sorted, renderer.order.sort(matter.centres, [0, 0, 2], [Math.sin(angle), 0, -Math.cos(angle)]));
+        renderer.sort({ eye: [0, 0, 2], rows: [0, 0, [Math.sin(angle), 0, -Math.cos(angle)]] });
       }
       return (performance.now() - start) / 20;
     }""")

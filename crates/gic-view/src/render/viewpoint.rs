@@ -43,7 +43,7 @@ const HALF_ANGLE: f64 = 0.35;
 /// How much of the picture's half the motion fills at most; the rest is margin, and place for labels.
 const FILLED: f64 = 0.86;
 /// How much of the body's way the orbit's camera follows: the body stays large, and is still seen to move.
-const FOLLOWED: f64 = 0.5;
+const FOLLOWED: f64 = 0.8;
 
 /// The camera of every frame, and what does not move.
 pub(super) enum CameraPath<'a> {

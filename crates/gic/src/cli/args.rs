@@ -393,7 +393,7 @@ pub(crate) struct BudgetArgs {
 ///
 /// Writes frame_NNNN.png for every frame of a folder that `gic simulate` wrote, or of a run's prediction; with --film
 /// also a .gif, or where the program ffmpeg is installed an .mp4 (H.264) or an animated .webp. Pictures of 160 rows and
-/// more show the time and what the colours mean. An orbit follows the body half of its way.
+/// more show the time and what the colours mean. An orbit follows the body.
 #[derive(Debug, Args)]
 #[command(after_help = "Example: gic render /tmp/elastic -o /tmp/pictures --film /tmp/elastic.gif")]
 pub(crate) struct RenderArgs {

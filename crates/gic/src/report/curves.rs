@@ -54,9 +54,9 @@ pub(super) fn groups(found: &IdentifyRecord, history: &History, truth: Option<&R
         Group {
             title: "Identification: the objective",
             text: "Each stage has an objective of its own: their values do not compare. The search tries starts, one a \
-                   point; the material stage fits from several of them in turn, and the line breaks where the next \
-                   begins; the joint stage weighs the pictures anew half-way, which lifts the objective and is no \
-                   failure.",
+                   point; the material stage fits from several of them in turn and at last to sharper masks, and the \
+                   line breaks where the next fit begins; the joint stage weighs the pictures anew half-way, which \
+                   lifts the objective and is no failure.",
             charts: drawn(&objectives(found))?,
         },
         Group {

@@ -10,13 +10,10 @@ class Renderer {
     this.moment = { frame: -1 };
     this.textures = {
       static: this.staticTexture(), particle: gl.createTexture(), speed: gl.createTexture(), normal: gl.createTexture(),
-      picture: gl.createTexture(), mask: gl.createTexture(),
+      order: gl.createTexture(), picture: gl.createTexture(), mask: gl.createTexture(),
     };
     this.corners = this.arrayOf([["corner", 2, 2, 0]], new Float32Array([-1, -1, 1, -1, -1, 1, 1, 1]));
-    this.sorted = this.squares(matter.splats);
-    const step = Math.max(1, Math.ceil(matter.splats / 1500));
-    this.sparse = this.squares(Math.floor(matter.splats / step));
-    this.fill(this.sparse, Uint32Array.from({ length: this.sparse.count }, (_, i) => i * step));
+    this.squares = this.squaresOf(matter.splats);
     this.empty = gl.createVertexArray();
     this.solids = head.obstacles.map((obstacle) => {
       const triangles = solidOf(obstacle);
@@ -76,31 +73,27 @@ class Renderer {
   }
 
   // Two triangles for each of some splats. Instances would do, too, but cost much without hardware.
-  squares(count) {
-    const { gl } = this, array = gl.createVertexArray(), buffer = gl.createBuffer(), corners = new Uint32Array(6 * count);
+  squaresOf(count) {
+    const { gl } = this, array = gl.createVertexArray(), corners = new Uint32Array(6 * count);
+    for (let i = 0; i < count; i++) [0, 1, 2, 1, 3, 2].forEach((corner, k) => { corners[6 * i + k] = 4 * i + corner; });
     gl.bindVertexArray(array);
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffer);
-    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, corners.byteLength, gl.DYNAMIC_DRAW);
-    return { array, buffer, count, corners };
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, corners, gl.STATIC_DRAW);
+    return array;
   }
 
-  // Sets which splats are drawn, in their order.
-  fill({ array, corners }, splats) {
-    for (let i = 0, at = 0; i < splats.length; i++) {
-      const first = 4 * splats[i];
-      corners[at++] = first; corners[at++] = first + 1; corners[at++] = first + 2;
-      corners[at++] = first + 1; corners[at++] = first + 3; corners[at++] = first + 2;
-    }
-    this.gl.bindVertexArray(array);
-    this.gl.bufferSubData(this.gl.ELEMENT_ARRAY_BUFFER, 0, corners);
+  // Orders the splats from afar to near.
+  sort(view) {
+    const { gl } = this;
+    this.table(this.textures.order, gl.R32UI, gl.RED_INTEGER, gl.UNSIGNED_INT, 1, this.order.sort(this.matter.centres, view.eye, view.rows[2]), 4);
   }
 
   // Numbers in rows of 2048 texels.
-  table(texture, internal, format, type, width, numbers) {
+  table(texture, internal, format, type, width, numbers, place = 0) {
     const { gl } = this, rows = Math.ceil(numbers.length / width / 2048) || 1;
     const padded = new numbers.constructor(rows * 2048 * width);
     padded.set(numbers);
-    gl.activeTexture(gl.TEXTURE0);
+    gl.activeTexture(gl.TEXTURE0 + place);
     gl.bindTexture(gl.TEXTURE_2D, texture);
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     gl.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, false);
@@ -179,9 +172,10 @@ class Renderer {
     if (look.obstacles) this.drawSolids(common);
     if (look.drawing === "splats") {
       gl.depthMask(false);
-      this.fill(this.sorted, this.order.sort(matter.centres, view.eye, view.rows[2]));
-      this.use("splats", { ...common, ...splat });
-      gl.drawElements(gl.TRIANGLES, 6 * this.sorted.count, gl.UNSIGNED_INT, 0);
+      this.sort(view);
+      gl.bindVertexArray(this.squares);
+      this.use("splats", { ...common, ...splat, orderTexture: 4 });
+      gl.drawElements(gl.TRIANGLES, 6 * matter.splats, gl.UNSIGNED_INT, 0);
       gl.depthMask(true);
     } else {
       gl.bindVertexArray(this.empty);
@@ -214,10 +208,11 @@ class Renderer {
       this.use("planes", { ...common, middle, across, along, half_m: half, tile: roundLength(half / 8), strength: isFloor ? 0.8 : 0.3, lines: [0.52, 0.56, 0.63], origin });
       gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
       if (!isFloor) continue;
-      gl.bindVertexArray(this.sparse.array);
+      const every = Math.ceil(matter.splats / 1500) || 1, count = Math.floor(matter.splats / every);
+      gl.bindVertexArray(this.squares);
       const spread = 0.02 * half, area = 0.2 * half * half;
-      this.use("shadows", { ...common, ...splat, middle, plane, across, along, spread, strength: clamp(area / (this.sparse.count * spread * spread * 3), 0.012, 0.5) });
-      gl.drawElements(gl.TRIANGLES, 6 * this.sparse.count, gl.UNSIGNED_INT, 0);
+      this.use("shadows", { ...common, ...splat, every, middle, plane, across, along, spread, strength: clamp(area / (count * spread * spread * 3), 0.012, 0.5) });
+      gl.drawElements(gl.TRIANGLES, 6 * count, gl.UNSIGNED_INT, 0);
     }
   }
 

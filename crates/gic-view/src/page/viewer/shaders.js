@@ -57,11 +57,11 @@ Splat splat(int i) {
 const vec4 NOWHERE = vec4(2., 2., 2., 1.);`;
 
 const SHADERS = {
-  // Vertex 4 i + k is corner k of splat i. An isotropic Gaussian is an ellipse in the picture, longest away from the principal point; as wide as it is visible.
+  // Vertex 4 i + k is corner k of the i-th splat from afar. An isotropic Gaussian is an ellipse in the picture, longest away from the principal point; as wide as it is visible.
   splats: [`${PROJECTION}${SPLAT}
-    out vec2 at;
+    uniform usampler2D orderTexture; out vec2 at;
     void main() {
-      Splat s = splat(gl_VertexID >> 2);
+      Splat s = splat(int(texelFetch(orderTexture, cell(gl_VertexID >> 2), 0).x));
       vec3 c = inCamera(s.centre);
       float visible = log(255. * color.a);
       if (!s.shown || c.z < near || visible <= 0.) { gl_Position = NOWHERE; return; }
@@ -121,11 +121,11 @@ const SHADERS = {
       float alpha = strength * fade * (.24 + .6 * line);
       result = vec4(lines * alpha, alpha);
     }`],
-  // A soft dark spot below every splat.
+  // A soft dark spot below every so-many-th splat.
   shadows: [`${PROJECTION}${SPLAT}
-    uniform vec3 middle, plane, across, along; uniform float spread; out vec2 at; out float dark;
+    uniform int every; uniform vec3 middle, plane, across, along; uniform float spread; out vec2 at; out float dark;
     void main() {
-      Splat s = splat(gl_VertexID >> 2);
+      Splat s = splat((gl_VertexID >> 2) * every);
       float height = dot(plane, s.centre - middle);
       at = vec2(gl_VertexID & 1, gl_VertexID >> 1 & 1) * 2. - 1.;
       float radius = spread + .25 * max(height, 0.);
