@@ -41,6 +41,7 @@ pub fn quantity(key: &str, value: f64) -> (&'static str, Unit) {
         "friction_angle_deg" => ("Angle of friction", unit("\u{b0}", 1.0)),
         "viscosity_pa_s" => ("Viscosity", unit("Pa s", 1.0)),
         "plastic_viscosity_pa_s" => ("Plastic viscosity", unit("Pa s", 1.0)),
+        "retardation_time_s" => ("Retardation time", unit("ms", 1e-3)),
         "density_kg_m3" => ("Density", unit("kg/m\u{b3}", 1.0)),
         _ => ("Parameter", unit("", 1.0)),
     }

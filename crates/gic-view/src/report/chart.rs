@@ -196,7 +196,7 @@ fn ticks(axis: &Axis) -> Vec<Tick> {
     let step = numbers.windows(2).map(|pair| pair[1] - pair[0]).fold(f64::INFINITY, f64::min);
     let largest = numbers.iter().fold(0.0, |most: f64, v| most.max(v.abs()));
     let label = |v: f64| {
-        if largest >= 1e5 || largest < 1e-3 {
+        if !(1e-3..1e5).contains(&largest) {
             if v == 0.0 { "0".into() } else { format!("{v:e}") }
         } else {
             let decimals = if step.is_finite() { (-step.log10().floor()).max(0.0) as usize } else { 2 };
