@@ -31,7 +31,7 @@ pub(super) struct EstimateRow {
     is_sure: bool,
 }
 
-/// A value in a unit, with as many digits as its 95 % interval is worth.
+/// A value in a unit, with three digits.
 fn number(value: f64, unit: Unit) -> String {
     let text = three_digits(value / unit.size);
     if unit.name.is_empty() || unit.name == "\u{b0}" {
@@ -50,11 +50,11 @@ pub(super) fn verdict(found: &IdentifyRecord, overlap: &[Option<f64>]) -> Verdic
     let sought = || found.estimates.iter().filter(|e| !e.fixed);
     let in_words = |e: &EstimateRecord| {
         let (name, unit) = quantity(&e.name, e.value);
-        let mut lower = name.to_owned();
-        if !name.starts_with("Young") && !name.starts_with("Poisson") {
-            lower = name.to_lowercase();
-        }
-        (lower.clone(), format!("{lower} {} (95 % {})", number(e.value, unit), interval(e.interval_95, unit)))
+        // Names of people keep their capitals.
+        let is_proper = name.starts_with("Young") || name.starts_with("Poisson");
+        let name = if is_proper { name.to_owned() } else { name.to_lowercase() };
+        let value = format!("{name} {} (95 % {})", number(e.value, unit), interval(e.interval_95, unit));
+        (name, value)
     };
     let sure: Vec<String> = sought().filter(|e| e.identifiable).map(|e| in_words(e).1).collect();
     let unsure: Vec<String> = sought().filter(|e| !e.identifiable).map(|e| in_words(e).0).collect();
