@@ -67,8 +67,8 @@ const VISCOSITY: Parameter = positive("viscosity_pa_s", (1.0e-1, 2.0e3), (1.0e1,
 const FLUID_BULK: Parameter = positive("bulk_modulus_pa", (1.0e3, 1.0e7), (1.0e4, 3.0e5), 3);
 const SHEAR: Parameter = positive("shear_modulus_pa", (1.0e2, 1.0e7), (3.0e3, 3.0e5), 3);
 // The damping ratio is half the product of angular frequency and time (Derived): two milliseconds are some hundredths
-// for a soft body in a bounce of a tenth of a second, some tenths for a rubber ball in one of a hundredth. As it is, not
-// its logarithm: a body without damping is as far from one millisecond as that is from two.
+// for a soft body in a bounce of a tenth of a second, some tenths for a rubber ball in one of a hundredth. Sought as it
+// is and not as its logarithm: a body without damping is as far from one millisecond as that is from two.
 const RETARDATION: Parameter = Parameter {
     name: "retardation_time_s",
     bounds: (1.0e-6, 5.0e-2),

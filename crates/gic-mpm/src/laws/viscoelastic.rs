@@ -53,8 +53,8 @@ impl<R: Real> Law<R> for Viscoelastic<R> {
         let per_time = self.stiffened(&rate);
         let delayed = self.retardation * rate.double_dot(tau_bar);
         adjoint.c = adjoint.c.add_scaled(self.retardation, &self.stiffened(&rate_bar));
-        adjoint.coefficients[0] = adjoint.coefficients[0] + (delayed + delayed);
-        adjoint.coefficients[1] = adjoint.coefficients[1] + self.retardation * rate.trace() * tau_bar.trace();
+        adjoint.coefficients[0] += delayed + delayed;
+        adjoint.coefficients[1] += self.retardation * rate.trace() * tau_bar.trace();
         adjoint.coefficients[2] = per_time.double_dot(tau_bar);
         adjoint.tau = adjoint.tau.add_scaled(self.retardation, &per_time);
         adjoint
