@@ -39,6 +39,7 @@ fn class_of_cause(cause: &(dyn std::error::Error + 'static)) -> Option<&'static 
     let is_usage = cause.is::<clap::Error>()
         || cause.downcast_ref().is_some_and(gic::Error::is_usage)
         || matches!(cause.downcast_ref(), Some(gic::Error::Usage { .. } | gic::Error::Overwrite { .. }))
+        || matches!(cause.downcast_ref(), Some(gic::Error::Grasp(error)) if error.is_usage())
         || matches!(cause.downcast_ref(), Some(TwinError::Usage { .. }));
     let is_twin = cause.is::<TwinError>() || matches!(cause.downcast_ref(), Some(gic::Error::Twin(_)));
     match (is_usage, is_twin, cause.is::<gic::Error>()) {

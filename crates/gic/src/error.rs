@@ -4,6 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use gic_files::LockError;
+use gic_grasp::GraspError;
 use gic_twin::TwinError;
 use gic_view::ViewError;
 
@@ -13,6 +14,9 @@ pub enum Error {
     /// A twin, its matter or its simulation.
     #[error(transparent)]
     Twin(#[from] TwinError),
+    /// A grasp.
+    #[error(transparent)]
+    Grasp(#[from] GraspError),
     /// Pictures, pages and recordings.
     #[error(transparent)]
     View(#[from] ViewError),
@@ -136,6 +140,7 @@ impl Error {
     pub fn hint(&self) -> Option<String> {
         match self {
             Self::Twin(error) => error.hint(),
+            Self::Grasp(error) => error.hint(),
             Self::View(error) => error.hint(),
             Self::Read { source, .. } if source.kind() == io::ErrorKind::NotFound => {
                 Some("check the path; relative paths inside a twin are relative to the twin's own folder".into())
@@ -168,6 +173,7 @@ impl Error {
     pub fn is_interrupt(&self) -> bool {
         match self {
             Self::Twin(error) => error.is_interrupt(),
+            Self::Grasp(error) => error.is_interrupt(),
             Self::View(error) => error.is_interrupt(),
             Self::Interrupted { .. } => true,
             _ => false,

@@ -8,7 +8,6 @@ pub mod demo;
 mod error;
 pub mod eval;
 mod explanation;
-pub mod grasp;
 pub mod outputs;
 pub mod pipeline;
 pub mod recording;

@@ -10,7 +10,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Output;
 
-use gic::grasp::{AxisChoice, GraspReport, GraspRequest, Gripper, grasp};
+use gic_grasp::{AxisChoice, GraspReport, GraspRequest, Gripper, grasp};
 use gic_twin::events::Events;
 use gic_twin::{Interrupt, matter};
 use glam::DVec3;
@@ -111,7 +111,7 @@ fn block_errors(cells: f64) -> Vec<(f64, f64)> {
     let report = Case::new().squeeze(&twin(block([length, side, side]), dx), &[0.0585, 0.0575], plates());
     assert_balanced(&report);
     assert!((report.object_width_m - length).abs() < 1e-6);
-    let of = |w: &gic::grasp::Squeeze| {
+    let of = |w: &gic_grasp::Squeeze| {
         let strain = 1.0 - w.measured_width_m / length;
         let hooke = YOUNG * side * side * strain;
         let exact = bar_force(side * side, 1.0 - strain);

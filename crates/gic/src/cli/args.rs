@@ -9,7 +9,7 @@ use gic_twin::twin::Setting;
 
 use super::flags::{AppearanceFlags, Flags, ReconstructFlags, SettingsFlags};
 use super::values::{Pad, coefficient, length, positive, positive_number, refinement, size, threads};
-use crate::grasp::Gripper;
+use gic_grasp::Gripper;
 
 /// Video in, physical digital twin out.
 ///
@@ -471,7 +471,7 @@ pub(crate) struct GraspArgs {
     /// Which way to close: along x, y or z of the world through the centre of mass, or between the two places of the
     /// surface that face each other best
     #[arg(long, value_name = "auto|x|y|z", default_value = "auto")]
-    pub(crate) axis: crate::grasp::AxisChoice,
+    pub(crate) axis: gic_grasp::AxisChoice,
     /// A pad's sides, across and along the finger [m]
     #[arg(long, value_name = "WIDTHxLENGTH", default_value_t = Pad(Gripper::default().pad_m))]
     pub(crate) pad: Pad,

@@ -2,10 +2,12 @@
 
 use std::path::Path;
 
+use gic_grasp::{GraspRequest, Gripper, grasp};
+
 use super::Context;
 use super::args::GraspArgs;
 use super::simulate::{budget, inputs_of};
-use crate::grasp::{GraspRequest, Gripper, grasp};
+use crate::Error;
 use crate::pipeline::twin_file;
 
 pub(crate) fn run(args: &GraspArgs, context: &Context) -> anyhow::Result<()> {
@@ -28,7 +30,7 @@ pub(crate) fn run(args: &GraspArgs, context: &Context) -> anyhow::Result<()> {
     let inputs = inputs_of(std::iter::once(&request.twin));
     inputs.allow_folder(&request.out, &["grasp", "width_"])?;
     inputs.allow_file(&request.film)?;
-    let report = grasp(&request, &context.events, &context.interrupt)?;
+    let report = grasp(&request, &context.events, &context.interrupt).map_err(Error::from)?;
     context.print(report.table())?;
     context.print(format!("results in {}", request.out.display()))?;
     Ok(())

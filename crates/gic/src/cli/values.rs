@@ -3,7 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use crate::grasp::MAX_REFINEMENT;
+use gic_grasp::MAX_REFINEMENT;
 
 /// Longest side of a picture [pixels].
 const LONGEST_SIDE_PX: usize = 8192;

@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 
 use super::Gripper;
 use super::antipodal::{self, GripLine};
-use crate::error::{Error, Result};
+use crate::error::{GraspError, Result};
 
 /// Which way the gripper closes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -115,8 +115,8 @@ impl GripperFrame {
     }
 }
 
-fn no_antipodal_pair(width: f64, friction: f64) -> Error {
-    Error::Usage {
+fn no_antipodal_pair(width: f64, friction: f64) -> GraspError {
+    GraspError::Usage {
         problem: format!(
             "no two places of the surface, at least {width} m apart on a level line, face each other within the \
              friction cone of {friction}"

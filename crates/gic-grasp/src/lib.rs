@@ -5,6 +5,7 @@
 
 mod antipodal;
 mod contact;
+mod error;
 mod film;
 mod gripper_frame;
 mod pad_simulation;
@@ -22,10 +23,10 @@ use gic_twin::simulate::{forecast_in_words, over_budget_hint};
 use gic_twin::twin::{Setting, Twin};
 use glam::DVec3;
 
+pub use error::{GraspError, Result};
 pub use gripper_frame::{AxisChoice, AxisError};
 pub use report::{GraspReport, Lift, Squeeze};
 
-use crate::error::{Error, Result};
 use contact::{ContactFaces, contact_patches, mean_position};
 use film::GraspFilm;
 use gripper_frame::GripperFrame;
@@ -142,7 +143,7 @@ pub fn grasp(request: &GraspRequest, events: &Events, interrupt: &Interrupt) -> 
 /// The widths from the largest to the smallest, each once.
 fn descending(widths: &[f64]) -> Result<Vec<f64>> {
     if let Some(bad) = widths.iter().find(|w| !(**w > 0.0 && w.is_finite())) {
-        return Err(Error::Usage {
+        return Err(GraspError::Usage {
             problem: format!("a gripper cannot close to {bad} m"),
             hint: Some("give widths in metres above 0: --width-m 0.055,0.045,0.035".into()),
         });
@@ -151,7 +152,7 @@ fn descending(widths: &[f64]) -> Result<Vec<f64>> {
     widths.sort_by(|a, b| b.total_cmp(a));
     widths.dedup();
     if widths.is_empty() {
-        return Err(Error::Usage {
+        return Err(GraspError::Usage {
             problem: "there is no width to close to".into(),
             hint: Some("give widths in metres: --width-m 0.055,0.045,0.035".into()),
         });
@@ -165,7 +166,7 @@ fn check_grippable(material: &Material) -> Result<()> {
         Material::Sand { .. } => "loose grains without cohesion, which fall from between the pads",
         _ => return Ok(()),
     };
-    Err(Error::Usage {
+    Err(GraspError::Usage {
         problem: format!("the twin's material is {}: {why}", material.model()),
         hint: Some("elastic, viscoelastic, plasticine and non-newtonian twins can be gripped".into()),
     })
@@ -228,7 +229,7 @@ impl<'a> Grasp<'a> {
             .ok_or_else(|| nothing_there(request.axis))?;
         let object_width = faces.width();
         if widest >= object_width {
-            return Err(Error::Usage {
+            return Err(GraspError::Usage {
                 problem: format!(
                     "the object is {object_width:.4} m wide between the pads, so closing to {widest} m does not touch \
                      it"
@@ -271,7 +272,7 @@ impl<'a> Grasp<'a> {
         let checked = forecast.and_then(|forecast| forecast.check(&self.request.budget).map(|()| forecast));
         checked.map_err(|source| {
             let hint = over_budget_hint(&source);
-            Error::Stage { stage: STAGE, hint, source: source.into() }
+            GraspError::Failed { hint, source: source.into() }
         })
     }
 
@@ -309,9 +310,11 @@ impl<'a> Grasp<'a> {
     }
 
     fn faces(&self, state: &GraspState) -> Result<ContactFaces> {
-        ContactFaces::of(state, &self.simulation.pads, self.simulation.up, self.spacing).ok_or_else(|| Error::Usage {
-            problem: "the object was pushed out from between the pads".into(),
-            hint: Some("choose another --axis, larger pads, or a width nearer to the object's own".into()),
+        ContactFaces::of(state, &self.simulation.pads, self.simulation.up, self.spacing).ok_or_else(|| {
+            GraspError::Usage {
+                problem: "the object was pushed out from between the pads".into(),
+                hint: Some("choose another --axis, larger pads, or a width nearer to the object's own".into()),
+            }
         })
     }
 
@@ -361,8 +364,7 @@ impl<'a> Grasp<'a> {
             ControlFlow::Break(())
         })?;
         if stresses.is_empty() {
-            return Err(Error::Stage {
-                stage: STAGE,
+            return Err(GraspError::Failed {
                 hint: Some("ask for a width that is nearer to the object's own, or larger pads".into()),
                 source: format!("the forces on the pads do not become steady at a width of {width} m").into(),
             });
@@ -498,7 +500,7 @@ fn least_refinement(gripper: &Gripper, grid: f64) -> usize {
 fn check_pads(gripper: &Gripper, grid: f64, events: &Events) -> Result<()> {
     let cells = cells_across(gripper, grid);
     if cells < MIN_PAD_CELLS {
-        return Err(Error::Usage {
+        return Err(GraspError::Usage {
             problem: format!(
                 "a pad of {} x {} m is {cells:.1} grid cells of {grid} m across, too few to press with",
                 gripper.pad_m[0], gripper.pad_m[1]
@@ -516,8 +518,8 @@ fn check_pads(gripper: &Gripper, grid: f64, events: &Events) -> Result<()> {
     Ok(())
 }
 
-fn nothing_there(axis: AxisChoice) -> Error {
-    Error::Usage {
+fn nothing_there(axis: AxisChoice) -> GraspError {
+    GraspError::Usage {
         problem: format!("there is no matter between the pads along the axis {}", axis.name()),
         hint: Some("choose another --axis, or larger pads with --pad".into()),
     }

@@ -9,9 +9,9 @@ use glam::DVec3;
 
 use super::gripper_frame::GripperFrame;
 use super::pad_simulation::{GraspFrame, PadPose, Pads};
+use super::percentile;
 use super::report::GraspReport;
-use super::{STAGE, percentile};
-use crate::error::{Error, Result};
+use crate::error::{GraspError, Result};
 
 /// Particles whose outward normal is shorter lie so deep that no picture shows them.
 const MIN_VISIBLE_NORMAL: f32 = 0.15;
@@ -111,7 +111,7 @@ impl GraspFilm {
         );
         for (particles, width) in held.iter().zip(&report.widths) {
             let path = folder.join(format!("width_{:.1}mm.png", 1e3 * width.width_m));
-            studio.picture(particles, None).save_png(&path).map_err(Error::stage(STAGE))?;
+            studio.picture(particles, None).save_png(&path).map_err(GraspError::failed)?;
         }
         let picture =
             |(index, particles): (usize, &FrameParticles)| studio.picture(particles, Some(index as f64 / FILM_RATE_HZ));

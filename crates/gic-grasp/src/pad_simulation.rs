@@ -7,10 +7,10 @@ use std::f64::consts::PI;
 use std::ops::ControlFlow;
 
 use gic_mpm::{Collider, ColliderPath, Contact, ContactForce, Frame, Options, Primitive, Simulator, Snapshot, World};
-use gic_twin::Interrupt;
+use gic_twin::{Interrupt, TwinError};
 use glam::{DQuat, DVec3};
 
-use crate::error::{Error, Result};
+use crate::error::{GraspError, Result};
 
 /// First number of a particle's velocity in a snapshot, of its velocity gradient and of its deformation gradient.
 const VELOCITY: usize = 3;
@@ -154,16 +154,16 @@ impl PadSimulation<'_> {
         // The phase begins at the end of frame 1: at time 0 the pads are open, so that the matter at rest is clear of
         // them.
         state.particles.frame = 1;
-        simulator.restore(&state.particles).map_err(Error::stage(super::STAGE))?;
+        simulator.restore(&state.particles).map_err(GraspError::failed)?;
         for i in 1..=phase.frames {
             if self.interrupt.requested() {
-                return Err(Error::Interrupted {
+                return Err(TwinError::Interrupted {
                     after: "a part of the grasp".into(),
                     resume: "run the same command again; a grasp starts anew".into(),
-                });
+                }
+                .into());
             }
-            let frame = simulator.advance_frame().map_err(|source| Error::Stage {
-                stage: super::STAGE,
+            let frame = simulator.advance_frame().map_err(|source| GraspError::Failed {
                 hint: Some("ask for a width that is nearer to the object's own".into()),
                 source: source.into(),
             })?;
@@ -172,7 +172,7 @@ impl PadSimulation<'_> {
             state.pose = phase.pose(i as f64 * phase.frame_s);
             if phase.keep < 1.0 {
                 state.damp(self.up * ((state.pose.lift_m - before.lift_m) / phase.frame_s), phase.keep);
-                simulator.restore(&state.particles).map_err(Error::stage(super::STAGE))?;
+                simulator.restore(&state.particles).map_err(GraspError::failed)?;
             }
             let forces = [frame.contacts[0], frame.contacts[1]];
             if each(&GraspFrame { frame: &frame, state, forces }).is_break() {
@@ -183,7 +183,7 @@ impl PadSimulation<'_> {
     }
 
     fn simulator(&self, world: &World) -> Result<Simulator> {
-        Simulator::new(world, &Options::default()).map_err(Error::stage(super::STAGE))
+        Simulator::new(world, &Options::default()).map_err(GraspError::failed)
     }
 
     /// The pad at negative or positive x.
