@@ -22,7 +22,7 @@ pub use error::GeometryError;
 pub use field::{DensityField, MAX_VOXELS};
 pub use kd_tree::{KdTree, squared_distance};
 pub use marching_cubes::marching_cubes;
-pub use mesh_files::{write_mesh_ply, write_msh, write_obj, write_stl};
+pub use mesh_files::{MeshNotes, write_mesh_ply, write_msh, write_obj, write_stl};
 pub use neighbours::Neighbours;
 pub use outward_normals::outward_normals;
 pub use plane::Plane;

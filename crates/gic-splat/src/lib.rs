@@ -11,6 +11,7 @@ mod settings;
 pub mod sh;
 mod tiles;
 pub mod twin;
+mod usd;
 
 pub use activation::{coefficient_of_color, color_of_coefficient, logit, sigmoid};
 pub use gaussians::{GaussianGradients, Gaussians, GaussiansError, Shape};
@@ -18,3 +19,4 @@ pub use limits::{ALPHA_MAX, ALPHA_MIN, FRUSTUM_MARGIN, TRANSMITTANCE_MIN};
 pub use ply::{Imported, PlyError, read_ply, write_ply};
 pub use render::{ImageGradients, Rendered, backward, render};
 pub use settings::{Channels, RenderSettings};
+pub use usd::write_usd;

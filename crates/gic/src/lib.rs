@@ -9,6 +9,7 @@ mod error;
 pub mod eval;
 mod explanation;
 pub mod outputs;
+pub mod export;
 pub mod pipeline;
 pub mod recording;
 pub mod report;

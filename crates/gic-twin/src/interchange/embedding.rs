@@ -1,5 +1,6 @@
 //! Points embedded in a cloud of particles: a mesh follows the particles it was made with.
 
+use gic_geometry::Neighbours;
 use glam::{DMat3, DVec3};
 
 /// A point follows this many particles.
@@ -17,17 +18,12 @@ pub struct EmbeddedPoints {
 }
 
 impl EmbeddedPoints {
-    /// Binds `points` [m] to particles at `rest` [m].
-    pub fn new(points: &[DVec3], rest: &[DVec3]) -> Self {
+    /// Binds `points` [m] to particles at `rest` [m], which lie about `spacing` [m] apart.
+    pub fn new(points: &[DVec3], rest: &[DVec3], spacing: f64) -> Self {
+        let particles = Neighbours::new(rest, 2.0 * spacing);
         let nearest = |p: &DVec3| {
-            let mut order: Vec<(f64, u32)> =
-                rest.iter().enumerate().map(|(i, q)| (q.distance_squared(*p), i as u32)).collect();
-            let count = NEIGHBOURS.min(order.len());
-            if count > 0 && count < order.len() {
-                order.select_nth_unstable_by(count - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-            }
-            order.truncate(count);
-            let mut nearest: Vec<u32> = order.into_iter().map(|(_, i)| i).collect();
+            let found = particles.nearest::<NEIGHBOURS>(*p);
+            let mut nearest: Vec<u32> = found.iter().filter(|f| f.0.is_finite()).map(|f| f.1 as u32).collect();
             nearest.sort_unstable();
             nearest
         };
@@ -71,7 +67,7 @@ mod tests {
             .map(|i| DVec3::new((i % 8) as f64, (i / 8 % 8) as f64, (i / 64) as f64) * 0.01 + DVec3::splat(0.3))
             .collect();
         let points = [DVec3::splat(0.33), DVec3::new(0.295, 0.31, 0.375)];
-        let carrier = EmbeddedPoints::new(&points, &rest);
+        let carrier = EmbeddedPoints::new(&points, &rest, 0.01);
         for (p, q) in points.iter().zip(carrier.deformed(&rest)) {
             assert!(p.distance(q) < 1e-12);
         }

@@ -1,151 +1,290 @@
-//! OpenUSD as text: the tetrahedra as a deformable body with its material, its surface as a mesh, both moving as
-//! predicted.
+//! OpenUSD as text: one body as tetrahedra for Isaac's finite elements and as points for Newton's material points, its
+//! surface, the floor, and the motion of all.
 
-use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use gic_geometry::TetMesh;
-use glam::DVec3;
+use gic_geometry::{TetMesh, TriangleMesh};
+use gic_mpm::Material;
+use glam::{DQuat, DVec3};
 
-use super::elastic_solid;
+use super::usd_text::{list, moving_points, points, quaternion, triple};
+use super::{ExportBody, Paint, UpAxis, linear_of_srgb, stays_together};
 use crate::atomic;
 use crate::error::Result;
-use crate::twin::Twin;
+use crate::twin::{ContactKind, Obstacle, ObstacleShape};
 
-/// Positions of the mesh's vertices over time.
-#[derive(Clone, Debug, Default)]
-pub struct MotionSamples {
-    /// Frames per second.
-    pub frame_rate_hz: f64,
-    /// Positions [m] in every frame, shape [frames][vertices].
-    pub frames: Vec<Vec<DVec3>>,
+/// Friction that stands for a contact without any slip.
+const STICKY_FRICTION: f64 = 2.0;
+/// A stress [Pa] that nothing reaches: what does not yield.
+const NEVER_PA: f64 = 1e12;
+/// Sides of the square that shows a half space, over the body's.
+const FLOOR_SIDES: f64 = 10.0;
+
+/// What of a body is seen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum UsdLook {
+    /// Its surface, where it stays together; tetrahedra belong to it.
+    Surface,
+    /// Its particles.
+    Particles,
 }
 
-/// Writes a stage in metres and kilograms: `/World/Twin` with the deformable body `Volume` (a `TetMesh`, with the Omni
-/// Physics deformable schemas), its `Surface`, and the physics material `/World/Matter`. The law's own parameters are
-/// custom attributes `gic:...`, so that laws without a USD schema are not lost.
+/// Writes a stage in metres and kilograms. `/World/Twin/Particles` are points with masses and velocities, a deformable
+/// body of Newton's (`NewtonPointsDeformableSimAPI`) that its implicit material point method simulates with every law;
+/// of what stays together, `/World/Twin/Volume` are tetrahedra with the Omni Physics deformable schemas, which Isaac
+/// simulates, and `/World/Twin/Surface` is its look. All enclose the same volume, have the same mass, and move as
+/// simulated. `/World/Obstacles` holds the obstacles that rest. The law's own parameters are custom attributes
+/// `gic:...` of the material.
 ///
 /// # Errors
-/// Matter that is no elastic solid, an unwritable file.
-pub fn write_usd(path: &Path, mesh: &TetMesh, twin: &Twin, motion: &MotionSamples) -> Result<()> {
-    let [young, poisson] = elastic_solid(twin, "USD")?;
+/// Particles that cannot be meshed, an unwritable file.
+pub fn write_usd(path: &Path, body: &ExportBody, paint: Option<&Paint>, look: UsdLook) -> Result<()> {
+    let twin = body.twin();
     let gravity = DVec3::from(twin.gravity_m_s2);
-    let direction = gravity.normalize_or(DVec3::NEG_Y);
-    let up_axis = if direction.z.abs() > direction.y.abs() { "Z" } else { "Y" };
-    let rate = if motion.frame_rate_hz > 0.0 { motion.frame_rate_hz } else { twin.frame_rate_hz };
-    let last = motion.frames.len().saturating_sub(1);
-    let mut text = format!(
-        "#usda 1.0\n(\n    defaultPrim = \"World\"\n    metersPerUnit = 1\n    kilogramsPerUnit = 1\n    \
-         upAxis = \"{up_axis}\"\n    startTimeCode = 0\n    endTimeCode = {last}\n    \
-         timeCodesPerSecond = {rate}\n    framesPerSecond = {rate}\n    \
-         doc = \"A twin by gic {}\"\n)\n\ndef Xform \"World\"\n{{\n",
-        crate::VERSION
-    );
+    let mut text = header(body);
     let _ = write!(
         text,
-        "    def PhysicsScene \"Physics\"\n    {{\n        vector3f physics:gravityDirection = {}\n        \
-         float physics:gravityMagnitude = {}\n    }}\n\n",
-        triple(direction),
-        gravity.length()
+        "    def PhysicsScene \"Physics\" (\n        prepend apiSchemas = [\"NewtonMPMSceneAPI\"]\n    )\n    {{\n        \
+         vector3f physics:gravityDirection = {}\n        float physics:gravityMagnitude = {}\n        \
+         float newton:mpm:voxelSize = {}\n    }}\n\n",
+        triple(gravity.normalize_or(-body.up().direction())),
+        gravity.length(),
+        body.world().grid_spacing_m
     );
-    let _ = write!(
-        text,
-        "    def Material \"Matter\" (\n        \
-         prepend apiSchemas = [\"OmniPhysicsBaseMaterialAPI\", \"OmniPhysicsDeformableMaterialAPI\"]\n    )\n    \
-         {{\n        float omniphysics:density = {}\n        float omniphysics:youngsModulus = {young}\n        \
-         float omniphysics:poissonsRatio = {poisson}\n        custom string gic:model = \"{}\"\n",
-        twin.density_kg_m3,
-        twin.material.model()
-    );
-    for (name, value) in twin.material.parameter_names().iter().zip(twin.material.parameters()) {
-        let _ = writeln!(text, "        custom double gic:{name} = {value}");
+    material(&mut text, body);
+    obstacles(&mut text, body);
+    text += "    def Xform \"Twin\"\n    {\n";
+    let has_surface = look == UsdLook::Surface && stays_together(&twin.material);
+    // One look: where there is a surface, the points are there for simulators.
+    particles(&mut text, body, paint, if has_surface { "guide" } else { "default" });
+    if has_surface {
+        volume(&mut text, body, &body.tetrahedra()?);
+        surface(&mut text, body, &body.surface()?, paint);
     }
-    text += "    }\n\n    def Xform \"Twin\"\n    {\n";
-    volume(&mut text, mesh, twin, motion);
-    surface(&mut text, mesh, motion);
     text += "    }\n}\n";
     atomic::write(path, text.as_bytes())
 }
 
-fn volume(text: &mut String, mesh: &TetMesh, twin: &Twin, motion: &MotionSamples) {
-    let faces = mesh.boundary();
-    let _ = write!(
-        text,
-        "        def TetMesh \"Volume\" (\n            \
-         prepend apiSchemas = [\"MaterialBindingAPI\", \"PhysicsCollisionAPI\", \
-         \"OmniPhysicsDeformableBodyAPI\", \"OmniPhysicsVolumeDeformableSimAPI\"]\n        )\n        {{\n            \
-         rel material:binding:physics = </World/Matter>\n            uniform token purpose = \"guide\"\n            \
-         float omniphysics:mass = {}\n            point3f[] omniphysics:restShapePoints = {}\n            \
-         int4[] omniphysics:restTetVtxIndices = {}\n",
-        mesh.volume() * twin.density_kg_m3,
-        points(mesh.vertices.iter()),
-        list(mesh.tetrahedra.iter().map(|t| format!("({}, {}, {}, {})", t[0], t[1], t[2], t[3]))),
-    );
-    let _ = write!(
-        text,
-        "            int4[] tetVertexIndices = {}\n            int3[] surfaceFaceVertexIndices = {}\n",
-        list(mesh.tetrahedra.iter().map(|t| format!("({}, {}, {}, {})", t[0], t[1], t[2], t[3]))),
-        list(faces.iter().map(|f| format!("({}, {}, {})", f[0], f[1], f[2]))),
-    );
-    let all: Vec<u32> = (0..mesh.vertices.len() as u32).collect();
-    moving_points(text, &mesh.vertices, &all, motion);
-    *text += "        }\n\n";
+/// The stage's metadata, up to the inside of `/World`.
+fn header(body: &ExportBody) -> String {
+    let twin = body.twin();
+    let up_axis = if body.up() == UpAxis::Z { "Z" } else { "Y" };
+    let motion = body.motion();
+    let rate = if motion.frame_rate_hz > 0.0 { motion.frame_rate_hz } else { twin.frame_rate_hz };
+    let last = motion.frames.len().saturating_sub(1);
+    format!(
+        "#usda 1.0\n(\n    defaultPrim = \"World\"\n    metersPerUnit = 1\n    kilogramsPerUnit = 1\n    \
+         upAxis = \"{up_axis}\"\n    startTimeCode = 0\n    endTimeCode = {last}\n    \
+         timeCodesPerSecond = {rate}\n    framesPerSecond = {rate}\n    \
+         doc = \"A twin by gic {}: {} kg of {}\"\n)\n\ndef Xform \"World\"\n{{\n",
+        crate::VERSION,
+        body.mass_kg(),
+        twin.material.model()
+    )
 }
 
-fn surface(text: &mut String, mesh: &TetMesh, motion: &MotionSamples) {
-    let faces = mesh.boundary();
-    // Numbers among the vertices of the surface only.
-    let mut numbers: BTreeMap<u32, u32> = faces.iter().flatten().map(|&v| (v, 0)).collect();
-    numbers.values_mut().zip(0..).for_each(|(number, i)| *number = i);
+/// Newton's material point parameters of a law. Its deviatoric stress is measured by |s| / sqrt(2), which it bounds by
+/// the yield stress and the friction times the pressure.
+fn newton_parameters(material: &Material) -> Vec<(&'static str, f64)> {
+    let never = [("yieldPressure", NEVER_PA), ("tensileYieldRatio", 1.0)];
+    let mut parameters = Vec::new();
+    if let Some([young, poisson]) = material.elastic_moduli() {
+        parameters.extend([("youngsModulus", young), ("poissonsRatio", poisson)]);
+    }
+    match *material {
+        Material::Elastic { .. } => {
+            parameters.extend(never);
+            parameters.extend([("internalFriction", 0.0), ("yieldStress", NEVER_PA)]);
+        }
+        // gic's bound is on |s|.
+        Material::Plasticine { yield_stress_pa, .. } => {
+            parameters.extend(never);
+            parameters.extend([("internalFriction", 0.0), ("yieldStress", yield_stress_pa / 2f64.sqrt())]);
+        }
+        // |s| <= 3 alpha p with the cone's slope alpha = sqrt(2/3) 2 sin(angle) / (3 - sin(angle)).
+        Material::Sand { friction_angle_deg, .. } => {
+            let sin = friction_angle_deg.to_radians().sin();
+            let friction = 3f64.sqrt() * 2.0 * sin / (3.0 - sin);
+            parameters.extend([("yieldPressure", NEVER_PA), ("tensileYieldRatio", 0.0)]);
+            parameters.extend([("internalFriction", friction), ("yieldStress", 0.0)]);
+        }
+        // Only the bulk modulus E / (3 (1 - 2 nu)) is felt where shear yields at once.
+        Material::Newtonian { viscosity_pa_s, bulk_modulus_pa } => {
+            parameters.extend([("youngsModulus", 1.2 * bulk_modulus_pa), ("poissonsRatio", 0.3)]);
+            parameters.extend(never);
+            parameters.extend([("internalFriction", 0.0), ("yieldStress", 0.0), ("viscosity", viscosity_pa_s)]);
+        }
+        // gic's bound on |s| is sqrt(2/3) of the yield stress.
+        Material::NonNewtonian { yield_stress_pa, plastic_viscosity_pa_s, .. } => {
+            parameters.extend(never);
+            parameters.extend([("internalFriction", 0.0), ("yieldStress", yield_stress_pa / 3f64.sqrt())]);
+            parameters.push(("viscosity", plastic_viscosity_pa_s));
+        }
+    }
+    parameters
+}
+
+fn material(text: &mut String, body: &ExportBody) {
+    let twin = body.twin();
     let _ = write!(
         text,
-        "        def Mesh \"Surface\"\n        {{\n            uniform token subdivisionScheme = \"none\"\n            \
-         color3f[] primvars:displayColor = [(0.8, 0.58, 0.42)]\n            int[] faceVertexCounts = {}\n            \
-         int[] faceVertexIndices = {}\n",
-        list(faces.iter().map(|_| "3".to_owned())),
-        list(faces.iter().flatten().map(|v| numbers[v].to_string())),
+        "    def Material \"Matter\" (\n        prepend apiSchemas = [\"PhysicsMaterialAPI\", \
+         \"NewtonMPMMaterialAPI\", \"OmniPhysicsBaseMaterialAPI\", \"OmniPhysicsDeformableMaterialAPI\"]\n    )\n    \
+         {{\n        float physics:density = {0}\n        float omniphysics:density = {0}\n",
+        twin.density_kg_m3
     );
-    let used: Vec<u32> = numbers.keys().copied().collect();
-    moving_points(text, &mesh.vertices, &used, motion);
+    for (name, value) in newton_parameters(&twin.material) {
+        let _ = writeln!(text, "        float newton:mpm:{name} = {value}");
+    }
+    if let Some([young, poisson]) = twin.material.elastic_moduli() {
+        let _ = write!(
+            text,
+            "        float omniphysics:youngsModulus = {young}\n        float omniphysics:poissonsRatio = {poisson}\n"
+        );
+    }
+    let _ = writeln!(text, "        custom string gic:model = \"{}\"", twin.material.model());
+    for (name, value) in twin.material.parameter_names().iter().zip(twin.material.parameters()) {
+        let _ = writeln!(text, "        custom double gic:{name} = {value}");
+    }
+    *text += "    }\n\n";
+}
+
+/// The obstacles that rest, each with its friction.
+fn obstacles(text: &mut String, body: &ExportBody) {
+    *text += "    def Scope \"Obstacles\"\n    {\n";
+    let side = FLOOR_SIDES * body.volume_m3().cbrt();
+    for (index, obstacle) in body.twin().colliders.iter().enumerate() {
+        if obstacle.moves() {
+            let _ = writeln!(text, "        # {} moves and is left out", obstacle.label(index));
+            continue;
+        }
+        let sticky = if obstacle.contact == ContactKind::Sticky { STICKY_FRICTION } else { 0.0 };
+        let friction = obstacle.friction.unwrap_or(sticky);
+        let (kind, attributes, place, turn) = shape(obstacle, side);
+        let _ = write!(
+            text,
+            "        def Material \"Friction{index}\" (\n            \
+             prepend apiSchemas = [\"PhysicsMaterialAPI\"]\n        )\n        {{\n            \
+             float physics:staticFriction = {friction}\n            float physics:dynamicFriction = {friction}\n        \
+             }}\n\n        def {kind} \"Obstacle{index}\" (\n            \
+             prepend apiSchemas = [\"PhysicsCollisionAPI\", \"MaterialBindingAPI\"]\n        )\n        {{\n            \
+             rel material:binding:physics = </World/Obstacles/Friction{index}>\n{attributes}            \
+             double3 xformOp:translate = ({}, {}, {})\n            quatd xformOp:orient = {}\n            \
+             uniform token[] xformOpOrder = [{}]\n        }}\n",
+            place.x,
+            place.y,
+            place.z,
+            quaternion(turn),
+            if kind == "Cube" {
+                "\"xformOp:translate\", \"xformOp:orient\", \"xformOp:scale\""
+            } else {
+                "\"xformOp:translate\", \"xformOp:orient\""
+            }
+        );
+    }
+    *text += "    }\n\n";
+}
+
+/// Kind of prim, its attributes, place [m] and rotation; half spaces are shown as squares with sides of `side` [m].
+fn shape(obstacle: &Obstacle, side: f64) -> (&'static str, String, DVec3, DQuat) {
+    let turn = crate::rotation(obstacle.rotation_deg.unwrap_or_default());
+    let line = |attribute: String| format!("            {attribute}\n");
+    let round = |radius: f64, height: f64| {
+        line("uniform token axis = \"Y\"".into())
+            + &line(format!("double radius = {radius}"))
+            + &line(format!("double height = {height}"))
+    };
+    match obstacle.shape {
+        ObstacleShape::HalfSpace { point_m, normal } => {
+            let to = turn * DVec3::from(normal).normalize();
+            let attributes = line("uniform token axis = \"Z\"".into())
+                + &line(format!("double width = {side}"))
+                + &line(format!("double length = {side}"));
+            ("Plane", attributes, point_m.into(), DQuat::from_rotation_arc(DVec3::Z, to))
+        }
+        ObstacleShape::Sphere { centre_m, radius_m } => {
+            ("Sphere", line(format!("double radius = {radius_m}")), centre_m.into(), turn)
+        }
+        ObstacleShape::Box { centre_m, size_m: [x, y, z] } => {
+            let attributes = line("double size = 1".into()) + &line(format!("double3 xformOp:scale = ({x}, {y}, {z})"));
+            ("Cube", attributes, centre_m.into(), turn)
+        }
+        ObstacleShape::Cylinder { centre_m, radius_m, height_m } => {
+            ("Cylinder", round(radius_m, height_m), centre_m.into(), turn)
+        }
+        ObstacleShape::Capsule { centre_m, radius_m, height_m } => {
+            ("Capsule", round(radius_m, height_m), centre_m.into(), turn)
+        }
+    }
+}
+
+fn particles(text: &mut String, body: &ExportBody, paint: Option<&Paint>, purpose: &str) {
+    let velocities: Vec<DVec3> = body.particles().iter().map(|p| body.velocity_at(*p)).collect();
+    let widths = body.masses_kg().iter().map(|mass| (mass / body.twin().density_kg_m3).cbrt() as f32);
+    let _ = write!(
+        text,
+        "        def Points \"Particles\" (\n            prepend apiSchemas = [\"MaterialBindingAPI\", \
+         \"NewtonPointsDeformableSimAPI\", \"PhysicsDeformableBodyAPI\"]\n        )\n        {{\n            \
+         rel material:binding:physics = </World/Matter>\n            \
+         rel physics:simulationOwner = </World/Physics>\n            uniform token purpose = \"{purpose}\"\n            \
+         float physics:mass = {}\n            float[] physics:masses = {}\n            vector3f[] velocities = {}\n            \
+         float[] widths = {}\n",
+        body.mass_kg(),
+        list(body.masses_kg().iter().map(|mass| (*mass as f32).to_string())),
+        points(&velocities),
+        list(widths.map(|width| width.to_string())),
+    );
+    colors(text, body.particles(), paint);
+    moving_points(text, body.particles(), &body.motion().frames);
     *text += "        }\n";
 }
 
-/// The points at rest, in every frame, and their bounds.
-fn moving_points(text: &mut String, rest: &[DVec3], used: &[u32], motion: &MotionSamples) {
-    let of = |all: &[DVec3]| used.iter().map(|&i| all[i as usize]).collect::<Vec<_>>();
-    let _ = writeln!(text, "            point3f[] points = {}", points(of(rest).iter()));
-    if motion.frames.is_empty() {
-        let _ = writeln!(text, "            float3[] extent = {}", extent(&of(rest)));
+fn volume(text: &mut String, body: &ExportBody, mesh: &TetMesh) {
+    let faces = mesh.boundary();
+    let tetrahedra = list(mesh.tetrahedra.iter().map(|t| format!("({}, {}, {}, {})", t[0], t[1], t[2], t[3])));
+    let velocities: Vec<DVec3> = mesh.vertices.iter().map(|p| body.velocity_at(*p)).collect();
+    let _ = write!(
+        text,
+        "\n        def TetMesh \"Volume\" (\n            prepend apiSchemas = [\"MaterialBindingAPI\", \
+         \"PhysicsCollisionAPI\", \"OmniPhysicsDeformableBodyAPI\", \"OmniPhysicsVolumeDeformableSimAPI\"]\n        \
+         )\n        {{\n            rel material:binding:physics = </World/Matter>\n            \
+         uniform token purpose = \"guide\"\n            float omniphysics:mass = {}\n            \
+         point3f[] omniphysics:restShapePoints = {}\n            int4[] omniphysics:restTetVtxIndices = {tetrahedra}\n            \
+         int4[] tetVertexIndices = {tetrahedra}\n            int3[] surfaceFaceVertexIndices = {}\n            \
+         vector3f[] velocities = {}\n",
+        body.mass_kg(),
+        points(&mesh.vertices),
+        list(faces.iter().map(|f| format!("({}, {}, {})", f[0], f[1], f[2]))),
+        points(&velocities),
+    );
+    moving_points(text, &mesh.vertices, &body.carried(&mesh.vertices));
+    *text += "        }\n";
+}
+
+fn surface(text: &mut String, body: &ExportBody, mesh: &TriangleMesh, paint: Option<&Paint>) {
+    let _ = write!(
+        text,
+        "\n        def Mesh \"Surface\"\n        {{\n            uniform token subdivisionScheme = \"none\"\n            \
+         int[] faceVertexCounts = {}\n            int[] faceVertexIndices = {}\n",
+        list(mesh.triangles.iter().map(|_| "3".to_owned())),
+        list(mesh.triangles.iter().flatten().map(ToString::to_string)),
+    );
+    colors(text, &mesh.vertices, paint);
+    moving_points(text, &mesh.vertices, &body.carried(&mesh.vertices));
+    *text += "        }\n";
+}
+
+/// Colours of points [m], linear as USD wants them.
+fn colors(text: &mut String, at: &[DVec3], paint: Option<&Paint>) {
+    let Some(paint) = paint else {
+        *text += "            color3f[] primvars:displayColor = [(0.6, 0.3, 0.15)]\n";
         return;
-    }
-    for (name, value) in [("point3f[] points", true), ("float3[] extent", false)] {
-        let _ = writeln!(text, "            {name}.timeSamples = {{");
-        for (frame, all) in motion.frames.iter().enumerate() {
-            let now = of(all);
-            let _ =
-                writeln!(text, "                {frame}: {},", if value { points(now.iter()) } else { extent(&now) });
-        }
-        *text += "            }\n";
-    }
-}
-
-fn extent(all: &[DVec3]) -> String {
-    let low = all.iter().fold(DVec3::INFINITY, |low, &p| low.min(p));
-    let high = all.iter().fold(DVec3::NEG_INFINITY, |high, &p| high.max(p));
-    points([low, high].iter())
-}
-
-fn points<'a>(all: impl Iterator<Item = &'a DVec3>) -> String {
-    list(all.map(|p| triple(*p)))
-}
-
-fn triple(p: DVec3) -> String {
-    // f32 is what USD keeps; its shortest form is exact.
-    let [x, y, z] = p.as_vec3().to_array();
-    format!("({x}, {y}, {z})")
-}
-
-fn list(items: impl Iterator<Item = String>) -> String {
-    format!("[{}]", items.collect::<Vec<_>>().join(", "))
+    };
+    let linear: Vec<DVec3> = paint(at).into_iter().map(|c| DVec3::from(c.map(|v| linear_of_srgb(v).into()))).collect();
+    let _ = write!(
+        text,
+        "            color3f[] primvars:displayColor = {} (\n                interpolation = \"vertex\"\n            )\n",
+        points(&linear)
+    );
 }

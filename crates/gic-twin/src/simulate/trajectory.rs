@@ -118,6 +118,22 @@ impl Trajectory {
         atomic::write_json(&folder.join(FILE), self)
     }
 
+    /// The twin that was simulated; `folder` is the trajectory's own.
+    ///
+    /// # Errors
+    /// A twin with companions, which are bodies of their own; a damaged twin.
+    pub fn single_twin(&self, folder: &Path) -> Result<Twin> {
+        let path = folder.join(FILE);
+        if self.bodies.len() > 1 {
+            return Err(TwinError::Content {
+                path,
+                problem: format!("holds {} bodies where one is expected", self.bodies.len()),
+                hint: Some("simulate each twin by itself".into()),
+            });
+        }
+        Twin::of_value(&path, &self.twin)
+    }
+
     /// Whether the simulation began with these particles [m]: those of the twin, then those of its companions.
     pub fn began_with(&self, particles: impl Iterator<Item = DVec3>) -> bool {
         hash_of_particles(particles) == self.particles_sha256

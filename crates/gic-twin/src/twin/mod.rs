@@ -210,6 +210,14 @@ impl Twin {
         read::twin(path, settings)
     }
 
+    /// A twin from JSON; paths start at the folder of `origin`, which is also what messages call its place.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn of_value(origin: &Path, value: &serde_json::Value) -> Result<Self> {
+        read::from_value(origin, value)
+    }
+
     /// Reads a file with a list of obstacles, in the form of a twin's `colliders`.
     pub fn read_obstacles(path: &Path) -> Result<Vec<Obstacle>> {
         read::obstacle_list(path)
@@ -289,6 +297,11 @@ impl Obstacle {
             ContactKind::Separating => Contact::Separating { friction },
         };
         Collider { primitive, path, contact }
+    }
+
+    /// Whether it does not stay where it is.
+    pub fn moves(&self) -> bool {
+        !self.keyframes.is_empty() || self.velocity_m_s.is_some() || self.angular_velocity_rad_s.is_some()
     }
 
     /// What a user calls it: `colliders[1] (half_space)`.

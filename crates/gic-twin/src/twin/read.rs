@@ -59,7 +59,7 @@ fn toml(path: &Path) -> Result<Value> {
     })
 }
 
-fn from_value(file: &Path, value: &Value) -> Result<Twin> {
+pub(super) fn from_value(file: &Path, value: &Value) -> Result<Twin> {
     let top = JsonObject::new(file, "", value)?;
     top.allow_only(TOP_KEYS)?;
     let schema = top.string("schema", "add \"schema\": \"gic.twin/1\"")?;

@@ -131,16 +131,37 @@ pub(crate) struct EvalArgs {
 /// Hand the matter of a run to other tools: particles, surface, tetrahedra
 #[derive(Debug, Args)]
 pub(crate) struct ExportArgs {
-    /// The run folder
-    pub(crate) run: PathBuf,
-    #[command(flatten)]
-    pub(crate) elsewhere: SceneElsewhere,
+    /// A run folder, the folder of a simulation, or a twin.json
+    #[arg(value_name = "TWIN")]
+    pub(crate) source: PathBuf,
     /// What to write
     #[arg(long, value_enum)]
-    pub(crate) format: crate::pipeline::Export,
-    /// The file [default: in the run folder]
+    pub(crate) format: crate::export::Export,
+    /// The file, or folder of a sequence [default: in the folder of the twin]
     #[arg(short, long, value_name = "FILE")]
     pub(crate) out: Option<PathBuf>,
+    /// Turn everything so that this axis points up [default: as it is]
+    #[arg(long, value_enum, value_name = "AXIS")]
+    pub(crate) up: Option<Up>,
+    /// Where the format lacks the twin's law, take the nearest: MuJoCo's bodies are elastic
+    #[arg(long)]
+    pub(crate) approximate: bool,
+}
+
+/// An axis that points up.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+pub(crate) enum Up {
+    Y,
+    Z,
+}
+
+impl From<Up> for gic_twin::interchange::UpAxis {
+    fn from(up: Up) -> Self {
+        match up {
+            Up::Y => Self::Y,
+            Up::Z => Self::Z,
+        }
+    }
 }
 
 /// Run every scene of a folder and write the paper's table

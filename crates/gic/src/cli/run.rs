@@ -5,7 +5,7 @@ use std::path::Path;
 use super::Context;
 use super::args::{ExportArgs, FillArgs, IdentifyArgs, ReconstructArgs, RegisterArgs, ReportArgs, RunArgs};
 use super::flags::Flags;
-use crate::outputs::Inputs;
+use crate::export::{Export, ExportOptions, ExportSource, export as export_to};
 use crate::pipeline::{Access, Run, Stage};
 
 pub(crate) fn run(args: &RunArgs, context: &Context) -> anyhow::Result<()> {
@@ -79,10 +79,16 @@ pub(crate) fn identify(args: &IdentifyArgs, context: &Context) -> anyhow::Result
 }
 
 pub(crate) fn export(args: &ExportArgs, context: &Context) -> anyhow::Result<()> {
-    let run = open(&args.run, Access::Read, &args.elsewhere.flags(), context)?;
-    let path = args.out.clone().unwrap_or_else(|| args.run.join(args.format.default_file()));
-    Inputs::default().scene(&run.video().root).allow_file(&path)?;
-    let written = run.export(args.format, &path)?;
+    let source = ExportSource::open(&args.source)?;
+    let path = args.out.clone().unwrap_or_else(|| source.folder().join(args.format.default_file()));
+    if args.format == Export::GaussianSequence {
+        source.inputs().allow_folder(&path, &["frame_"])?;
+    }
+    for file in args.format.files(&path) {
+        source.inputs().allow_file(&file)?;
+    }
+    let options = ExportOptions { format: args.format, up: args.up.map(Into::into), approximate: args.approximate };
+    let written = export_to(source, options, &path)?;
     context.print(format!("{written} in {}", path.display()))?;
     Ok(())
 }

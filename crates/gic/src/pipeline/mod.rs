@@ -7,7 +7,6 @@
 //! One process at a time writes into a folder, see [`gic_files::FolderLock`]; those that read never wait.
 
 mod appearance;
-mod export;
 mod fill;
 mod fill_input;
 mod frame_filler;
@@ -37,7 +36,6 @@ use gic_view::skinned_gaussians::FILES as APPEARANCE_FILES;
 use crate::config::{Config, Layer};
 use crate::error::{Error, Result};
 use crate::outputs;
-pub use export::Export;
 pub(crate) use fill::filling_file;
 #[cfg(feature = "rerun")]
 pub(crate) use fill::surface_file;
