@@ -17,7 +17,6 @@ mod carve;
 mod choices;
 mod error;
 mod evidence;
-mod export;
 mod fill;
 mod particles;
 mod settings;
@@ -31,7 +30,6 @@ pub use carve::ColouredView;
 pub use choices::Settings;
 pub use error::ContinuumError;
 pub use evidence::MaskedView;
-pub use export::write_particles_ply;
 pub use fill::{Filling, fill, fill_outlines};
 pub use particles::{
     Agreement, Appearance, Drawing, Particles, agreement, calibrate, compare_with_masks, informed_gaussians,

@@ -3,8 +3,8 @@
 
 use std::path::{Path, PathBuf};
 
-use gic_continuum::{Filling, ParticleTuning, sample_particles, write_particles_ply};
-use gic_geometry::{TriangleMesh, write_mesh_ply, write_msh, write_obj, write_stl};
+use gic_continuum::Filling;
+use gic_geometry::{MeshNotes, TriangleMesh, write_mesh_ply, write_msh, write_obj, write_stl};
 use glam::DVec3;
 
 /// An ellipsoid off the origin, so that no axis can be mistaken for another.
@@ -71,7 +71,7 @@ fn assert_same(read: &TriangleMesh, written: &TriangleMesh) {
 fn obj_is_read_back() {
     let mesh = filling().surface_mesh();
     let folder = Folder::new("obj");
-    write_obj(&folder.0.join("a.obj"), &mesh).unwrap();
+    write_obj(&folder.0.join("a.obj"), &mesh, &MeshNotes::default()).unwrap();
     let text = String::from_utf8(folder.read("a.obj")).unwrap();
     let mut read = TriangleMesh::default();
     for line in text.lines() {
@@ -129,7 +129,7 @@ fn ply_header(bytes: &[u8]) -> (Vec<&str>, usize) {
 fn mesh_ply_is_read_back() {
     let mesh = filling().surface_mesh();
     let folder = Folder::new("ply");
-    write_mesh_ply(&folder.0.join("a.ply"), &mesh).unwrap();
+    write_mesh_ply(&folder.0.join("a.ply"), &mesh, &MeshNotes::default()).unwrap();
     let bytes = folder.read("a.ply");
     let (header, start) = ply_header(&bytes);
     assert_eq!(&header[..2], ["ply", "format binary_little_endian 1.0"]);
@@ -152,37 +152,37 @@ fn mesh_ply_is_read_back() {
 }
 
 #[test]
-fn particles_ply_is_read_back() {
-    let particles = sample_particles(&filling(), 0.02, &ParticleTuning::default()).unwrap();
-    let folder = Folder::new("particles");
-    write_particles_ply(&folder.0.join("a.ply"), &particles).unwrap();
+fn colours_stand_at_the_vertices() {
+    let mesh = filling().surface_mesh();
+    let folder = Folder::new("colours");
+    let colors: Vec<[f32; 3]> = (0..mesh.vertices.len()).map(|i| [(i % 2) as f32, 0.5, 0.2]).collect();
+    let notes = MeshNotes { comment: "3 kg", colors: Some(&colors) };
+    write_obj(&folder.0.join("a.obj"), &mesh, &notes).unwrap();
+    let text = String::from_utf8(folder.read("a.obj")).unwrap();
+    assert!(text.starts_with("# gic surface, metres 3 kg\n"));
+    let rows: Vec<Vec<f64>> = text.lines().filter(|l| l.starts_with("v ")).map(|l| numbers(l, 1)).collect();
+    assert_eq!(rows.len(), mesh.vertices.len());
+    assert_eq!((&rows[0][3..], &rows[1][3..]), (&[0.0, 0.5, 0.2][..], &[1.0, 0.5, 0.2][..]));
+    let folder = Folder::new("colours of a PLY");
+    write_mesh_ply(&folder.0.join("a.ply"), &mesh, &notes).unwrap();
     let bytes = folder.read("a.ply");
     let (header, start) = ply_header(&bytes);
-    let n = particles.positions.len();
-    assert!(header.contains(&format!("element vertex {n}").as_str()));
-    assert_eq!(bytes.len(), start + 25 * n);
-    for i in 0..n {
-        let at = start + 25 * i;
-        assert!((point(&bytes, at) - particles.positions[i]).length() < 1e-7);
-        assert_eq!(float(&bytes, at + 12), f64::from(particles.densities[i]));
-        assert_eq!(float(&bytes, at + 16), f64::from(particles.volume as f32 * particles.volume_factors[i]));
-        assert_eq!(float(&bytes, at + 20), f64::from(particles.doubts[i]));
-        assert_eq!(bytes[at + 24], u8::from(particles.surface[i]));
-    }
-    assert!(particles.surface.iter().any(|&s| s) && particles.surface.iter().any(|&s| !s));
+    assert!(header.contains(&"property uchar red") && header.contains(&"comment gic surface, metres 3 kg"));
+    assert_eq!(&bytes[start + 27 + 24..start + 27 + 27], [255, 128, 51], "the second vertex");
 }
 
 #[test]
 fn msh_is_read_back() {
     let mesh = filling().tetrahedra(0.04).unwrap();
     let folder = Folder::new("msh");
-    write_msh(&folder.0.join("a.msh"), &mesh).unwrap();
+    write_msh(&folder.0.join("a.msh"), &mesh, "2 kg").unwrap();
     let text = String::from_utf8(folder.read("a.msh")).unwrap();
     let section = |name: &str| -> Vec<&str> {
         let lines = text.lines().skip_while(|l| *l != format!("${name}")).skip(1);
         lines.take_while(|l| *l != format!("$End{name}")).collect()
     };
     assert_eq!(section("MeshFormat"), ["2.2 0 8"]);
+    assert_eq!(section("Comments"), ["gic body, metres 2 kg"]);
     let nodes = section("Nodes");
     assert_eq!(nodes[0].parse::<usize>().unwrap(), mesh.vertices.len());
     for (i, (line, vertex)) in nodes[1..].iter().zip(&mesh.vertices).enumerate() {
@@ -205,6 +205,6 @@ fn msh_is_read_back() {
 #[test]
 fn a_folder_that_is_missing_is_named() {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("no such folder").join("a.obj");
-    let error = write_obj(&path, &TriangleMesh::default()).unwrap_err();
+    let error = write_obj(&path, &TriangleMesh::default(), &MeshNotes::default()).unwrap_err();
     assert!(error.to_string().contains("no such folder"), "{error}");
 }

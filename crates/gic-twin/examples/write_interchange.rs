@@ -7,42 +7,38 @@
 use std::error::Error;
 use std::path::PathBuf;
 
-use gic_continuum::{ContinuumError, Filling};
 use gic_geometry::write_msh;
 use gic_mpm::{Material, Options, rollout};
-use gic_twin::interchange::{EmbeddedPoints, MotionSamples, write_mjcf, write_particle_set, write_usd};
+use gic_twin::interchange::{ExportBody, Motion, UsdLook, write_mjcf, write_particle_set, write_usd};
 use gic_twin::matter::{Solid, SolidKind};
 use gic_twin::twin::{ContactKind, MatterSource, Obstacle, ObstacleShape, Twin};
 use glam::DVec3;
 
 /// Sides [m]; clamped at x = 0.
 const SIZE: DVec3 = DVec3::new(0.2, 0.04, 0.04);
-/// Edge of the cubes that the tetrahedra are cut from [m].
-const EDGE: f64 = 0.0125;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = PathBuf::from(std::env::args().nth(1).ok_or("give the folder to write to")?);
     std::fs::create_dir_all(&folder)?;
     let twin = beam();
     twin.write(&folder.join("beam.json"))?;
-    let mesh = filling()?.tetrahedra(EDGE)?;
-    write_msh(&folder.join("beam.msh"), &mesh)?;
-    write_mjcf(&folder.join("beam.xml"), &mesh, &Twin { colliders: Vec::new(), ..twin.clone() })?;
-    let (twin, world) = twin.to_world()?;
-    write_particle_set(&folder.join("beam.npz"), &twin, &world)?;
-    let carrier = EmbeddedPoints::new(&mesh.vertices, &world.bodies[0].positions);
+    let (_, world) = twin.to_world()?;
     let (mut frames, mut sag) = (Vec::new(), Vec::new());
     let tip: Vec<usize> =
         (0..world.bodies[0].positions.len()).filter(|&p| world.bodies[0].positions[p].x > SIZE.x - 0.006).collect();
     rollout(&world, &Options::default(), twin.frames, |frame| {
-        frames.push(carrier.deformed(&frame.positions));
+        frames.push(frame.positions.clone());
         sag.push(tip.iter().map(|&p| frame.positions[p].y).sum::<f64>() / tip.len() as f64);
     })?;
-    let motion = MotionSamples { frame_rate_hz: twin.frame_rate_hz, frames };
-    write_usd(&folder.join("beam.usda"), &mesh, &twin, &motion)?;
+    let body = ExportBody::new(&twin, Motion { frame_rate_hz: twin.frame_rate_hz, frames })?;
+    write_msh(&folder.join("beam.msh"), &body.tetrahedra()?, "")?;
+    write_particle_set(&folder.join("beam.npz"), &body)?;
+    write_usd(&folder.join("beam.usda"), &body, None, UsdLook::Surface)?;
+    let free = Twin { colliders: Vec::new(), ..twin };
+    write_mjcf(&folder.join("beam.xml"), &ExportBody::new(&free, Motion::default())?, false)?;
     let heights: Vec<String> = sag.iter().map(|y| format!("{y:.8}")).collect();
     std::fs::write(folder.join("beam_tip.csv"), format!("tip_y_m\n{}\n", heights.join("\n")))?;
-    println!("{} vertices, {} tetrahedra in {}", mesh.vertices.len(), mesh.tetrahedra.len(), folder.display());
+    println!("{:.4} kg in {}", body.mass_kg(), folder.display());
     Ok(())
 }
 
@@ -62,14 +58,4 @@ fn beam() -> Twin {
         frames: 121,
         ..Twin::new(material, MatterSource::Solid(shape))
     }
-}
-
-fn filling() -> Result<Filling, ContinuumError> {
-    let centre = DVec3::X * 0.5 * SIZE.x;
-    let half = 0.5 * SIZE;
-    let distance = |p: DVec3| {
-        let beyond = (p - centre).abs() - half;
-        beyond.max(DVec3::ZERO).length() + beyond.max_element().min(0.0)
-    };
-    Filling::of_body((centre - half - 0.01, centre + half + 0.01), 0.0025, 0.005, distance)
 }

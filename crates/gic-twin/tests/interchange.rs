@@ -2,19 +2,15 @@
 //! with them.
 
 use std::fs;
+use std::path::Path;
 
-use gic_geometry::TetMesh;
 use gic_mpm::Material;
-use gic_twin::interchange::{MotionSamples, write_mjcf, write_particle_set, write_usd};
-use gic_twin::matter::{Solid, SolidKind};
+use gic_twin::interchange::{
+    ExportBody, Motion, UpAxis, UsdLook, write_glb, write_mjcf, write_particle_set, write_particles_ply, write_usd,
+};
+use gic_twin::matter::{Solid, SolidKind, read_particles};
 use gic_twin::twin::{ContactKind, MatterSource, Obstacle, ObstacleShape, Twin};
 use glam::DVec3;
-
-/// Two tetrahedra of 1/6 and 1/3 m^3.
-fn mesh() -> TetMesh {
-    let vertices = vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z, DVec3::NEG_Z * 2.0];
-    TetMesh { vertices, tetrahedra: vec![[0, 1, 2, 3], [1, 0, 2, 4]] }
-}
 
 fn twin() -> Twin {
     let material = Material::Elastic { youngs_modulus_pa: 3e5, poisson_ratio: 0.4 };
@@ -31,6 +27,17 @@ fn twin() -> Twin {
     }
 }
 
+fn body(twin: &Twin) -> ExportBody {
+    ExportBody::new(twin, Motion::default()).unwrap()
+}
+
+/// The body at rest, and a quarter of a metre higher a frame later.
+fn moving() -> ExportBody {
+    let rest = body(&twin()).particles().to_vec();
+    let higher = rest.iter().map(|p| *p + DVec3::Y * 0.25).collect();
+    ExportBody::new(&twin(), Motion { frame_rate_hz: 30.0, frames: vec![rest, higher] }).unwrap()
+}
+
 /// The values of an attribute, in the order of the text.
 fn attributes(text: &str, name: &str) -> Vec<f64> {
     let start = format!("{name}=\"");
@@ -38,68 +45,137 @@ fn attributes(text: &str, name: &str) -> Vec<f64> {
 }
 
 #[test]
-fn mjcf_holds_every_vertex_mass_and_obstacle() {
+fn mjcf_holds_body_velocity_and_obstacles() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("twin.xml");
-    write_mjcf(&path, &mesh(), &twin()).unwrap();
+    let loader = write_mjcf(&path, &body(&twin()), false).unwrap();
     let text = fs::read_to_string(&path).unwrap();
-    assert_eq!(text.matches("<body ").count(), 5);
-    assert_eq!(text.matches("type=\"slide\"").count(), 15);
-    let masses = attributes(&text, "mass");
-    assert!((masses.iter().sum::<f64>() - 500.0).abs() < 1e-2, "{masses:?}");
-    assert!((masses[3] - 1000.0 / 24.0).abs() < 1e-2, "{masses:?}");
-    assert_eq!(attributes(&text, "young"), [3e5]);
+    assert!((attributes(&text, "mass")[0] - 8.0).abs() < 1e-6, "the mass of the particles");
+    // The body falls 0.9 m: the modulus is raised as told.
+    let raised = attributes(&text, "young")[0] / 3e5;
+    assert!(raised > 1.05 && raised < 1.4 && text.contains(&format!("{raised:.4} times")), "{raised}");
     assert_eq!(attributes(&text, "poisson"), [0.4]);
     for part in [
-        "body=\"v0 v1 v2 v3 v4\"",
-        "element=\"0 1 2 3 1 0 2 4\"",
-        "gravity=\"0 -9.8 0\"",
-        "type=\"plane\" size=\"0 0 1\" pos=\"0 -1 0\" zaxis=\"0 1 0\"",
+        "gravity=\"0 -9.8 0\" integrator=\"discrete\"",
+        "type=\"plane\" size=\"0 0 1\" pos=\"0 -1 0\" zaxis=\"0 1 0\" friction=\"2 ",
+        "solref=\"0.002 1\" priority=\"1\"",
         "moves and is left out",
-        "name=\"start\"",
+        "name=\"initial_velocity_m_s\" data=\"0.5 0 -1\"",
+        "name=\"initial_angular_velocity_rad_s\" data=\"0 3 0\"",
+        "dof=\"trilinear\" cellcount=\"3 3 3\"",
     ] {
-        assert!(text.contains(part), "`{part}` is missing in:\n{text}");
+        assert!(text.contains(part), "`{part}` is missing in:\n{}", &text[..3000]);
     }
     let step = attributes(&text, "timestep")[0];
-    assert!(step > 0.0 && step < 1.0 / Material::wave_speed_m_s(&twin().material, 1000.0), "{step}");
-    // Spin about y: the vertex at +x starts slower along z than that at -2 z along x.
-    let velocities = text.split("qvel=\"").nth(1).unwrap().split('"').next().unwrap();
-    let v: Vec<f64> = velocities.split(' ').map(|x| x.parse().unwrap()).collect();
-    assert_eq!(v.len(), 15);
-    let [p0, p1]: [DVec3; 2] = [DVec3::from_slice(&v), DVec3::from_slice(&v[3..])];
-    assert!((p1 - p0 - DVec3::Y.cross(DVec3::X) * 3.0).length() < 1e-9, "rigid: {v:?}");
+    assert!(step > 0.0 && step < 0.2 / Material::wave_speed_m_s(&twin().material, 1000.0), "{step}");
+    let program = fs::read_to_string(loader).unwrap();
+    assert!(program.contains("with_name(\"twin.xml\")"), "{program}");
 }
 
 #[test]
-fn usd_holds_mesh_material_and_motion() {
+fn usd_holds_particles_meshes_material_obstacles_and_motion() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("twin.usda");
-    let shifted = |by: f64| mesh().vertices.iter().map(|p| *p + DVec3::Y * by).collect();
-    let motion = MotionSamples { frame_rate_hz: 30.0, frames: vec![shifted(0.0), shifted(0.25)] };
-    write_usd(&path, &mesh(), &twin(), &motion).unwrap();
+    let red = |points: &[DVec3]| vec![[1.0, 0.0, 0.0]; points.len()];
+    write_usd(&path, &moving(), Some(&red), UsdLook::Surface).unwrap();
     let text = fs::read_to_string(&path).unwrap();
     for part in [
         "upAxis = \"Y\"",
         "endTimeCode = 1",
         "timeCodesPerSecond = 30",
         "float omniphysics:youngsModulus = 300000",
-        "float omniphysics:poissonsRatio = 0.4",
+        "float newton:mpm:youngsModulus = 300000",
+        "float omniphysics:mass = 8",
+        "float physics:mass = 8",
         "custom string gic:model = \"elastic\"",
-        "int4[] tetVertexIndices = [(0, 1, 2, 3), (1, 0, 2, 4)]",
-        "1: [(0, 0.25, 0), (1, 0.25, 0), (0, 1.25, 0), (0, 0.25, 1), (0, 0.25, -2)],",
-        "int[] faceVertexCounts = [3, 3, 3, 3, 3, 3]",
+        "\"NewtonPointsDeformableSimAPI\", \"PhysicsDeformableBodyAPI\"",
+        "def TetMesh \"Volume\"",
+        "color3f[] primvars:displayColor = [(1, 0, 0), ",
+        "def Plane \"Obstacle0\"",
+        "double3 xformOp:translate = (0, -1, 0)",
+        "# colliders[1] (sphere) moves and is left out",
     ] {
-        assert!(text.contains(part), "`{part}` is missing in:\n{text}");
+        assert!(text.contains(part), "`{part}` is missing");
     }
+    // The corner particle of the box, a quarter of a metre higher in the second frame.
+    assert!(text.contains("point3f[] points = [(-0.075, -0.075, -0.075), "));
+    assert!(text.contains("1: [(-0.075, 0.175, -0.075), "));
     assert_eq!(text.matches('{').count(), text.matches('}').count());
+}
+
+#[test]
+fn usd_holds_every_law_as_newtons() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("twin.usda");
+    let of = |material: Material| {
+        write_usd(&path, &body(&Twin { material, ..twin() }), None, UsdLook::Surface).unwrap();
+        fs::read_to_string(&path).unwrap()
+    };
+    let fluid = of(Material::Newtonian { viscosity_pa_s: 5.0, bulk_modulus_pa: 1e5 });
+    assert!(fluid.contains("newton:mpm:viscosity = 5") && fluid.contains("newton:mpm:yieldStress = 0"));
+    assert!(!fluid.contains("TetMesh") && !fluid.contains("omniphysics:youngsModulus"));
+    let sand = of(Material::Sand { friction_angle_deg: 30.0, youngs_modulus_pa: 2e6, poisson_ratio: 0.3 });
+    // sqrt(3) 2 sin 30 / (3 - sin 30) = 2 sqrt(3) / 5.
+    assert!(sand.contains("newton:mpm:internalFriction = 0.6928203230275508"), "{}", &sand[..1800]);
+    let clay = Material::Plasticine { youngs_modulus_pa: 1e6, poisson_ratio: 0.3, yield_stress_pa: 1e4 };
+    assert!(of(clay).contains("newton:mpm:yieldStress = 7071.067811865475"));
+}
+
+#[test]
+fn glb_holds_surface_colours_and_a_morph_target_a_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("twin.glb");
+    let red = |points: &[DVec3]| vec![[1.0, 0.0, 0.0]; points.len()];
+    write_glb(&path, &moving(), Some(&red)).unwrap();
+    let bytes = fs::read(&path).unwrap();
+    let integer = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+    assert_eq!((&bytes[..4], integer(4), integer(8)), (&b"glTF"[..], 2, bytes.len()));
+    let (length, binary) = (integer(12), 20 + integer(12));
+    let document: serde_json::Value = serde_json::from_slice(&bytes[20..20 + length]).unwrap();
+    assert_eq!(document["buffers"][0]["byteLength"].as_u64().unwrap() as usize, integer(binary));
+    assert_eq!(document["extras"]["mass_kg"].as_f64(), Some(8.000000000000002));
+    let primitive = &document["meshes"][0]["primitives"][0];
+    assert_eq!(primitive["targets"].as_array().unwrap().len(), 2);
+    let floats = |accessor: &serde_json::Value| {
+        let accessor = &document["accessors"][accessor.as_u64().unwrap() as usize];
+        let view = &document["bufferViews"][accessor["bufferView"].as_u64().unwrap() as usize];
+        let number = |key: &str| view[key].as_u64().unwrap() as usize;
+        let start = binary + 8 + number("byteOffset");
+        let values: Vec<f32> = bytes[start..start + number("byteLength")]
+            .chunks_exact(4)
+            .map(|b| f32::from_le_bytes(b.try_into().unwrap()))
+            .collect();
+        values
+    };
+    assert!(floats(&primitive["attributes"]["COLOR_0"]).chunks_exact(3).all(|c| c == [1.0, 0.0, 0.0]));
+    let higher = floats(&primitive["targets"][1]["POSITION"]);
+    assert!(higher.chunks_exact(3).all(|d| d[0].abs() < 1e-6 && (d[1] - 0.25).abs() < 1e-6));
+    let sampler = &document["animations"][0]["samplers"][0];
+    assert_eq!(floats(&sampler["output"]), [1.0, 0.0, 0.0, 1.0]);
+    assert_eq!(floats(&sampler["input"]), [0.0, 1.0 / 30.0]);
+}
+
+#[test]
+fn particles_ply_comes_back_with_velocities() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("particles.ply");
+    let body = body(&twin()).turned_up(UpAxis::Z);
+    write_particles_ply(&path, &body).unwrap();
+    let read = read_particles(&path).unwrap();
+    for ((p, v), at) in read.positions.iter().zip(&read.velocities).zip(body.particles()) {
+        assert!((*p - *at).length() < 1e-6);
+        // The spin about y is one about z when z points up.
+        let expected = DVec3::new(0.5, 1.0, 0.0) + DVec3::Z.cross(*at) * 3.0;
+        assert!((*v - expected).length() < 1e-5, "{v} {expected}");
+    }
 }
 
 #[test]
 fn particle_sets_are_numpy_arrays_and_parameters() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("twin.npz");
-    let (twin, world) = twin().to_world().unwrap();
-    let parameters = write_particle_set(&path, &twin, &world).unwrap();
+    let body = body(&twin());
+    let parameters = write_particle_set(&path, &body).unwrap();
     let mut archive = npyz::npz::NpzArchive::open(&path).unwrap();
     let mut array = |name: &str| {
         let array = archive.by_name(name).unwrap().unwrap();
@@ -107,7 +183,7 @@ fn particle_sets_are_numpy_arrays_and_parameters() {
     };
     let (shape, positions) = array("positions");
     assert_eq!(shape, [64, 3]);
-    assert!((f64::from(positions[0]) - world.bodies[0].positions[0].x).abs() < 1e-6);
+    assert!((f64::from(positions[0]) - body.particles()[0].x).abs() < 1e-6);
     let (shape, masses) = array("masses");
     assert_eq!(shape, [64]);
     assert!((masses.iter().sum::<f32>() - 8.0).abs() < 1e-4, "density times volume");
@@ -119,22 +195,27 @@ fn particle_sets_are_numpy_arrays_and_parameters() {
     assert_eq!(json["material"]["model"], "elastic");
     let lame = json["elasticity"]["lame_mu_pa"].as_f64().unwrap();
     assert!((lame / (3e5 / 2.8) - 1.0).abs() < 1e-12);
+    assert!(fs::read_to_string(folder.path().join("twin.genesis.py")).unwrap().contains("\"twin.npz\""));
     let first = fs::read(&path).unwrap();
-    write_particle_set(&path, &twin, &world).unwrap();
+    write_particle_set(&path, &body).unwrap();
     assert_eq!(first, fs::read(&path).unwrap(), "the same bytes again");
 }
 
 #[test]
-fn only_elastic_solids_go_to_mujoco_and_usd() {
+fn mujoco_gets_elastic_solids_and_others_as_such_only_when_asked() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("twin.xml");
-    let fluid = Twin { material: Material::Newtonian { viscosity_pa_s: 5.0, bulk_modulus_pa: 1e5 }, ..twin() };
-    for error in [
-        write_mjcf(&path, &mesh(), &fluid).unwrap_err(),
-        write_usd(&path, &mesh(), &fluid, &MotionSamples::default()).unwrap_err(),
-    ] {
-        assert!(error.to_string().contains("newtonian"), "{error}");
-        assert!(error.hint().unwrap().contains("--format particles"));
+    let of =
+        |material: Material, approximate: bool| write_mjcf(&path, &body(&Twin { material, ..twin() }), approximate);
+    let fluid = Material::Newtonian { viscosity_pa_s: 5.0, bulk_modulus_pa: 1e5 };
+    for approximate in [false, true] {
+        let error = of(fluid, approximate).unwrap_err();
+        assert!(error.to_string().contains("newtonian") && error.hint().unwrap().contains("--format usd"), "{error}");
     }
-    assert!(!path.exists());
+    let clay = Material::Plasticine { youngs_modulus_pa: 1e6, poisson_ratio: 0.3, yield_stress_pa: 1e4 };
+    let error = of(clay, false).unwrap_err();
+    assert!(error.hint().unwrap().contains("--approximate"), "{error}");
+    assert!(!Path::exists(&path));
+    of(clay, true).unwrap();
+    assert!(fs::read_to_string(&path).unwrap().contains("EXPORTED AS ELASTIC"));
 }

@@ -38,7 +38,7 @@ pub fn write_particle_set(path: &Path, body: &ExportBody) -> Result<PathBuf> {
     // Not `.json` alone: beside `twin.npz` lies `twin.json`, the twin itself.
     let parameters = path.with_extension("particles.json");
     atomic::write_json(&parameters, &describe(path, body))?;
-    loaders::write_genesis(path, body)?;
+    loaders::write_genesis(path)?;
     Ok(parameters)
 }
 

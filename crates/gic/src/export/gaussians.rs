@@ -30,7 +30,8 @@ pub(super) fn write(source: &ExportSource, format: Export, up: UpAxis, path: &Pa
         Export::GaussianUsd => {
             let frames: Vec<Gaussians> = source.frames()?.iter().map(|frame| at(frame)).collect();
             let up_axis = if up == UpAxis::Z { "Z" } else { "Y" };
-            gic_splat::write_usd(path, &frames, source.body.motion().frame_rate_hz, up_axis).map_err(Error::stage("writing Gaussians"))?;
+            gic_splat::write_usd(path, &frames, source.body.motion().frame_rate_hz, up_axis)
+                .map_err(Error::stage("writing Gaussians"))?;
             Ok(format!("{} Gaussians in {} frames", kept.len(), frames.len()))
         }
         Export::GaussianSequence => {
