@@ -30,8 +30,8 @@ pub enum UsdLook {
     Particles,
 }
 
-/// Writes a stage in metres and kilograms. `/World/Twin/Particles` are points with masses and velocities, a deformable
-/// body of Newton's (`NewtonPointsDeformableSimAPI`) that its implicit material point method simulates with every law;
+/// Writes a stage in metres and kilograms. `/World/Twin/Particles` are points with masses and velocities
+/// (`NewtonPointsDeformableSimAPI`) that its implicit material point method simulates with every law;
 /// of what stays together, `/World/Twin/Volume` are tetrahedra with the Omni Physics deformable schemas, which Isaac
 /// simulates, and `/World/Twin/Surface` is its look. All enclose the same volume, have the same mass, and move as
 /// simulated. `/World/Obstacles` holds the obstacles that rest. The law's own parameters are custom attributes
@@ -54,7 +54,13 @@ pub fn write_usd(path: &Path, body: &ExportBody, paint: Option<&Paint>, look: Us
     );
     material(&mut text, body);
     obstacles(&mut text, body);
-    text += "    def Xform \"Twin\"\n    {\n";
+    // One deformable body: Newton takes its points as what is simulated, and its meshes as what is seen.
+    let _ = write!(
+        text,
+        "    def Xform \"Twin\" (\n        prepend apiSchemas = [\"PhysicsDeformableBodyAPI\"]\n    )\n    {{\n        \
+         rel physics:simulationOwner = </World/Physics>\n        float physics:mass = {}\n",
+        body.mass_kg()
+    );
     let has_surface = look == UsdLook::Surface && stays_together(&twin.material);
     // One look: where there is a surface, the points are there for simulators.
     particles(&mut text, body, paint, if has_surface { "guide" } else { "default" });
@@ -225,12 +231,10 @@ fn particles(text: &mut String, body: &ExportBody, paint: Option<&Paint>, purpos
     let _ = write!(
         text,
         "        def Points \"Particles\" (\n            prepend apiSchemas = [\"MaterialBindingAPI\", \
-         \"NewtonPointsDeformableSimAPI\", \"PhysicsDeformableBodyAPI\"]\n        )\n        {{\n            \
-         rel material:binding:physics = </World/Matter>\n            \
-         rel physics:simulationOwner = </World/Physics>\n            uniform token purpose = \"{purpose}\"\n            \
-         float physics:mass = {}\n            float[] physics:masses = {}\n            vector3f[] velocities = {}\n            \
+         \"NewtonPointsDeformableSimAPI\"]\n        )\n        {{\n            \
+         rel material:binding:physics = </World/Matter>\n            uniform token purpose = \"{purpose}\"\n            \
+         float[] physics:masses = {}\n            vector3f[] velocities = {}\n            \
          float[] widths = {}\n",
-        body.mass_kg(),
         list(body.masses_kg().iter().map(|mass| (*mass as f32).to_string())),
         points(&velocities),
         list(widths.map(|width| width.to_string())),
