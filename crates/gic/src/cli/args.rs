@@ -128,7 +128,9 @@ pub(crate) struct EvalArgs {
     pub(crate) truth: PathBuf,
 }
 
-/// Hand the matter of a run to other tools: particles, surface, tetrahedra
+/// Hand a twin to other programs: meshes, Gaussians, simulators
+///
+/// Every format describes the same body, the twin's particles, and states the same mass.
 #[derive(Debug, Args)]
 pub(crate) struct ExportArgs {
     /// A run folder, the folder of a simulation, or a twin.json
