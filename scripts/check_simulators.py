@@ -24,7 +24,7 @@ import xml.etree.ElementTree as tree
 import numpy
 
 # Steps of Newton's implicit solver in a frame: it damps what happens within a step.
-NEWTON_STEPS = 32
+NEWTON_STEPS = 16
 
 
 class Reference:

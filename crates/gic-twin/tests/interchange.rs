@@ -115,6 +115,8 @@ fn usd_holds_every_law_as_newtons() {
     let fluid = of(Material::Newtonian { viscosity_pa_s: 5.0, bulk_modulus_pa: 1e5 });
     assert!(fluid.contains("newton:mpm:viscosity = 5") && fluid.contains("newton:mpm:yieldStress = 0"));
     assert!(!fluid.contains("TetMesh") && !fluid.contains("omniphysics:youngsModulus"));
+    let jelly = Material::Viscoelastic { youngs_modulus_pa: 2e5, poisson_ratio: 0.3, retardation_time_s: 0.01 };
+    assert!(of(jelly).contains("newton:mpm:elasticDamping = 2000"));
     let sand = of(Material::Sand { friction_angle_deg: 30.0, youngs_modulus_pa: 2e6, poisson_ratio: 0.3 });
     // sqrt(3) 2 sin 30 / (3 - sin 30) = 2 sqrt(3) / 5.
     assert!(sand.contains("newton:mpm:internalFriction = 0.6928203230275508"), "{}", &sand[..1800]);
@@ -213,6 +215,10 @@ fn mujoco_gets_elastic_solids_and_others_as_such_only_when_asked() {
         let error = of(fluid, approximate).unwrap_err();
         assert!(error.to_string().contains("newtonian") && error.hint().unwrap().contains("--format usd"), "{error}");
     }
+    let jelly = Material::Viscoelastic { youngs_modulus_pa: 2e5, poisson_ratio: 0.3, retardation_time_s: 0.01 };
+    of(jelly, false).unwrap();
+    assert!(fs::read_to_string(&path).unwrap().contains("damping=\"0.01\""));
+    fs::remove_file(&path).unwrap();
     let clay = Material::Plasticine { youngs_modulus_pa: 1e6, poisson_ratio: 0.3, yield_stress_pa: 1e4 };
     let error = of(clay, false).unwrap_err();
     assert!(error.hint().unwrap().contains("--approximate"), "{error}");

@@ -3,6 +3,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
+use gic_mpm::Material;
 use glam::{DQuat, DVec3};
 
 use super::{ExportBody, elastic_solid};
@@ -48,7 +49,7 @@ pub fn write_mjcf(path: &Path, body: &ExportBody, approximate: bool) -> Result<P
         twin.material.model(),
         twin.density_kg_m3,
         body.mass_kg(),
-        if is_elastic(twin) { "" } else { " EXPORTED AS ELASTIC: MuJoCo knows nothing of its plasticity." },
+        if yields(twin) { " EXPORTED AS ELASTIC: MuJoCo knows nothing of its plasticity." } else { "" },
         loader_file(path).file_name().unwrap_or_default().to_string_lossy(),
     );
     let _ = write!(
@@ -81,9 +82,10 @@ pub fn write_mjcf(path: &Path, body: &ExportBody, approximate: bool) -> Result<P
     text += &joined(mesh.tetrahedra.iter().flatten().map(ToString::to_string));
     let _ = write!(
         text,
-        "\">\n      <elasticity young=\"{:.8e}\" poisson=\"{poisson:.6}\" damping=\"0\"/>\n      \
+        "\">\n      <elasticity young=\"{:.8e}\" poisson=\"{poisson:.6}\" damping=\"{}\"/>\n      \
          <contact selfcollide=\"none\" condim=\"3\"/>\n    </flexcomp>\n  </worldbody>\n</mujoco>\n",
-        factor * young
+        factor * young,
+        damping_s(twin)
     );
     atomic::write(path, text.as_bytes())?;
     write_loader(path)
@@ -128,8 +130,14 @@ fn impact_factor(w: f64, [young, poisson]: [f64; 2]) -> f64 {
     if 1.0 - low < 1e-6 { 1.0 } else { (stored(low) / linear).max(1.0) }
 }
 
-fn is_elastic(twin: &Twin) -> bool {
-    matches!(twin.material, gic_mpm::Material::Elastic { .. })
+/// Damping [s] of the stiffness: the retardation time of a viscoelastic solid, of which MuJoCo's law is that of small
+/// strains.
+fn damping_s(twin: &Twin) -> f64 {
+    if let Material::Viscoelastic { retardation_time_s, .. } = twin.material { retardation_time_s } else { 0.0 }
+}
+
+fn yields(twin: &Twin) -> bool {
+    !matches!(twin.material, Material::Elastic { .. } | Material::Viscoelastic { .. })
 }
 
 fn loader_file(path: &Path) -> PathBuf {

@@ -34,7 +34,7 @@ fn linear_of_srgb(value: f32) -> f32 {
 
 /// Whether the matter of a body stays together, so that its surface moves with its particles.
 pub fn stays_together(material: &Material) -> bool {
-    matches!(material, Material::Elastic { .. } | Material::Plasticine { .. })
+    matches!(material, Material::Elastic { .. } | Material::Viscoelastic { .. } | Material::Plasticine { .. })
 }
 
 /// Young's modulus [Pa] and Poisson's ratio for programs that know elastic solids only.
@@ -47,7 +47,7 @@ fn elastic_solid(twin: &Twin, format: &str, approximate: bool) -> Result<[f64; 2
         hint: Some(hint.into()),
     };
     match (&twin.material, twin.material.elastic_moduli()) {
-        (Material::Elastic { .. }, Some(moduli)) => Ok(moduli),
+        (Material::Elastic { .. } | Material::Viscoelastic { .. }, Some(moduli)) => Ok(moduli),
         (_, Some(moduli)) if approximate => Ok(moduli),
         (_, Some(_)) => Err(refused(
             "--approximate exports the elastic solid that it is before it yields; --format usd and --format particles \

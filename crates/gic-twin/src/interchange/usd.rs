@@ -98,8 +98,11 @@ fn newton_parameters(material: &Material) -> Vec<(&'static str, f64)> {
     if let Some([young, poisson]) = material.elastic_moduli() {
         parameters.extend([("youngsModulus", young), ("poissonsRatio", poisson)]);
     }
+    if let Material::Viscoelastic { youngs_modulus_pa, retardation_time_s, .. } = *material {
+        parameters.push(("elasticDamping", retardation_time_s * youngs_modulus_pa));
+    }
     match *material {
-        Material::Elastic { .. } => {
+        Material::Elastic { .. } | Material::Viscoelastic { .. } => {
             parameters.extend(never);
             parameters.extend([("internalFriction", 0.0), ("yieldStress", NEVER_PA)]);
         }
