@@ -99,7 +99,8 @@ def check_usd(path, reference):
     splats = stage.GetPrimAtPath("/World/Gaussians")
     if splats:
         attribute = splats.GetAttribute("positions")
-        apart = max(reference.check_bounds(path, int(t), numpy.array(attribute.Get(t))) for t in attribute.GetTimeSamples())
+        at = {int(t): numpy.array(attribute.Get(t)) for t in attribute.GetTimeSamples()}
+        apart = max(reference.check_bounds(path, index, points) for index, points in at.items())
         assert len(attribute.GetTimeSamples()) == len(reference.frames)
         return f"{splats.GetTypeName()}: {len(attribute.Get())} Gaussians, bounds within {1e3 * apart:.1f} mm"
     for name in ("Particles", "Volume", "Surface"):
@@ -108,7 +109,8 @@ def check_usd(path, reference):
             continue
         attribute = UsdGeom.PointBased(prim).GetPointsAttr()
         assert len(attribute.GetTimeSamples()) == len(reference.frames), f"{path}: {name} does not move"
-        apart = max(reference.check_bounds(path, int(t), numpy.array(attribute.Get(t))) for t in attribute.GetTimeSamples())
+        at = {int(t): numpy.array(attribute.Get(t)) for t in attribute.GetTimeSamples()}
+        apart = max(reference.check_bounds(path, index, points) for index, points in at.items())
         found.append(f"{name} of {len(attribute.Get())} points within {1e3 * apart:.1f} mm")
         if name == "Particles":
             reference.check_mass(path, numpy.array(prim.GetAttribute("physics:masses").Get(), float).sum())

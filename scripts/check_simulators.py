@@ -117,7 +117,8 @@ def check_genesis(path, reference):
         for _ in range(steps):
             scene.step()
         centres.append(centre())
-    return f"Genesis {genesis.__version__}", reference.compare(path, centres, float(numpy.asarray(body.get_mass()).sum()))
+    mass = float(numpy.asarray(body.get_mass()).sum())
+    return f"Genesis {genesis.__version__}", reference.compare(path, centres, mass)
 
 
 def cantilever(folder):
@@ -172,8 +173,8 @@ def main(arguments):
         program, result = check(path, reference)
         results[program] = result
         print(
-            f"{path}: {program}: {result['mass_kg']:.4f} kg; centre of mass within {100 * result['vertical']:.1f} % of the "
-            f"drop vertically, {100 * result['all']:.1f} % in all; highest after the impact {result['apex_m']:.4f} m, "
+            f"{path}: {program}: {result['mass_kg']:.4f} kg; centre of mass within {100 * result['vertical']:.1f} % of "
+            f"the drop vertically, {100 * result['all']:.1f} % in all; highest after the impact {result['apex_m']:.4f} m, "
             f"gic {result['gic_apex_m']:.4f} m"
         )
     if output:

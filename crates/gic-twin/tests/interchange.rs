@@ -62,7 +62,7 @@ fn mjcf_holds_body_velocity_and_obstacles() {
         "moves and is left out",
         "name=\"initial_velocity_m_s\" data=\"0.5 0 -1\"",
         "name=\"initial_angular_velocity_rad_s\" data=\"0 3 0\"",
-        "dof=\"trilinear\" cellcount=\"3 3 3\"",
+        "dof=\"trilinear\" cellcount=\"4 4 4\"",
     ] {
         assert!(text.contains(part), "`{part}` is missing in:\n{}", &text[..3000]);
     }

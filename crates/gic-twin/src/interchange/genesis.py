@@ -12,11 +12,15 @@ def load(path=pathlib.Path(__file__).with_name("NAME.npz"), steps_per_frame=10):
     arrays = np.load(path)
     twin = json.loads(path.with_suffix(".particles.json").read_text())
     material, rho, n = twin["material"], twin["density_kg_m3"], twin["particles"]
-    moduli = twin["elasticity"] or {"youngs_modulus_pa": 1.2 * material.get("bulk_modulus_pa", 1e5), "poisson_ratio": 0.3}
+    # Of a fluid only the bulk modulus E / (3 (1 - 2 nu)) is felt.
+    fluid = {"youngs_modulus_pa": 1.2 * material.get("bulk_modulus_pa", 1e5), "poisson_ratio": 0.3}
+    moduli = twin["elasticity"] or fluid
     elastic = {"E": moduli["youngs_modulus_pa"], "nu": moduli["poisson_ratio"], "rho": rho, "sampler": "regular"}
     laws = {
         "elastic": lambda: gs.materials.MPM.Elastic(model="neohooken", **elastic),
-        "plasticine": lambda: gs.materials.MPM.ElastoPlastic(von_mises_yield_stress=material["yield_stress_pa"], **elastic),
+        "plasticine": lambda: gs.materials.MPM.ElastoPlastic(
+            von_mises_yield_stress=material["yield_stress_pa"], **elastic
+        ),
         "sand": lambda: gs.materials.MPM.Sand(friction_angle=material["friction_angle_deg"], **elastic),
         "newtonian": lambda: gs.materials.MPM.Liquid(viscous=True, mu=material["viscosity_pa_s"], **elastic),
     }
