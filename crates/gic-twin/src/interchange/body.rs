@@ -23,7 +23,7 @@ const LEVEL_ITERATIONS: usize = 24;
 pub struct Motion {
     /// Frames per second.
     pub frame_rate_hz: f64,
-    /// Positions [m] in every frame, shape [frames][particles]; empty where nothing was simulated.
+    /// Positions [m] in every frame, shape [f, n]; empty where nothing was simulated.
     pub frames: Vec<Vec<DVec3>>,
 }
 
