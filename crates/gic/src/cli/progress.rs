@@ -25,27 +25,35 @@ impl Progress {
         }
     }
 
-    fn step(&mut self, stage: &str, phase: &str, step: u64, of: Option<u64>, values: &str) {
+    fn step(&mut self, (stage, phase): (&str, &str), step: u64, of: Option<u64>, values: &[(String, f64)]) {
         if self.verbose {
             let of = of.map(|n| format!("/{n}")).unwrap_or_default();
-            self.line(&format!("{stage}: {phase}{}{step}{of} {values}", if phase.is_empty() { "" } else { " " }));
+            let values: Vec<String> = values.iter().map(|(name, v)| format!("{name} {}", short(*v))).collect();
+            let gap = if phase.is_empty() { "" } else { " " };
+            self.line(&format!("{stage}: {phase}{gap}{step}{of} {}", values.join(", ")));
         }
         if self.quiet || !self.terminal {
             return;
         }
+        let name = if phase.is_empty() { stage } else { phase };
+        // Phases count their own steps.
+        if self.bar.as_ref().is_some_and(|bar| bar.prefix() != name) {
+            self.end_bar();
+        }
         let bar = self.bar.get_or_insert_with(|| {
+            // What does not fit the line is cut off at its end, so what matters most stands first.
             let template = match of {
-                Some(_) => "{prefix:>12} {wide_bar} {pos}/{len} {msg} {eta}",
-                None => "{prefix:>12} {spinner} {pos} {wide_msg}",
+                Some(_) => "{prefix:>10} {bar:12} {pos}/{len} {wide_msg}",
+                None => "{prefix:>10} {spinner} {pos} {wide_msg}",
             };
             let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
-            ProgressBar::new(of.unwrap_or(0)).with_style(style)
+            ProgressBar::new(of.unwrap_or(0)).with_style(style).with_prefix(name.to_owned())
         });
         if let Some(of) = of {
             bar.set_length(of);
         }
-        bar.set_prefix(if phase.is_empty() { stage.to_owned() } else { phase.to_owned() });
-        bar.set_message(values.to_owned());
+        let left = seconds_left(values, (step, of), bar.elapsed().as_secs_f64());
+        bar.set_message(in_words(left, values));
         bar.set_position(step);
     }
 
@@ -70,8 +78,8 @@ impl Sink for Progress {
             }
             Event::StageStarted { .. } | Event::StageSkipped { .. } => (),
             Event::Step { stage, phase, step, of, values } => {
-                let values: Vec<String> = values.iter().map(|(name, v)| format!("{name} {}", short(*v))).collect();
-                self.step(stage, phase, *step, *of, &values.join(", "));
+                let values: Vec<(String, f64)> = values.iter().map(|(name, v)| (name.clone(), *v)).collect();
+                self.step((stage, phase), *step, *of, &values);
             }
             Event::Note { stage, text } if !self.quiet => self.line(&format!("{stage}: {text}")),
             Event::Note { .. } => (),
@@ -87,6 +95,37 @@ impl Sink for Progress {
     }
 }
 
+/// The one estimate of the time left [s]: what the stage says, else what its pace so far says.
+fn seconds_left(values: &[(String, f64)], (step, of): (u64, Option<u64>), elapsed: f64) -> Option<f64> {
+    let said = values.iter().find(|(name, _)| name == "seconds_left").map(|(_, seconds)| *seconds);
+    let by_pace = || of.filter(|_| step > 0).map(|of| elapsed / step as f64 * of.saturating_sub(step) as f64);
+    said.or_else(by_pace)
+}
+
+/// What a step says, in words, the most important first: "35 s left, 28.4 dB, 1,702 Gaussians".
+fn in_words(left: Option<f64>, values: &[(String, f64)]) -> String {
+    let value = |name: &str| values.iter().find(|(known, _)| known == name).map(|(_, value)| *value);
+    let mut words = Vec::new();
+    words.extend(left.map(|seconds| match seconds {
+        0.0..90.0 => format!("{seconds:.0} s left"),
+        _ => format!("{:.0} min left", seconds / 60.0),
+    }));
+    words.extend(value("psnr_db").map(|psnr| format!("{psnr:.1} dB")));
+    words.extend(value("gaussians").map(|count| format!("{} Gaussians", grouped(count as u64))));
+    words.extend(value("volume_m3").map(|volume| format!("{:.3} litres", 1e3 * volume)));
+    words.extend(value("objective").map(|objective| format!("objective {}", short(objective))));
+    words.extend(value("rollouts").map(|count| format!("{} rollouts", grouped(count as u64))));
+    words.join(", ")
+}
+
+/// A count with commas between thousands.
+fn grouped(count: u64) -> String {
+    match count {
+        0..1_000 => count.to_string(),
+        _ => format!("{},{:03}", grouped(count / 1_000), count % 1_000),
+    }
+}
+
 /// A number in few characters.
 fn short(value: f64) -> String {
     if value == 0.0 || (1e-2..1e4).contains(&value.abs()) {
@@ -94,5 +133,28 @@ fn short(value: f64) -> String {
         text.trim_end_matches('0').trim_end_matches('.').to_owned()
     } else {
         format!("{value:.3e}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_are_told_in_words_that_fit_sixty_columns() {
+        let values = [("loss", 0.1), ("psnr_db", 28.43), ("gaussians", 1702.0), ("seconds_left", 35.2)];
+        let values = values.map(|(name, value)| (name.to_owned(), value));
+        let left = seconds_left(&values, (10, Some(1200)), 5.0);
+        assert_eq!(in_words(left, &values), "35 s left, 28.4 dB, 1,702 Gaussians");
+        let line = format!("{:>10} {:12} 1150/1200 {}", "tracking", "", "35 s left, 28.4 dB");
+        assert!(line.len() <= 60, "{line}");
+    }
+
+    #[test]
+    fn the_pace_tells_what_no_stage_says() {
+        assert_eq!(seconds_left(&[], (3, Some(12)), 6.0), Some(18.0));
+        assert_eq!(seconds_left(&[], (3, None), 6.0), None);
+        assert_eq!(in_words(Some(600.0), &[("objective".to_owned(), 3.25)]), "10 min left, objective 3.25");
+        assert_eq!(["999", "1,000", "12,345,678"], [999, 1_000, 12_345_678].map(grouped).each_ref().map(|s| &s[..]));
     }
 }
