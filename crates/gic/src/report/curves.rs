@@ -83,7 +83,8 @@ fn reconstruction(history: &History) -> Vec<Chart> {
     ];
     let chart = |(key, title, unit, logarithmic): (&str, &str, &str, bool)| {
         let mut series: Vec<Series> = Vec::new();
-        for (phase, step, values) in steps {
+        // Tracking counts steps of its own.
+        for (phase, step, values) in steps.iter().filter(|(phase, ..)| phase != "tracking") {
             let Some(&value) = values.get(key) else { continue };
             if series.last().is_none_or(|line| line.name != *phase) {
                 series.push(Series::whole(phase.clone(), Vec::new()));
