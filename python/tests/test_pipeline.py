@@ -87,7 +87,7 @@ def test_a_scene_is_inspected(tmp_path):
     ("none", {}, gic.SceneError, "no such file or folder"),
     (DEMO, {"fit_frames": 15}, gic.GicError, "from 2 to 14"),
     (DEMO, {"stepz": 3}, gic.UsageError, "unexpected argument '--stepz'"),
-    (DEMO, {"set": {"reconstruct.stepz": 3}}, gic.RunError, "stepz"),
+    (DEMO, {"set": {"reconstruct.stepz": 3}}, gic.UsageError, "stepz"),
     (DEMO, {"material": "jelly"}, gic.UsageError, "possible values: auto"),
 ])
 def test_what_is_wrong_with_a_run_has_a_name(tmp_path, scene, changes, error, message):
