@@ -11,13 +11,14 @@ use gic_motion::pictures::{self, Bounds, Target, picture_loss, windowed};
 use gic_optimize::{Moments, decayed};
 use gic_scene::Scene;
 use gic_splat::{
-    GaussianGradients, Gaussians, RenderSettings, Shape, backward, coefficient_of_color, color_of_coefficient, logit,
-    render, sh, sigmoid,
+    GaussianGradients, Gaussians, ImageGradients, RenderSettings, Shape, backward, coefficient_of_color,
+    color_of_coefficient, logit, render, sh, sigmoid,
 };
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
+use crate::hidden::share_albedo;
 use crate::light::{IRRADIANCE_TERMS, Light, terms};
 use crate::tuning::{MAX_OPACITY, WINDOW_MARGIN_PX};
 use crate::{AppearanceError, AppearanceFitSettings};
@@ -111,6 +112,11 @@ pub fn fit_appearance(
             break;
         }
     }
+    let mut pixels = vec![0.0; bare.len()];
+    for (posed, seen) in &frames {
+        fit.add_covered(&mut pixels, posed, seen);
+    }
+    share_albedo(&mut fit.albedo, &pixels, &posed[0].positions);
     Ok(fit.lit(&posed[0].positions))
 }
 
@@ -204,6 +210,27 @@ impl<'a> AppearanceFit<'a> {
         let size = (camera.width, camera.height);
         let loss = picture_loss(&rendered, (&color, &mask), size, target.area, &self.settings.loss)?;
         Ok((loss.value, loss.squared, backward(drawn, &camera, &settings, &rendered, &loss.gradient)))
+    }
+
+    /// Adds the pixels that each Gaussian covers in a frame's pictures: the derivative of all that is drawn with
+    /// respect to its colour.
+    fn add_covered(&self, pixels: &mut [f64], posed: &PosedPoints, views: &[&Target]) {
+        let mut drawn = self.lit(&posed.positions).gaussians;
+        // Grey, so that no colour is cut off at black.
+        drawn.sh.iter_mut().for_each(|sh| *sh = [0.0; 3]);
+        let covered = |view: &&Target| {
+            let (camera, settings) = (windowed(&view.camera, view.bounds), RenderSettings::pictures());
+            let rendered = render(&drawn, &camera, &settings);
+            let ones =
+                ImageGradients { color: vec![[1.0; 3]; camera.width * camera.height], ..ImageGradients::default() };
+            backward(&drawn, &camera, &settings, &rendered, &ones).sh
+        };
+        // One after the other, in their order: the sum is the same whatever the number of threads.
+        for slopes in views.par_iter().map(covered).collect::<Vec<_>>() {
+            for (sum, slope) in pixels.iter_mut().zip(slopes) {
+                *sum += f64::from(slope[0]) / sh::C0;
+            }
+        }
     }
 
     /// From the gradients of drawn Gaussians, summed over views, to that of the trained numbers.

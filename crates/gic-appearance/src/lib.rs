@@ -6,6 +6,7 @@
 
 mod appearance_fit;
 mod error;
+mod hidden;
 mod light;
 mod register;
 mod settings;

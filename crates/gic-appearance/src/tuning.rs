@@ -10,6 +10,11 @@ const RADIANS_PER_DEGREE: f64 = std::f64::consts::PI / 180.0;
 pub(crate) const WINDOW_MARGIN_PX: usize = 12;
 /// Opacities stay below this, so that their logits stay finite. Paper: the cap of alpha in Kerbl et al. 2023.
 pub(crate) const MAX_OPACITY: f64 = 0.99;
+/// What a Gaussian's neighbours say of its albedo, in pixels that say the same. Derived: one, the least that a picture
+/// can say; what is seen covers hundreds.
+pub(crate) const NEIGHBOUR_PIXELS: f64 = 1.0;
+/// Sweeps that carry albedo into what no picture shows. Budget: as many layers of Gaussians, several times a body's.
+pub(crate) const HIDDEN_SWEEPS: usize = 100;
 
 // The scan's points and the outlines of the masks.
 
