@@ -1,12 +1,15 @@
 //! One writer for a folder at a time. Readers never wait: files appear whole.
 
 use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{self, Read, Write};
+use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 use crate::{WriteError, is_unfinished};
 
 const NAME: &str = ".lock";
+/// How long the name of a lock's holder is waited for: on a busy machine a process may pause before it writes.
+const NAME_WAIT: Duration = Duration::from_secs(2);
 
 /// Why a folder cannot be locked.
 #[derive(Debug, thiserror::Error)]
@@ -73,13 +76,20 @@ fn remove_unfinished(folder: &Path) {
     }
 }
 
-/// Who holds the lock, as its file says.
+/// Who holds the lock, as its file says. The holder writes its name right after it has the lock; who comes between
+/// waits for the name.
 fn holder(file: &mut File) -> String {
-    let mut text = String::new();
-    // Some systems do not let others read a locked file, and the holder may not have written its name yet.
-    let read = file.read_to_string(&mut text);
-    let name = text.trim();
-    if read.is_err() || name.is_empty() { "another process".into() } else { name.into() }
+    let asked = Instant::now();
+    while asked.elapsed() < NAME_WAIT {
+        let mut text = String::new();
+        match file.rewind().and_then(|()| file.read_to_string(&mut text)) {
+            Ok(_) if text.ends_with('\n') => return text.trim().to_owned(),
+            Ok(_) => std::thread::sleep(Duration::from_millis(5)),
+            // Some systems do not let others read a locked file.
+            Err(_) => break,
+        }
+    }
+    "another process".into()
 }
 
 #[cfg(unix)]
@@ -105,6 +115,22 @@ mod tests {
         assert!(refused.contains(&process) && refused.contains(folder.path().to_str().unwrap()), "{refused}");
         drop(first);
         FolderLock::take(folder.path()).unwrap();
+    }
+
+    #[test]
+    fn a_holder_that_has_not_written_its_name_yet_is_waited_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(NAME);
+        let mut held = File::create(&path).unwrap();
+        held.try_lock().unwrap();
+        let late = std::thread::spawn(move || {
+            std::thread::sleep(Duration::from_millis(100));
+            held.write_all(b"process 7 on a host\n").unwrap();
+            held
+        });
+        let refused = FolderLock::take(folder.path()).unwrap_err().to_string();
+        assert!(refused.ends_with("process 7 on a host"), "{refused}");
+        drop(late.join().unwrap());
     }
 
     #[test]
