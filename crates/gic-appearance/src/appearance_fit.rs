@@ -7,7 +7,7 @@
 
 use std::ops::ControlFlow;
 
-use gic_motion::pictures::{self, Bounds, Target, picture_loss, windowed};
+use gic_motion::pictures::{self, Bounds, Target, picture_loss, psnr, windowed};
 use gic_optimize::{Moments, decayed};
 use gic_scene::Scene;
 use gic_splat::{
@@ -187,7 +187,7 @@ impl<'a> AppearanceFit<'a> {
         let squared = slopes.iter().fold((0.0, 0), |sum, (_, s, _)| (sum.0 + s.0, sum.1 + s.1));
         let slope = self.pull_back(&drawn, &posed.normals, slopes.iter().map(|(.., slope)| slope));
         self.descend(&slope, step);
-        Ok(AppearanceProgress { step: step + 1, loss, psnr: -10.0 * (squared.0 / squared.1.max(1) as f64).log10() })
+        Ok(AppearanceProgress { step: step + 1, loss, psnr: psnr(squared) })
     }
 
     /// Loss, sum of squared differences and gradient of one view.

@@ -243,7 +243,8 @@ impl Settings {
 
     /// Checks that each fixed value is one of some law's.
     fn validate_for_any(&self) -> Result<(), IdentifyError> {
-        let mut unknown = self.fixed.iter().filter(|(name, _)| !MaterialKind::ALL.iter().any(|k| has(*k, name)));
+        let mut unknown =
+            self.fixed.iter().filter(|(name, _)| !MaterialKind::ALL.iter().any(|k| sought_by_name(*k, name).is_ok()));
         if let Some((name, _)) = unknown.next() {
             let known: BTreeSet<&str> = MaterialKind::ALL.iter().flat_map(|k| sought(*k)).map(|p| p.name).collect();
             let known = known.into_iter().collect::<Vec<_>>().join(", ");
@@ -256,7 +257,7 @@ impl Settings {
     /// out.
     pub fn among_laws(&self, kind: MaterialKind) -> Settings {
         let mut settings = self.clone();
-        settings.fixed.retain(|(name, _)| has(kind, name));
+        settings.fixed.retain(|(name, _)| sought_by_name(kind, name).is_ok());
         settings
     }
 
@@ -288,11 +289,6 @@ impl Settings {
         let wanted = self.tuning.resolution.substeps_times_spacing_m / grid_spacing_m;
         (grid_spacing_m, self.substeps_per_frame.unwrap_or((wanted * (1.0 - 1e-9)).ceil() as usize))
     }
-}
-
-/// Whether a parameter of that name is sought.
-fn has(kind: MaterialKind, name: &str) -> bool {
-    sought(kind).iter().any(|parameter| parameter.name == name)
 }
 
 /// Why a value of the flag `--fix` is none.

@@ -17,7 +17,7 @@ pub const FILES: [&str; 2] = ["appearance/gaussians.ply", "appearance/light.json
 const SCHEMA: &str = "gic.light/1";
 /// Least length of the outward normal of a Gaussian that can be seen. Shorter ones lie almost two spacings deep, behind
 /// nearly opaque Gaussians.
-const MIN_VISIBLE_NORMAL: f32 = 0.06;
+pub(crate) const MIN_VISIBLE_NORMAL: f32 = 0.06;
 
 /// Gaussians with colours, each moved by one particle of the simulation.
 pub struct SkinnedGaussians {
@@ -131,17 +131,30 @@ impl SkinnedGaussians {
     pub fn visible(&self, moved: &[DVec3]) -> Gaussians {
         let positions = self.positions(moved);
         let normals = outward_normals(&positions, self.spacing);
-        let outside =
-            |normal: &[f32; 3]| normal.iter().map(|x| x * x).sum::<f32>() > MIN_VISIBLE_NORMAL * MIN_VISIBLE_NORMAL;
-        let seen: Vec<usize> = (0..positions.len()).filter(|&i| outside(&normals[i])).collect();
+        let seen = outside(&normals);
         let lit = LitGaussians { gaussians: self.lit.gaussians.select(&seen), light: self.lit.light };
         lit.at(seen.iter().map(|&i| positions[i]).collect(), &seen.iter().map(|&i| normals[i]).collect::<Vec<_>>())
+    }
+
+    /// Which of [`SkinnedGaussians::at`] can be seen, ascending.
+    pub fn visible_rows(&self, moved: &[DVec3]) -> Vec<usize> {
+        outside(&outward_normals(&self.positions(moved), self.spacing))
     }
 
     fn positions(&self, moved: &[DVec3]) -> Vec<[f32; 3]> {
         let position = |(&i, &offset): (&u32, &DVec3)| (moved[i as usize] + offset).as_vec3().to_array();
         self.parents.iter().zip(&self.offsets).map(position).collect()
     }
+}
+
+/// Which normals are those of points near the outside.
+fn outside(normals: &[[f32; 3]]) -> Vec<usize> {
+    (0..normals.len()).filter(|&i| is_longer(&normals[i], MIN_VISIBLE_NORMAL)).collect()
+}
+
+/// Whether a normal is longer than `least`.
+pub(crate) fn is_longer(normal: &[f32; 3], least: f32) -> bool {
+    normal.iter().map(|x| x * x).sum::<f32>() > least * least
 }
 
 /// RGB of Gaussians that [`SkinnedGaussians::at`] gave.

@@ -63,8 +63,8 @@ pub fn three_digits(value: f64) -> String {
     }
 }
 
-/// Digits before the point in groups of three.
-fn grouped(text: &str) -> String {
+/// The digits of a whole number in groups of three.
+pub fn grouped(text: &str) -> String {
     let (sign, digits) = text.split_at(usize::from(text.starts_with('-')));
     let mut grouped = String::from(sign);
     for (i, digit) in digits.chars().enumerate() {

@@ -2,7 +2,7 @@
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use gic_scene::{Camera, Mask, Picture, Scene};
+use gic_scene::{Camera, Mask, Picture, Scene, View};
 use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
@@ -52,31 +52,32 @@ pub struct Shot {
 }
 
 impl Video {
-    /// Reads all of it; `on_frame` is called after each frame and returns whether to stop.
+    /// The cameras of a scene, without a frame yet.
+    pub fn of(scene: &Scene) -> Self {
+        let names = scene.camera_names.iter().zip(&scene.cameras);
+        let cameras = names.map(|(name, camera)| VideoCamera::new(name, camera)).collect();
+        Self { times_s: scene.times.clone(), cameras }
+    }
+
+    /// Reads the next frame of the scene; returns the masks of its views.
     ///
     /// # Errors
-    /// Pictures that cannot be read, an interrupt.
-    pub fn read(scene: &Scene, on_frame: &mut dyn FnMut(usize) -> bool) -> Result<Self> {
-        let names = scene.camera_names.iter().zip(&scene.cameras);
-        let mut cameras: Vec<VideoCamera> = names.map(|(name, camera)| VideoCamera::new(name, camera)).collect();
-        for frame in 0..scene.times.len() {
-            let views = scene.views_at(frame);
-            let shots: Vec<Shot> = views
-                .par_iter()
-                .map(|view| {
-                    let (picture, mask) = scene.load(view).map_err(ViewError::stage("reading pictures"))?;
-                    Shot::new(&Thumbnail::of(scene, view.camera), &picture, &mask)
-                })
-                .collect::<Result<_>>()?;
-            cameras.iter_mut().for_each(|camera| camera.shots.push(None));
-            for (view, shot) in views.iter().zip(shots) {
-                cameras[view.camera].shots[frame] = Some(shot);
-            }
-            if on_frame(frame) {
-                return Err(ViewError::interrupted(String::new()));
-            }
-        }
-        Ok(Self { times_s: scene.times.clone(), cameras })
+    /// Pictures that cannot be read.
+    pub fn add_frame(&mut self, scene: &Scene, frame: usize) -> Result<Vec<Mask>> {
+        let views = scene.views_at(frame);
+        let read: Vec<(Shot, Mask)> = views
+            .par_iter()
+            .map(|view| {
+                let (picture, mask) = scene.load(view).map_err(ViewError::stage("reading pictures"))?;
+                Ok((Shot::new(&Thumbnail::of(scene, view.camera), &picture, &mask)?, mask))
+            })
+            .collect::<Result<_>>()?;
+        self.cameras.iter_mut().for_each(|camera| camera.shots.push(None));
+        let place = |(view, (shot, mask)): (&View, (Shot, Mask))| {
+            self.cameras[view.camera].shots[frame] = Some(shot);
+            mask
+        };
+        Ok(views.iter().zip(read).map(place).collect())
     }
 }
 

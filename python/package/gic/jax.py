@@ -7,7 +7,7 @@ precision: set ``jax_enable_x64`` for float64.
 from __future__ import annotations
 
 from functools import partial
-from typing import Any, List, Mapping, Optional, Tuple
+from typing import Any, List, Mapping, Optional, Tuple, Union
 
 import jax
 import jax.numpy as jnp
@@ -30,7 +30,7 @@ def rollout(simulator: Simulator, frames: Frames, *inputs: Mapping[str, Any]) ->
     """
     keys, arrays = named(inputs)
     call = _RolloutCall(simulator, frames, keys)
-    return _rollout(call, tuple(jnp.asarray(array, dtype=float) for array in arrays))
+    return _called(call, tuple(jnp.asarray(array, dtype=float) for array in arrays))
 
 
 def render(
@@ -47,7 +47,7 @@ def render(
     attributes = (positions_m, opacities, scales_m, rotations, sh)
     given = [name for name, value in zip(ATTRIBUTES, attributes) if value is not None]
     arrays = tuple(jnp.asarray(value, dtype=jnp.float32) for value in attributes if value is not None)
-    return _render(_PictureCall(camera, settings, given), arrays)
+    return _called(_PictureCall(camera, settings, given), arrays)
 
 
 def _callback(function: Any, shapes: Any, *arguments: Any) -> Any:
@@ -83,22 +83,6 @@ class _RolloutCall:
         return _like(rollout_gradients(recording, self.keys, arrays, *_numpy(bars)), arrays)
 
 
-@partial(jax.custom_vjp, nondiff_argnums=(0,))
-def _rollout(call: _RolloutCall, arrays: Any) -> Any:
-    return _callback(call.forward, call.shapes, *arrays)
-
-
-def _rollout_forward(call: _RolloutCall, arrays: Any) -> Any:
-    return _rollout(call, arrays), arrays
-
-
-def _rollout_backward(call: _RolloutCall, arrays: Any, bars: Any) -> Any:
-    return (_callback(call.backward, _shapes_of(arrays), arrays, bars),)
-
-
-_rollout.defvjp(_rollout_forward, _rollout_backward)
-
-
 class _PictureCall:
     """What of a picture is no array."""
 
@@ -122,19 +106,19 @@ class _PictureCall:
 
 
 @partial(jax.custom_vjp, nondiff_argnums=(0,))
-def _render(call: _PictureCall, arrays: Any) -> Any:
+def _called(call: Union[_RolloutCall, _PictureCall], arrays: Any) -> Any:
     return _callback(call.forward, call.shapes, *arrays)
 
 
-def _render_forward(call: _PictureCall, arrays: Any) -> Any:
-    return _render(call, arrays), arrays
+def _called_forward(call: Union[_RolloutCall, _PictureCall], arrays: Any) -> Any:
+    return _called(call, arrays), arrays
 
 
-def _render_backward(call: _PictureCall, arrays: Any, bars: Any) -> Any:
+def _called_backward(call: Union[_RolloutCall, _PictureCall], arrays: Any, bars: Any) -> Any:
     return (_callback(call.backward, _shapes_of(arrays), arrays, bars),)
 
 
-_render.defvjp(_render_forward, _render_backward)
+_called.defvjp(_called_forward, _called_backward)
 
 
 def _numpy(arrays: Any) -> List[np.ndarray]:

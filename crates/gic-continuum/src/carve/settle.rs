@@ -67,16 +67,16 @@ type Curve = Difference<SWEEP_DEPTHS>;
 /// Distance between two depths of the sweep [voxels].
 const DEPTH_STEP: f64 = 0.5;
 
-/// How far outward a depth lies [voxels], for depths `step` [voxels] apart.
-fn outward(depth: f64, step: f64) -> f64 {
-    step * (depth - SWEEP_SURFACE as f64)
+/// How far outward a depth lies [voxels].
+fn outward(depth: f64) -> f64 {
+    DEPTH_STEP * (depth - SWEEP_SURFACE as f64)
 }
 
 impl Curve {
     /// Where the curve is least [voxels outward], by a parabola through its lowest values, and its second derivative
     /// there [1/voxels^2], that of a squared deviation in units of its variance: differences larger than expected count
     /// for less.
-    fn least(&self, step: f64, largest_difference: f32) -> (f64, f64) {
+    fn least(&self, largest_difference: f32) -> (f64, f64) {
         let k = (0..SWEEP_DEPTHS).min_by(|a, b| self.squared[*a].total_cmp(&self.squared[*b])).unwrap_or(SWEEP_SURFACE);
         let middle = k.clamp(1, SWEEP_DEPTHS - 2);
         let [a, b, c] = [middle - 1, middle, middle + 1].map(|k| f64::from(self.squared[k]));
@@ -87,7 +87,7 @@ impl Curve {
             return (0.0, 0.0);
         }
         let shift = (0.5 * (a - c) / bend).clamp(-1.0, 1.0);
-        (outward(middle as f64 + shift, step), bend / (step * step) / excess.max(1.0))
+        (outward(middle as f64 + shift), bend / (DEPTH_STEP * DEPTH_STEP) / excess.max(1.0))
     }
 }
 
@@ -100,11 +100,10 @@ impl Solid {
         surface: &[Place],
         tuning: &Tuning,
     ) -> Vec<f64> {
-        let step = DEPTH_STEP;
-        let depths: [f64; SWEEP_DEPTHS] = std::array::from_fn(|k| outward(k as f64, step) * self.grid.spacing);
+        let depths: [f64; SWEEP_DEPTHS] = std::array::from_fn(|k| outward(k as f64) * self.grid.spacing);
         let around = self.differences_around(views, surface, &depths, tuning);
         let images = symmetry.images();
-        let wanted = |place| self.at_images(&around, &images, place).least(step, tuning.carving.first_tolerance);
+        let wanted = |place| self.at_images(&around, &images, place).least(tuning.carving.first_tolerance);
         let wanted: Vec<(f64, f64)> = surface.par_iter().map(wanted).collect();
         self.smoothed(surface, &wanted, tuning)
     }
@@ -214,14 +213,14 @@ mod tests {
             Curve { squared: std::array::from_fn(value), freedom: 6.0 }
         };
         for at in [-2.6, -1.13, 0.0, 0.4, 1.7] {
-            let (found, bend) = curve(at, 5.0).least(0.5, 2.88);
+            let (found, bend) = curve(at, 5.0).least(2.88);
             assert!((found - at).abs() < 1e-4 && (bend - 10.0).abs() < 1e-3, "{at}: {found} {bend}");
         }
-        assert_eq!(curve(0.3, 0.0).least(0.5, 2.88), (0.0, 0.0), "flat");
+        assert_eq!(curve(0.3, 0.0).least(2.88), (0.0, 0.0), "flat");
         let nowhere = Curve { freedom: 0.5, ..curve(0.3, 5.0) };
-        assert_eq!(nowhere.least(0.5, 2.88), (0.0, 0.0), "colours that differ at every depth");
+        assert_eq!(nowhere.least(2.88), (0.0, 0.0), "colours that differ at every depth");
         let many = Curve { freedom: 1.5, ..curve(0.5, 5.0) };
-        assert!((many.least(0.5, 2.88).1 - 5.0).abs() < 1e-3, "differences twice as large as expected count half");
+        assert!((many.least(2.88).1 - 5.0).abs() < 1e-3, "differences twice as large as expected count half");
     }
 
     /// A ball of 20 voxels across whose density falls linearly over four voxels.

@@ -23,6 +23,11 @@ pub struct PictureLoss {
     pub gradient: ImageGradients,
 }
 
+/// PSNR [dB] of a sum of squared colour differences and their number.
+pub fn psnr((squared, count): (f64, usize)) -> f64 {
+    -10.0 * (squared / count.max(1) as f64).log10()
+}
+
 /// Compares a rendered window with its target colour and mask; `area` is the object's area in the picture [pixels].
 ///
 /// # Errors

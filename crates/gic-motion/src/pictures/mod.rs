@@ -6,6 +6,6 @@ mod targets;
 mod window;
 
 pub use ball::{Ball, ball, mask_centre};
-pub use loss::{PictureLoss, picture_loss};
+pub use loss::{PictureLoss, picture_loss, psnr};
 pub use targets::{Bounds, Target, first_frame, held_out, training, windowed};
 pub use window::drawn_bounds;

@@ -9,9 +9,10 @@ use super::progress::Listener;
 use super::schedule::Trained;
 use super::state::State;
 use super::training::Training;
-use super::view_gradient::{ViewGradient, psnr};
+use super::view_gradient::ViewGradient;
 use crate::base::fit::Freedom;
 use crate::gaussians::parameters::ParameterGradient;
+use crate::pictures::psnr;
 use crate::tuning::{LOSS_AVERAGE_WEIGHT, NETWORK_RISE_STEPS};
 use crate::{Deformation, MotionError};
 

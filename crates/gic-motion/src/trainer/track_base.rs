@@ -9,8 +9,9 @@ use rayon::prelude::*;
 use super::progress::{Listener, Pace, Phase, Progress};
 use super::state::State;
 use super::training::Training;
-use super::view_gradient::{ViewGradient, psnr};
+use super::view_gradient::ViewGradient;
 use crate::base::fit::{BaseFit, Freedom, PoseMoments};
+use crate::pictures::psnr;
 use crate::tuning::{EXPLAINED_LOSS_RATIO, TRACKING_BEND_RATE, TRACKING_MAP_RATE, TRACKING_VIEWS_PER_STEP};
 use crate::{BaseMotion, Lattice, MotionError};
 

@@ -13,11 +13,6 @@ pub(super) struct ViewGradient {
     pub(super) screen_unit: f64,
 }
 
-/// PSNR [dB] of squared errors and their number.
-pub(super) fn psnr((squared, count): (f64, usize)) -> f64 {
-    -10.0 * (squared / count.max(1) as f64).log10()
-}
-
 impl Training<'_> {
     /// Loss and gradient of one view, rendered where its mask or the Gaussians are.
     pub(super) fn view_gradient(

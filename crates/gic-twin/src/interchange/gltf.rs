@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::DVec3;
 use serde_json::{Value, json};
 
-use super::{ExportBody, Paint, UpAxis, linear_of_srgb, stays_together};
+use super::{ExportBody, Paint, UpAxis, linear_colors, stays_together};
 use crate::atomic;
 use crate::error::{Result, TwinError};
 use crate::json;
@@ -30,7 +30,7 @@ pub fn write_glb(path: &Path, body: &ExportBody, paint: Option<&Paint>) -> Resul
     } else {
         (body.particles().to_vec(), Vec::new(), Vec::new())
     };
-    let colors = paint.map(|paint| paint(&rest));
+    let colors = paint.map(|paint| linear_colors(paint, &rest));
     let turn = |v: DVec3| if body.up() == UpAxis::Z { DVec3::new(v.x, v.z, -v.y) } else { v };
     let mut file = Chunks::default();
     let shown: Vec<DVec3> = rest.iter().map(|p| turn(*p)).collect();
@@ -40,8 +40,6 @@ pub fn write_glb(path: &Path, body: &ExportBody, paint: Option<&Paint>) -> Resul
         attributes["NORMAL"] = file.vectors(&normals, false).into();
     }
     if let Some(colors) = colors {
-        let linear = |c: [f32; 3]| DVec3::from(c.map(|v| linear_of_srgb(v).into()));
-        let colors: Vec<DVec3> = colors.into_iter().map(linear).collect();
         attributes["COLOR_0"] = file.vectors(&colors, false).into();
     }
     let mut primitive = json!({

@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use gic_mpm::Material;
 use glam::{DQuat, DVec3};
 
-use super::{ExportBody, elastic_solid};
+use super::{ExportBody, elastic_solid, friction, is_elastic, lame};
 use crate::atomic;
 use crate::error::Result;
-use crate::twin::{ContactKind, Obstacle, ObstacleShape, Twin};
+use crate::twin::{Obstacle, ObstacleShape, Twin};
 
 /// Side of a cell over the cube root of the body's volume. Fitted on: cat, with moduli of 40 and 100 kPa.
 const CELL_SHARE: f64 = 0.3;
@@ -17,8 +17,6 @@ const CELL_SHARE: f64 = 0.3;
 const COURANT_NUMBER: f64 = 0.125;
 /// Radius of the vertices in contact, over the particles' spacing.
 const CONTACT_RADIUS: f64 = 0.1;
-/// Friction that stands for a contact without any slip. Fitted on: cat; with 1 it slides.
-const STICKY_FRICTION: f64 = 2.0;
 /// Compressions, as shares of the length, between which that of an impact is sought.
 const COMPRESSED: [f64; 2] = [0.05, 1.0];
 
@@ -49,7 +47,7 @@ pub fn write_mjcf(path: &Path, body: &ExportBody, approximate: bool) -> Result<P
         twin.material.model(),
         twin.density_kg_m3,
         body.mass_kg(),
-        if yields(twin) { " EXPORTED AS ELASTIC: MuJoCo knows nothing of its plasticity." } else { "" },
+        if !is_elastic(&twin.material) { " EXPORTED AS ELASTIC: MuJoCo knows nothing of its plasticity." } else { "" },
         loader_file(path).file_name().unwrap_or_default().to_string_lossy(),
     );
     let _ = write!(
@@ -115,9 +113,8 @@ fn impact_energy_pa(body: &ExportBody) -> f64 {
 /// By how much the modulus of a law that is linear in the stretch is raised so that it stores an energy per volume `w`
 /// [Pa] at the compression (to the share `s` of the length, without widening) at which the neo-Hookean law does:
 /// `w = mu (s^2 - 1) / 2 - mu ln s + lambda (ln s)^2 / 2` against `(lambda + 2 mu) (1 - s)^2 / 2`.
-fn impact_factor(w: f64, [young, poisson]: [f64; 2]) -> f64 {
-    let mu = young / (2.0 * (1.0 + poisson));
-    let lambda = young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson));
+fn impact_factor(w: f64, moduli: [f64; 2]) -> f64 {
+    let [mu, lambda] = lame(moduli);
     let stored = |s: f64| 0.5 * mu * (s * s - 1.0) - mu * s.ln() + 0.5 * lambda * s.ln().powi(2);
     let [mut low, mut high] = COMPRESSED;
     // The stored energy falls from the most compressed to the uncompressed.
@@ -134,10 +131,6 @@ fn impact_factor(w: f64, [young, poisson]: [f64; 2]) -> f64 {
 /// strains.
 fn damping_s(twin: &Twin) -> f64 {
     if let Material::Viscoelastic { retardation_time_s, .. } = twin.material { retardation_time_s } else { 0.0 }
-}
-
-fn yields(twin: &Twin) -> bool {
-    !matches!(twin.material, Material::Elastic { .. } | Material::Viscoelastic { .. })
 }
 
 fn loader_file(path: &Path) -> PathBuf {
@@ -192,8 +185,7 @@ fn geom(index: usize, obstacle: &Obstacle) -> String {
         return format!("    <!-- {label} moves and is left out -->\n");
     }
     let turn = crate::rotation(obstacle.rotation_deg.unwrap_or_default());
-    let sticky = if obstacle.contact == ContactKind::Sticky { STICKY_FRICTION } else { 0.0 };
-    let friction = obstacle.friction.unwrap_or(sticky);
+    let friction = friction(obstacle);
     // MuJoCo's cylinders and capsules stand along z, the twin's along y.
     let along_z = turn * DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2);
     let quaternion = |q: DQuat| format!("{} {} {} {}", q.w, q.x, q.y, q.z);

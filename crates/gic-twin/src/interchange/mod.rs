@@ -21,7 +21,7 @@ use gic_mpm::Material;
 use glam::DVec3;
 
 use crate::error::{Result, TwinError};
-use crate::twin::Twin;
+use crate::twin::{ContactKind, Obstacle, Twin};
 
 /// Colours of points of the body at time 0 [m]: RGB in [0, 1] as in pictures (sRGB).
 pub type Paint<'a> = dyn Fn(&[DVec3]) -> Vec<[f32; 3]> + 'a;
@@ -32,9 +32,33 @@ fn linear_of_srgb(value: f32) -> f32 {
     if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
 }
 
+/// Colours of points of the body at time 0 [m] as light.
+fn linear_colors(paint: &Paint, at: &[DVec3]) -> Vec<DVec3> {
+    paint(at).into_iter().map(|color| DVec3::from(color.map(|v| linear_of_srgb(v).into()))).collect()
+}
+
+/// Friction that stands for a contact without any slip. Fitted on: cat, in MuJoCo; with 1 it slides.
+const STICKY_FRICTION: f64 = 2.0;
+
+/// Friction of an obstacle in programs that know no other contact.
+fn friction(obstacle: &Obstacle) -> f64 {
+    let sticky = if obstacle.contact == ContactKind::Sticky { STICKY_FRICTION } else { 0.0 };
+    obstacle.friction.unwrap_or(sticky)
+}
+
+/// Lame's mu and lambda [Pa] from Young's modulus [Pa] and Poisson's ratio.
+fn lame([young, poisson]: [f64; 2]) -> [f64; 2] {
+    [young / (2.0 * (1.0 + poisson)), young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson))]
+}
+
+/// Whether matter takes its shape again.
+fn is_elastic(material: &Material) -> bool {
+    matches!(material, Material::Elastic { .. } | Material::Viscoelastic { .. })
+}
+
 /// Whether the matter of a body stays together, so that its surface moves with its particles.
 pub fn stays_together(material: &Material) -> bool {
-    matches!(material, Material::Elastic { .. } | Material::Viscoelastic { .. } | Material::Plasticine { .. })
+    is_elastic(material) || matches!(material, Material::Plasticine { .. })
 }
 
 /// Young's modulus [Pa] and Poisson's ratio for programs that know elastic solids only.
@@ -46,13 +70,12 @@ fn elastic_solid(twin: &Twin, format: &str, approximate: bool) -> Result<[f64; 2
         problem: format!("{format} describes elastic solids, and the twin's material is {}", twin.material.model()),
         hint: Some(hint.into()),
     };
-    match (&twin.material, twin.material.elastic_moduli()) {
-        (Material::Elastic { .. } | Material::Viscoelastic { .. }, Some(moduli)) => Ok(moduli),
-        (_, Some(moduli)) if approximate => Ok(moduli),
-        (_, Some(_)) => Err(refused(
+    match twin.material.elastic_moduli() {
+        Some(moduli) if approximate || is_elastic(&twin.material) => Ok(moduli),
+        Some(_) => Err(refused(
             "--approximate exports the elastic solid that it is before it yields; --format usd and --format particles \
              hold every law",
         )),
-        (_, None) => Err(refused("--format usd and --format particles hold every law")),
+        None => Err(refused("--format usd and --format particles hold every law")),
     }
 }

@@ -11,7 +11,7 @@ use npyz::WriterBuilder;
 use npyz::npz::NpzWriter;
 use serde::Serialize;
 
-use super::{ExportBody, loaders};
+use super::{ExportBody, lame, loaders};
 use crate::atomic;
 use crate::error::{Result, TwinError};
 use crate::twin::Obstacle;
@@ -106,13 +106,9 @@ struct ElasticityJson {
 }
 
 impl ElasticityJson {
-    fn new([young, poisson]: [f64; 2]) -> Self {
-        Self {
-            youngs_modulus_pa: young,
-            poisson_ratio: poisson,
-            lame_mu_pa: young / (2.0 * (1.0 + poisson)),
-            lame_lambda_pa: young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson)),
-        }
+    fn new(moduli: [f64; 2]) -> Self {
+        let ([youngs_modulus_pa, poisson_ratio], [lame_mu_pa, lame_lambda_pa]) = (moduli, lame(moduli));
+        Self { youngs_modulus_pa, poisson_ratio, lame_mu_pa, lame_lambda_pa }
     }
 }
 

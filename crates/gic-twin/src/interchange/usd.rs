@@ -9,13 +9,11 @@ use gic_mpm::Material;
 use glam::{DQuat, DVec3};
 
 use super::usd_text::{list, moving_points, points, quaternion, triple};
-use super::{ExportBody, Paint, UpAxis, linear_of_srgb, stays_together};
+use super::{ExportBody, Paint, UpAxis, friction, linear_colors, stays_together};
 use crate::atomic;
 use crate::error::Result;
-use crate::twin::{ContactKind, Obstacle, ObstacleShape};
+use crate::twin::{Obstacle, ObstacleShape};
 
-/// Friction that stands for a contact without any slip.
-const STICKY_FRICTION: f64 = 2.0;
 /// A stress [Pa] that nothing reaches: what does not yield.
 const NEVER_PA: f64 = 1e12;
 /// Sides of the square that shows a half space, over the body's.
@@ -168,8 +166,7 @@ fn obstacles(text: &mut String, body: &ExportBody) {
             let _ = writeln!(text, "        # {} moves and is left out", obstacle.label(index));
             continue;
         }
-        let sticky = if obstacle.contact == ContactKind::Sticky { STICKY_FRICTION } else { 0.0 };
-        let friction = obstacle.friction.unwrap_or(sticky);
+        let friction = friction(obstacle);
         let (kind, attributes, place, turn) = shape(obstacle, side);
         let _ = write!(
             text,
@@ -288,10 +285,9 @@ fn colors(text: &mut String, at: &[DVec3], paint: Option<&Paint>) {
         *text += "            color3f[] primvars:displayColor = [(0.6, 0.3, 0.15)]\n";
         return;
     };
-    let linear: Vec<DVec3> = paint(at).into_iter().map(|c| DVec3::from(c.map(|v| linear_of_srgb(v).into()))).collect();
     let _ = write!(
         text,
         "            color3f[] primvars:displayColor = {} (\n                interpolation = \"vertex\"\n            )\n",
-        points(&linear)
+        points(&linear_colors(paint, at))
     );
 }

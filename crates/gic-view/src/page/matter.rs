@@ -9,11 +9,10 @@ use crate::error::{Result, ViewError};
 use crate::render::color_scale::{PLAIN_RGB, byte_color};
 use crate::render::particle_splats::{OPACITY, SCALE};
 use crate::render::simulated_motion::SimulatedMotion;
-use crate::skinned_gaussians::SkinnedGaussians;
+use crate::skinned_gaussians::{MIN_VISIBLE_NORMAL, SkinnedGaussians, is_longer};
 
-/// Splats whose normal is shorter than this in every frame have matter all around, and are left out.
-const MIN_VISIBLE_NORMAL: f32 = 0.06;
-/// The same for particles that are splats themselves: these are nearly opaque.
+/// Least length of the outward normal of a particle that can be seen, where particles are the splats: these are nearly
+/// opaque. Splats that are never seen are left out.
 const MIN_SURFACE_NORMAL: f32 = 0.3;
 /// Bytes of a page's matter; beyond, every second (third, ...) splat is left out. Budget: a page of 40 MB.
 const MAX_BYTES: usize = 28_000_000;
@@ -106,7 +105,7 @@ impl PageMatter {
                 .collect();
             let normals = outward_normals(&positions, spacing);
             for (seen, normal) in seen.iter_mut().zip(&normals) {
-                *seen |= normal.iter().map(|x| x * x).sum::<f32>() > least * least;
+                *seen |= is_longer(normal, least);
             }
             let (positions, stress, speed) = (particles.positions, particles.von_mises_pa, particles.speeds);
             frames.push(MatterFrame { positions, stress, speed, normals });

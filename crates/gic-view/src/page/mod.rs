@@ -17,7 +17,7 @@ use gic_twin::atomic;
 use gic_twin::events::{Event, Events};
 use serde::Serialize;
 
-use crate::error::Result;
+use crate::error::{Result, ViewError};
 use crate::render::color_scale::{ColorScale, Coloring};
 use crate::render::particle_splats;
 use crate::render::simulated_motion::SimulatedMotion;
@@ -169,13 +169,8 @@ pub fn view(
     events.send(&Event::StageStarted { stage: STAGE.into(), reason: format!("{frames} frames") });
     let meter = ResourceMeter::start();
     let viewer = Viewer::of(motion, STAGE, events, interrupt)?;
-    let video = scene.map(|scene| {
-        Video::read(scene, &mut |frame| {
-            events.step(STAGE, "film", frame as u64 + 1, Some(scene.times.len() as u64), &[]);
-            interrupt.requested()
-        })
-    });
-    let video = template::script_json(&video.transpose()?)?;
+    let video = scene.map(|scene| film(scene, events, interrupt)).transpose()?;
+    let video = template::script_json(&video)?;
     let model = motion.trajectory.twin.pointer("/material/model").and_then(|m| m.as_str()).unwrap_or("digital");
     let (splats, context) = (viewer.splats, Page { title: format!("{model} twin"), viewer, video });
     let templates = [&[("page.html", include_str!("viewer/page.html"))], &VIEWER_TEMPLATES[..]].concat();
@@ -183,6 +178,19 @@ pub fn view(
     atomic::write(&request.page, page.as_bytes())?;
     events.send(&meter.done(STAGE));
     Ok(PageOutcome { splats, frames, bytes: page.len() })
+}
+
+/// All of a scene's film.
+fn film(scene: &Scene, events: &Events, interrupt: &Interrupt) -> Result<Video> {
+    let mut video = Video::of(scene);
+    for frame in 0..scene.times.len() {
+        video.add_frame(scene, frame)?;
+        events.step(STAGE, "film", frame as u64 + 1, Some(scene.times.len() as u64), &[]);
+        if interrupt.requested() {
+            return Err(ViewError::interrupted(String::new()));
+        }
+    }
+    Ok(video)
 }
 
 /// The context of the page.

@@ -1,14 +1,14 @@
 //! The twin as each camera of the video would have filmed it, and its outline over that of the observed mask.
 
 use gic_continuum::{Appearance, Drawing, agreement, informed_gaussians};
-use gic_scene::{Camera, Picture, Scene};
+use gic_scene::{Camera, Mask, Picture, Scene};
 use gic_splat::{Gaussians, RenderSettings, render};
 use glam::DVec3;
 use image::ExtendedColorType;
 use rayon::prelude::*;
 use serde::Serialize;
 
-use crate::error::{Result, ViewError};
+use crate::error::Result;
 use crate::skinned_gaussians::SkinnedGaussians;
 use crate::video::Thumbnail;
 
@@ -44,18 +44,22 @@ pub struct TwinDrawing {
     pub backgrounds: Vec<Option<Picture>>,
 }
 
-/// Every camera's view of a frame, in the order of the cameras; `None` where a camera has no picture. `positions` [m]
-/// are those of the twin's particles.
+/// Every camera's view of a frame, in the order of the cameras; `None` where a camera has no picture. `masks` are those
+/// of the frame's views, `positions` [m] those of the twin's particles.
 ///
 /// # Errors
-/// Masks that cannot be read.
-pub fn overlays(scene: &Scene, drawn: &TwinDrawing, positions: &[DVec3], frame: usize) -> Result<Vec<Option<Overlay>>> {
+/// Pictures that cannot be encoded.
+pub fn overlays(
+    scene: &Scene,
+    drawn: &TwinDrawing,
+    positions: &[DVec3],
+    (frame, masks): (usize, &[Mask]),
+) -> Result<Vec<Option<Overlay>>> {
     let views = scene.views_at(frame);
-    let masks = scene.load_masks(views).map_err(ViewError::stage("reading masks"))?;
     let appearance = Appearance { scale: drawn.factor * drawn.appearance.scale, ..drawn.appearance };
     let shape = informed_gaussians(&drawn.drawing.positions(positions), &drawn.drawing.particles, &appearance);
     let skin = drawn.skin.as_ref().map(|skin| skin.visible(positions));
-    let overlays = views.par_iter().zip(&masks).map(|(view, mask)| {
+    let overlays = views.par_iter().zip(masks).map(|(view, mask)| {
         let camera = scene.camera_of(view);
         let thumbnail = Thumbnail::of(scene, view.camera);
         let alpha = render(&shape, camera, &RenderSettings::masks()).alpha;

@@ -1,9 +1,13 @@
 //! Events on the terminal: bars on stderr when it is a terminal, plain lines when it is not.
 
+use std::collections::BTreeMap;
 use std::io::IsTerminal;
 
 use gic_twin::events::{Event, Sink};
 use indicatif::{ProgressBar, ProgressStyle};
+
+/// Values of a step by their names.
+type Values = BTreeMap<String, f64>;
 
 pub(crate) struct Progress {
     quiet: bool,
@@ -25,7 +29,7 @@ impl Progress {
         }
     }
 
-    fn step(&mut self, (stage, phase): (&str, &str), step: u64, of: Option<u64>, values: &[(String, f64)]) {
+    fn step(&mut self, (stage, phase): (&str, &str), step: u64, of: Option<u64>, values: &Values) {
         if self.verbose {
             let of = of.map(|n| format!("/{n}")).unwrap_or_default();
             let values: Vec<String> = values.iter().map(|(name, v)| format!("{name} {}", short(*v))).collect();
@@ -77,10 +81,7 @@ impl Sink for Progress {
                 self.line(&format!("{stage}: {reason}, nothing to do"))
             }
             Event::StageStarted { .. } | Event::StageSkipped { .. } => (),
-            Event::Step { stage, phase, step, of, values } => {
-                let values: Vec<(String, f64)> = values.iter().map(|(name, v)| (name.clone(), *v)).collect();
-                self.step((stage, phase), *step, *of, &values);
-            }
+            Event::Step { stage, phase, step, of, values } => self.step((stage, phase), *step, *of, values),
             Event::Note { stage, text } if !self.quiet => self.line(&format!("{stage}: {text}")),
             Event::Note { .. } => (),
             Event::Warning { stage, text } => self.line(&format!("warning: {stage}: {text}")),
@@ -96,15 +97,14 @@ impl Sink for Progress {
 }
 
 /// The one estimate of the time left [s]: what the stage says, else what its pace so far says.
-fn seconds_left(values: &[(String, f64)], (step, of): (u64, Option<u64>), elapsed: f64) -> Option<f64> {
-    let said = values.iter().find(|(name, _)| name == "seconds_left").map(|(_, seconds)| *seconds);
+fn seconds_left(values: &Values, (step, of): (u64, Option<u64>), elapsed: f64) -> Option<f64> {
     let by_pace = || of.filter(|_| step > 0).map(|of| elapsed / step as f64 * of.saturating_sub(step) as f64);
-    said.or_else(by_pace)
+    values.get("seconds_left").copied().or_else(by_pace)
 }
 
 /// What a step says, in words, the most important first: "35 s left, 28.4 dB, 1,702 Gaussians".
-fn in_words(left: Option<f64>, values: &[(String, f64)]) -> String {
-    let value = |name: &str| values.iter().find(|(known, _)| known == name).map(|(_, value)| *value);
+fn in_words(left: Option<f64>, values: &Values) -> String {
+    let value = |name: &str| values.get(name).copied();
     let mut words = Vec::new();
     words.extend(left.map(|seconds| match seconds {
         0.0..90.0 => format!("{seconds:.0} s left"),
@@ -120,10 +120,7 @@ fn in_words(left: Option<f64>, values: &[(String, f64)]) -> String {
 
 /// A count with commas between thousands.
 fn grouped(count: u64) -> String {
-    match count {
-        0..1_000 => count.to_string(),
-        _ => format!("{},{:03}", grouped(count / 1_000), count % 1_000),
-    }
+    gic_view::units::grouped(&count.to_string())
 }
 
 /// A number in few characters.
@@ -143,7 +140,7 @@ mod tests {
     #[test]
     fn steps_are_told_in_words_that_fit_sixty_columns() {
         let values = [("loss", 0.1), ("psnr_db", 28.43), ("gaussians", 1702.0), ("seconds_left", 35.2)];
-        let values = values.map(|(name, value)| (name.to_owned(), value));
+        let values = Values::from(values.map(|(name, value)| (name.to_owned(), value)));
         let left = seconds_left(&values, (10, Some(1200)), 5.0);
         assert_eq!(in_words(left, &values), "35 s left, 28.4 dB, 1,702 Gaussians");
         let line = format!("{:>10} {:12} 1150/1200 {}", "tracking", "", "35 s left, 28.4 dB");
@@ -152,9 +149,12 @@ mod tests {
 
     #[test]
     fn the_pace_tells_what_no_stage_says() {
-        assert_eq!(seconds_left(&[], (3, Some(12)), 6.0), Some(18.0));
-        assert_eq!(seconds_left(&[], (3, None), 6.0), None);
-        assert_eq!(in_words(Some(600.0), &[("objective".to_owned(), 3.25)]), "10 min left, objective 3.25");
+        assert_eq!(seconds_left(&Values::new(), (3, Some(12)), 6.0), Some(18.0));
+        assert_eq!(seconds_left(&Values::new(), (3, None), 6.0), None);
+        assert_eq!(
+            in_words(Some(600.0), &Values::from([("objective".to_owned(), 3.25)])),
+            "10 min left, objective 3.25"
+        );
         assert_eq!(["999", "1,000", "12,345,678"], [999, 1_000, 12_345_678].map(grouped).each_ref().map(|s| &s[..]));
     }
 }

@@ -5,7 +5,6 @@ use std::path::Path;
 use gic_splat::Gaussians;
 use gic_twin::atomic;
 use gic_twin::interchange::UpAxis;
-use gic_view::skinned_gaussians::SkinnedGaussians;
 use glam::DVec3;
 
 use super::{Export, ExportSource};
@@ -18,7 +17,8 @@ pub(super) const SEQUENCE_FILE: &str = "frame_";
 pub(super) fn write(source: &ExportSource, format: Export, up: UpAxis, path: &Path) -> Result<String> {
     let skin = source.appearance()?;
     let turn = source.turn_to(up);
-    let kept = visible_rows(skin, source.body.particles());
+    // Those that are seen at time 0: the same ones in every frame.
+    let kept = skin.visible_rows(source.body.particles());
     let at = |particles: &[DVec3]| {
         let mut drawn = skin.at(particles).select(&kept);
         for p in &mut drawn.positions {
@@ -48,13 +48,4 @@ pub(super) fn write(source: &ExportSource, format: Export, up: UpAxis, path: &Pa
             Ok(format!("{} Gaussians", kept.len()))
         }
     }
-}
-
-/// Which Gaussians can be seen at time 0: the same ones in every frame.
-fn visible_rows(skin: &SkinnedGaussians, rest: &[DVec3]) -> Vec<usize> {
-    let seen = skin.visible(rest).positions;
-    let mut seen = seen.iter().peekable();
-    // Those that are seen follow each other as all do.
-    let all = skin.at(rest).positions;
-    (0..all.len()).filter(|&i| seen.next_if(|p| **p == all[i]).is_some()).collect()
 }

@@ -27,7 +27,6 @@ impl Pictures {
     pub(super) fn draw(run: &Run, found: &IdentifyRecord, events: &Events) -> Result<Self> {
         let scene = run.video();
         let frames = scene.times.len();
-        let video = Video::read(scene, &mut |_| run.interrupt().requested())?;
         let (drawing, appearance) = run.drawing(&run.continuum()?)?;
         let skin = SkinnedGaussians::load(run.folder(), &read_particles(&run.folder().join(TWIN_MATTER))?.positions)?;
         let backgrounds = (0..scene.cameras.len()).map(|camera| scene.load_background(camera));
@@ -35,9 +34,10 @@ impl Pictures {
             backgrounds.collect::<std::result::Result<_, _>>().map_err(Error::stage("reading the empty scene"))?;
         let drawn = TwinDrawing { drawing, appearance, factor: found.splat_factor, skin, backgrounds };
         let mut by_camera: Vec<Vec<Option<Overlay>>> = scene.cameras.iter().map(|_| Vec::new()).collect();
-        let mut overlap = Vec::new();
+        let (mut video, mut overlap) = (Video::of(scene), Vec::new());
         for frame in 0..frames {
-            let views = overlays(scene, &drawn, &run.predicted(frame)?, frame)?;
+            let masks = video.add_frame(scene, frame)?;
+            let views = overlays(scene, &drawn, &run.predicted(frame)?, (frame, &masks))?;
             let seen: Vec<f64> = views.iter().flatten().map(|overlay| overlay.iou).collect();
             overlap.push((!seen.is_empty()).then(|| seen.iter().sum::<f64>() / seen.len() as f64));
             by_camera.iter_mut().zip(views).for_each(|(camera, overlay)| camera.push(overlay));
