@@ -16,7 +16,7 @@ pub struct View {
 }
 
 /// Everything observed at one time.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Observation {
     /// Time from the first frame [s].
     pub time_s: f64,

@@ -1,5 +1,6 @@
 //! What `gic inspect` reports: everything that was read, whether cameras and masks agree, and a contact sheet.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -10,11 +11,11 @@ use serde::Serialize;
 use crate::camera::Camera;
 use crate::contact_sheet;
 use crate::error::{Problem, SceneError};
-use crate::flight::{FlightView, FreeFlight};
+use crate::flight::FreeFlight;
 use crate::hull::{Hull, HullSettings, HullView};
 use crate::picture::{Mask, Picture};
 use crate::scene::Scene;
-use crate::view::{MaskSource, Split, View};
+use crate::view::{MaskSource, Split};
 
 /// Everything worth knowing about a scene before working with it. Lengths in metres where [`Inspection::metric`] says
 /// so.
@@ -100,8 +101,8 @@ pub struct FlightReport {
     pub acceleration_m_s2: [f64; 3],
     /// Angular velocity [rad/s].
     pub angular_velocity_rad_s: [f64; 3],
-    /// By how much the pictures of each camera are later than those of the first one [frames]; zeros where common times
-    /// explain the outlines.
+    /// By how much the pictures of each camera are later than those of the first one [frames]; empty where the scene's
+    /// times explain the outlines.
     pub delays_frames: Vec<f64>,
     /// How far outlines are from touching common tangents, root mean square in pixels.
     pub miss_px: f64,
@@ -147,6 +148,9 @@ struct ViewCheck {
 /// [`SceneError::Invalid`] lists files that cannot be decoded and frames without any mask; empty masks of single views
 /// become warnings.
 pub fn inspect(scene: &Scene) -> Result<Inspection, SceneError> {
+    let synchronised = scene.synchronised(None, scene.times.len());
+    // Where a mask cannot be read, all that cannot are listed below.
+    let scene = synchronised.as_ref().unwrap_or(scene);
     let layout = contact_sheet::layout(scene);
     let (hull_views, moving) = choose_hull_views(scene);
     let ground_frames = if moving { Vec::new() } else { contact_sheet::evenly_spaced(scene.times.len(), 3) };
@@ -166,13 +170,14 @@ pub fn inspect(scene: &Scene) -> Result<Inspection, SceneError> {
     }
     let mut warnings: Vec<String> = Vec::new();
 
-    let views: Vec<HullView> = hull_views
+    let seen: Vec<(Cow<Camera>, &Mask)> = hull_views
         .iter()
         .filter_map(|&index| {
             let mask = masks[index].as_ref().filter(|mask| mask.bounding_box().is_some())?;
-            Some(HullView { camera: scene.camera_of(&scene.views[index]), mask })
+            Some((scene.camera_at_frame(&scene.views[index]), mask))
         })
         .collect();
+    let views: Vec<HullView> = seen.iter().map(|(camera, mask)| HullView { camera, mask }).collect();
     // The object moves between the pictures of a moving camera: let a tenth of them disagree.
     let settings =
         if moving { HullSettings { tolerated_misses: views.len() / 10, ..HULL_SETTINGS } } else { HULL_SETTINGS };
@@ -200,7 +205,7 @@ pub fn inspect(scene: &Scene) -> Result<Inspection, SceneError> {
     }
     let up = scene.world.up.map(|up| (up, GroundSource::Format)).or_else(|| mean_up(scene));
     let ground = find_ground(scene, &masks, &ground_frames, hull.as_ref(), up, &mut warnings);
-    let flight = if moving { None } else { find_flight(scene)? };
+    let flight = scene.flight.as_ref().map(|flight| flight_report(scene, flight));
     warnings.extend(flight.as_ref().and_then(FlightReport::lags));
     warnings.extend(scene.warnings.iter().chain(&problems).map(Problem::to_string));
 
@@ -257,28 +262,15 @@ fn hull_report(hull: &Hull, overlaps: &[f64]) -> HullReport {
     }
 }
 
-/// Three frames tell velocity and acceleration.
-const FEWEST_FLIGHT_FRAMES: usize = 3;
-
-fn find_flight(scene: &Scene) -> Result<Option<FlightReport>, SceneError> {
-    let views = |frame: usize| {
-        let masks = scene.load_masks(scene.views_at(frame))?;
-        let view = |(view, mask): (&View, Mask)| FlightView {
-            index: view.camera,
-            camera: scene.camera_of(view).clone(),
-            mask,
-        };
-        Ok::<_, SceneError>(scene.views_at(frame).iter().zip(masks).map(view).collect())
-    };
-    let flight = FreeFlight::find(&scene.times, None, views)?.filter(|flight| flight.frames() >= FEWEST_FLIGHT_FRAMES);
-    Ok(flight.map(|flight| FlightReport {
+fn flight_report(scene: &Scene, flight: &FreeFlight) -> FlightReport {
+    FlightReport {
         frames: flight.frames(),
         velocity_m_s: flight.velocity.to_array(),
         acceleration_m_s2: flight.acceleration.to_array(),
         angular_velocity_rad_s: flight.angular_velocity.to_array(),
-        delays_frames: flight.delays.iter().map(|delay| delay / flight.frame_seconds()).collect(),
+        delays_frames: scene.delays_s.iter().map(|delay| delay / flight.frame_seconds()).collect(),
         miss_px: flight.miss_px,
-    }))
+    }
 }
 
 fn camera_reports(
@@ -374,15 +366,16 @@ fn find_ground(
     let mut lowest = f64::INFINITY;
     for &frame in frames {
         let start = scene.views.partition_point(|view| view.frame < frame);
-        let views: Vec<HullView> = scene
+        let seen: Vec<(Cow<Camera>, &Mask)> = scene
             .views_at(frame)
             .iter()
             .enumerate()
             .filter_map(|(offset, view)| {
                 let mask = masks[start + offset].as_ref().filter(|mask| mask.bounding_box().is_some())?;
-                Some(HullView { camera: scene.camera_of(view), mask })
+                Some((scene.camera_at_frame(view), mask))
             })
             .collect();
+        let views: Vec<HullView> = seen.iter().map(|(camera, mask)| HullView { camera, mask }).collect();
         let hull = if frame == 0 { Some(first.clone()) } else { Hull::carve(&views, &COARSE_HULL_SETTINGS) };
         let heights = hull.iter().flat_map(Hull::points).map(|x| up.dot(x)).fold(f64::INFINITY, f64::min);
         lowest = lowest.min(heights);

@@ -8,6 +8,7 @@ mod contact_sheet;
 mod error;
 mod flight;
 mod format;
+mod frames;
 mod hull;
 mod inspect;
 mod jpeg;
@@ -21,6 +22,7 @@ mod scene;
 mod settings;
 
 mod similarity;
+mod timing;
 mod view;
 mod world;
 
@@ -33,7 +35,7 @@ pub use inspect::{CameraReport, FlightReport, GroundSource, HullReport, Inspecti
 pub use matting::difference_matte;
 pub use picture::{Mask, Picture, PixelBox, touches_border};
 pub use scene::Scene;
-pub use settings::{MaskChoice, SceneSettings};
+pub use settings::{Clocks, MaskChoice, SceneSettings};
 pub use similarity::Similarity;
 pub use view::{MaskSource, Split, View};
 pub use world::{ColouredPoint, World};

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use crate::camera::Camera;
 use crate::error::{Problem, SceneError};
+use crate::flight::FreeFlight;
 use crate::format::Format;
 use crate::lens::Lens;
 use crate::network::Network;
@@ -12,7 +13,8 @@ use crate::world::{ColouredPoint, World};
 
 /// A multi-view video, a monocular video with a moving camera, or a set of photographs, with masks.
 ///
-/// * Fixed synchronised cameras: `cameras.len()` cameras times `times.len()` frames, one view for each pair.
+/// * Fixed cameras: `cameras.len()` cameras times `times.len()` frames, one view for each pair at most. Each view has
+///   its own time, for cameras may lag.
 /// * A moving camera: every view has a camera of its own (`cameras.len() == views.len()`), several views may share a
 ///   time.
 /// * A static scene: one time, 0.
@@ -31,6 +33,11 @@ pub struct Scene {
     pub camera_names: Vec<String>,
     /// Time of each frame [s], increasing; D-NeRF's times have no unit and run from 0 to 1.
     pub times: Vec<f64>,
+    /// By how much the pictures of each camera are later than those of the first one, as the free flight shows [s]; empty
+    /// where it shows that none is. The times hold them.
+    pub delays_s: Vec<f64>,
+    /// The free flight of the first frames, where [`Scene::synchronised`] found one.
+    pub flight: Option<FreeFlight>,
     /// Frames per second, where the times are evenly spaced (within 1 %).
     pub frame_rate: Option<f64>,
     /// All pictures, sorted by frame, then camera.
@@ -103,6 +110,7 @@ impl Scene {
             camera_names: chosen.iter().map(|&c| self.camera_names[c].clone()).collect(),
             backgrounds: chosen.iter().map(|&c| self.backgrounds[c].clone()).collect(),
             lenses: chosen.iter().map(|&c| self.lenses[c].clone()).collect(),
+            delays_s: chosen.iter().filter_map(|&c| self.delays_s.get(c).copied()).collect(),
             views,
             ..self.clone()
         })

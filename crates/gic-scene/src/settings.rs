@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 /// Settings of reading a scene; [`Default`] is right for every scene whose folder says all that is needed.
 ///
-/// [`crate::Scene::open_with`] takes all but `path` and `fit_frames`, which are the caller's.
+/// [`crate::Scene::open_with`] takes all but `path`, `clocks` and `fit_frames`, which are the caller's.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "cli", derive(clap::Args), group(skip), command(next_help_heading = "Scene"))]
 #[serde(default, deny_unknown_fields)]
@@ -26,6 +26,9 @@ pub struct SceneSettings {
     #[cfg_attr(feature = "cli", arg(long, value_name = "HZ"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame_rate_hz: Option<f64>,
+    /// Which times to believe.
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
+    pub clocks: Clocks,
     /// Which of several sets in the folder, such as an object of a real capture; by default the first by name.
     #[cfg_attr(feature = "cli", arg(long = "scene-set", value_name = "NAME"))]
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -38,6 +41,18 @@ pub struct SceneSettings {
     #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fit_frames: Option<usize>,
+}
+
+/// Which times of pictures to believe.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
+#[serde(rename_all = "kebab-case")]
+pub enum Clocks {
+    /// Those that the scene states, and where the free flight shows that cameras lag, what it shows.
+    #[default]
+    Auto,
+    /// Those that the scene states.
+    Stated,
 }
 
 /// Where masks come from.

@@ -35,6 +35,8 @@ pub struct View {
     pub camera: usize,
     /// Index into [`crate::Scene::times`].
     pub frame: usize,
+    /// When it was taken, on the clock of these times; no earlier than its frame [s].
+    pub time_s: f64,
     /// What the view is meant for.
     pub split: Split,
     /// The picture's file.

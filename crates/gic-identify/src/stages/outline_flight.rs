@@ -18,7 +18,7 @@ pub(crate) fn motion_by_outlines(input: &Input, settings: &Settings, excluded: &
     let times: Vec<f64> = input.observations.iter().map(|observation| observation.time_s).collect();
     let views =
         |frame: usize| Ok::<_, std::convert::Infallible>(flight_views(input, &input.observations[frame], excluded));
-    let Ok(flight) = FreeFlight::find(&times, Some(input.gravity_m_s2), views);
+    let Ok(flight) = FreeFlight::find(&times, Some(input.gravity_m_s2), false, views);
     flight.and_then(|flight| of_centre(input, &flight))
 }
 
@@ -26,7 +26,7 @@ fn flight_views(input: &Input, observation: &Observation, excluded: &[usize]) ->
     let view = |view: &View| {
         let camera = input.cameras[view.camera].clone();
         let mask = Mask { width: camera.width, height: camera.height, coverage: view.mask.clone() };
-        FlightView { index: view.camera, camera, mask }
+        FlightView { index: view.camera, camera, lag_s: 0.0, mask }
     };
     observation.views.iter().filter(|view| !excluded.contains(&view.camera)).map(view).collect()
 }

@@ -87,7 +87,7 @@ impl Target {
         };
         let pixels = bounds.pixels().map(pixel).collect();
         Target {
-            camera: scene.camera_of(view).clone(),
+            camera: scene.camera_at_frame(view).into_owned(),
             camera_index: view.camera,
             frame: view.frame,
             time: scene.times[view.frame],

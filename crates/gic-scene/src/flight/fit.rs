@@ -42,6 +42,8 @@ pub struct FlightView {
     pub index: usize,
     /// The camera.
     pub camera: Camera,
+    /// By how much its picture is known to be later than the frame's time [s].
+    pub lag_s: f64,
     /// The body's mask.
     pub mask: Mask,
 }
@@ -50,12 +52,14 @@ pub struct FlightView {
 struct Moment {
     frame: usize,
     camera: usize,
+    lag_s: f64,
     outline: Outline,
 }
 
 impl Moment {
     fn new(frame: usize, view: &FlightView) -> Option<Moment> {
-        Some(Moment { frame, camera: view.index, outline: Outline::new(&view.camera, &view.mask)? })
+        let outline = Outline::new(&view.camera, &view.mask)?;
+        Some(Moment { frame, camera: view.index, lag_s: view.lag_s, outline })
     }
 }
 
@@ -93,7 +97,8 @@ fn pairs(moments: &[Moment], wanted: impl Fn(&Moment, &Moment) -> bool) -> Vec<[
 
 impl FreeFlight {
     /// The flight of the body that `views` of each frame show, asked for frame by frame; `times` [s] are the frames'.
-    /// The acceleration is the given one [m/s^2], or sought. `None` where the outlines of two frames at least do not
+    /// The acceleration is the given one [m/s^2], or sought, and so are the cameras' delays where `delays` says so.
+    /// `None` where the outlines of two frames at least do not
     /// agree with a common flight, or where fewer than two cameras show the body as a whole.
     ///
     /// # Errors
@@ -101,10 +106,11 @@ impl FreeFlight {
     pub fn find<E>(
         times: &[f64],
         acceleration: Option<DVec3>,
+        delays: bool,
         mut views: impl FnMut(usize) -> Result<Vec<FlightView>, E>,
     ) -> Result<Option<FreeFlight>, E> {
         let mut seen = Sightings::default();
-        let sought = Sought { acceleration: acceleration.is_none(), delays: true };
+        let sought = Sought { acceleration: acceleration.is_none(), delays };
         let start = FreeFlight { acceleration: acceleration.unwrap_or_default(), ..FreeFlight::default() };
         let mut flight = start.clone();
         for (frame, time) in times.iter().enumerate() {
@@ -117,7 +123,11 @@ impl FreeFlight {
             }
             flight = longer;
         }
-        Ok((flight.frames() > 1).then(|| flight.without_idle_delays(start, &seen, sought)))
+        Ok(match flight.frames() {
+            0 | 1 => None,
+            _ if delays => Some(flight.without_idle_delays(start, &seen, sought)),
+            _ => Some(flight),
+        })
     }
 
     /// The flight with a frame more, at `time` [s], fitted to its first frames' outlines.
@@ -227,7 +237,7 @@ impl FreeFlight {
 
     /// The outline that the body of the first frame has for a camera that sees it as at that moment.
     fn outline_at_start(&self, moment: &Moment) -> Outline {
-        let time = self.times[moment.frame] + self.delays[moment.camera];
+        let time = self.times[moment.frame] + moment.lag_s + self.delays[moment.camera];
         let back = self.pose(time).0.transpose();
         Outline {
             centre: self.back(moment.outline.centre, time),

@@ -68,6 +68,12 @@ impl FreeFlight {
         self.about + shift + turn * (point - self.about)
     }
 
+    /// A camera that sees the body at time `to` as `camera` sees it at time `from` [s].
+    pub fn camera_between(&self, camera: &Camera, from: f64, to: f64) -> Camera {
+        let start = self.camera_at_start(camera, from);
+        Camera { rotation: self.pose(to).0 * start.rotation, centre: self.forth(start.centre, to), ..start }
+    }
+
     /// A camera that sees the body of the first frame as `camera` sees it after `time` [s].
     pub fn camera_at_start(&self, camera: &Camera, time: f64) -> Camera {
         let (turn, _) = self.pose(time);

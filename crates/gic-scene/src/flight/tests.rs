@@ -62,11 +62,15 @@ fn find_by_late_cameras(times: &[f64], delays: [f64; 3], place: impl Fn(f64, DVe
     let views = |frame: usize| {
         let late = |(camera, delay): (&Camera, f64)| mask(camera, |p| place(times[frame] + delay, p));
         let masks = cameras.iter().zip(delays).map(late);
-        let view =
-            |(index, (camera, mask)): (usize, (&Camera, Mask))| FlightView { index, camera: camera.clone(), mask };
+        let view = |(index, (camera, mask)): (usize, (&Camera, Mask))| FlightView {
+            index,
+            camera: camera.clone(),
+            lag_s: 0.0,
+            mask,
+        };
         Ok::<_, Infallible>(cameras.iter().zip(masks).enumerate().map(view).collect())
     };
-    let Ok(found) = FreeFlight::find(times, None, views);
+    let Ok(found) = FreeFlight::find(times, None, true, views);
     found
 }
 
@@ -103,11 +107,11 @@ fn a_known_acceleration_makes_the_velocity_sure() {
         let views = |frame: usize| {
             let view = |(index, camera): (usize, &Camera)| {
                 let mask = mask(camera, |p| flown(times()[frame], p, spin));
-                FlightView { index, camera: camera.clone(), mask }
+                FlightView { index, camera: camera.clone(), lag_s: 0.0, mask }
             };
             Ok::<_, Infallible>(cameras.iter().enumerate().map(view).collect())
         };
-        let Ok(found) = FreeFlight::find(&times(), Some(DVec3::new(0.0, -9.8, 0.0)), views);
+        let Ok(found) = FreeFlight::find(&times(), Some(DVec3::new(0.0, -9.8, 0.0)), true, views);
         let found = found.expect("it flies");
         // Of the point about which `flown` turns it.
         let middle = DVec3::new(0.03, 0.05, 0.03);
@@ -151,9 +155,15 @@ fn a_body_at_rest_flies_nowhere() {
 #[test]
 fn one_camera_tells_no_flight() {
     let camera = cameras().remove(0);
-    let views =
-        |_| Ok::<_, Infallible>(vec![FlightView { index: 0, camera: camera.clone(), mask: mask(&camera, |p| p) }]);
-    assert_eq!(FreeFlight::find(&times(), None, views), Ok(None));
+    let views = |_| {
+        Ok::<_, Infallible>(vec![FlightView {
+            index: 0,
+            camera: camera.clone(),
+            lag_s: 0.0,
+            mask: mask(&camera, |p| p),
+        }])
+    };
+    assert_eq!(FreeFlight::find(&times(), None, true, views), Ok(None));
 }
 
 proptest! {

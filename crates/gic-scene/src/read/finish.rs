@@ -6,21 +6,20 @@ use std::path::{Path, PathBuf};
 use glam::DVec2;
 use rayon::prelude::*;
 
-use super::draft::{Draft, DraftCamera, DraftView, Intrinsics};
-use super::{enclosure, ranges};
+use super::draft::{Draft, DraftCamera, Intrinsics};
+use super::{enclosure, ranges, standing};
 use crate::camera::Camera;
 use crate::error::{MASK_HINT, Problem, SceneError, Severity};
+use crate::frames::number_frames;
 use crate::network::Network;
 use crate::picture;
 use crate::scene::Scene;
 use crate::settings::{MaskChoice, SceneSettings};
 use crate::view::{MaskSource, View};
 
-/// Two times closer than this [s, or the unit of the format] are the same frame.
-const SAME_FRAME_TOLERANCE: f64 = 1e-6;
-
 /// Checks files and sizes, sorts, and builds the scene; lists every problem at once.
 pub(crate) fn finish(mut draft: Draft, root: &Path, settings: &SceneSettings) -> Result<Scene, SceneError> {
+    standing::merge_repeated(&mut draft);
     let mut problems = std::mem::take(&mut draft.problems);
     // Entries that the reader refused are problems already; that they are missing afterwards is none of its own.
     let complete = problems.is_empty();
@@ -42,7 +41,8 @@ pub(crate) fn finish(mut draft: Draft, root: &Path, settings: &SceneSettings) ->
     let cameras = resolve_cameras(&draft, &headers, &backgrounds, &mut problems);
     check_mask_sizes(&draft, &headers, &mut problems);
 
-    let (mut times, frames) = number_frames(&draft.views);
+    let shots: Vec<(usize, f64)> = draft.views.iter().map(|view| (view.camera, view.time)).collect();
+    let (times, frames) = number_frames(&shots, draft.cameras.len() < draft.views.len());
     if draft.views.is_empty() {
         if problems.is_empty() {
             problems.push(Problem::NoPictures { path: draft.list.clone() });
@@ -58,6 +58,7 @@ pub(crate) fn finish(mut draft: Draft, root: &Path, settings: &SceneSettings) ->
         .map(|(view, frame)| View {
             camera: view.camera,
             frame,
+            time_s: view.time,
             split: view.split,
             picture: view.picture,
             // Without a source there is an error in the list already.
@@ -70,10 +71,7 @@ pub(crate) fn finish(mut draft: Draft, root: &Path, settings: &SceneSettings) ->
         return Err(SceneError::Invalid(problems));
     }
     let frame_rate = settings.frame_rate_hz.or(draft.frame_rate).or_else(|| even_rate(&times));
-    if let Some(rate) = settings.frame_rate_hz {
-        times = (0..times.len()).map(|frame| frame as f64 / rate).collect();
-    }
-    Ok(Scene {
+    let mut scene = Scene {
         root: root.to_owned(),
         format: draft.format,
         camera_names: draft.cameras.iter().map(|camera| camera.name.clone()).collect(),
@@ -83,12 +81,28 @@ pub(crate) fn finish(mut draft: Draft, root: &Path, settings: &SceneSettings) ->
         times,
         frame_rate,
         views,
+        delays_s: Vec::new(),
+        flight: None,
         world: draft.world,
         points: draft.points,
         rest: draft.rest,
         warnings: problems,
         network,
-    })
+    };
+    if let Some(rate) = settings.frame_rate_hz {
+        filmed_at(&mut scene, rate);
+    }
+    Ok(scene)
+}
+
+/// Puts the frames `1 / rate` [s] apart; what a view lags behind its frame stays the same share of that.
+fn filmed_at(scene: &mut Scene, rate: f64) {
+    let stated = even_rate(&scene.times).unwrap_or(rate);
+    for view in &mut scene.views {
+        let lag = view.time_s - scene.times[view.frame];
+        view.time_s = view.frame as f64 / rate + lag * stated / rate;
+    }
+    scene.times = (0..scene.times.len()).map(|frame| frame as f64 / rate).collect();
 }
 
 /// What the header of a picture file says.
@@ -234,15 +248,6 @@ fn check_mask_sizes(draft: &Draft, headers: &[Option<Header>], problems: &mut Ve
         })
         .collect();
     problems.extend(found.into_iter().flatten());
-}
-
-/// The distinct times, increasing, and the frame of each view.
-fn number_frames(views: &[DraftView]) -> (Vec<f64>, Vec<usize>) {
-    let mut times: Vec<f64> = views.iter().map(|view| view.time).collect();
-    times.sort_by(f64::total_cmp);
-    times.dedup_by(|later, earlier| *later - *earlier <= SAME_FRAME_TOLERANCE);
-    let frames = views.iter().map(|view| times.partition_point(|&t| t <= view.time).saturating_sub(1)).collect();
-    (times, frames)
 }
 
 /// One camera position only, pictures listed twice, cameras that lack frames.

@@ -13,6 +13,7 @@ mod pose;
 mod ranges;
 mod real_capture;
 mod spring_gaus;
+mod standing;
 
 use std::path::Path;
 

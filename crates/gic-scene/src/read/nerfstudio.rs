@@ -14,13 +14,13 @@ use crate::lens::Lens;
 use crate::settings::SceneSettings;
 use crate::view::{MaskSource, Split};
 use crate::world::World;
+use gic_geometry::Plane;
 use glam::{DVec2, DVec3};
 
 pub(super) fn read(root: &Path, _: &SceneSettings) -> Result<Draft, SceneError> {
     let list = root.join("transforms.json");
     let all: Value = json::read(&list)?;
-    // nerfstudio's own tools turn the world so that z points up.
-    let world = World { up: Some(DVec3::Z), gravity: None, ground: None, metric: false };
+    let world = world_of(&all).map_err(|reason| SceneError::Malformed { path: list.clone(), reason })?;
     let mut draft = Draft::new(Format::Nerfstudio, list.clone(), world);
     let Some(frames) = all.get("frames").and_then(Value::as_array) else {
         return Err(SceneError::Malformed { path: list, reason: "the list `frames` is missing".into() });
@@ -32,6 +32,41 @@ pub(super) fn read(root: &Path, _: &SceneSettings) -> Result<Draft, SceneError> 
         }
     }
     Ok(draft)
+}
+
+/// What the file says of the world beyond nerfstudio's own keys: `up`, `gravity_m_s2`, `ground` with `point` and
+/// `normal`, and whether lengths are `metric`. nerfstudio's own tools turn the world so that z points up.
+fn world_of(all: &Value) -> Result<World, String> {
+    let up = direction(all, "up")?.or(Some(DVec3::Z));
+    let ground = match all.get("ground") {
+        None | Some(Value::Null) => None,
+        Some(ground) => {
+            let both = vector(ground, "point")?.zip(direction(ground, "normal")?);
+            let (point, normal) = both.ok_or("`ground` must have a `point` and a `normal`")?;
+            Some(Plane { point, normal })
+        }
+    };
+    let metric = match all.get("metric") {
+        None | Some(Value::Null) => false,
+        Some(value) => value.as_bool().ok_or("`metric` must be true or false")?,
+    };
+    Ok(World { up, gravity: vector(all, "gravity_m_s2")?, ground, metric })
+}
+
+/// The unit vector along three numbers, where there are any.
+fn direction(of: &Value, key: &str) -> Result<Option<DVec3>, String> {
+    let unit = |vector: DVec3| vector.try_normalize().ok_or(format!("`{key}` must not be zero"));
+    vector(of, key)?.map(unit).transpose()
+}
+
+/// Three numbers, where there are any.
+fn vector(of: &Value, key: &str) -> Result<Option<DVec3>, String> {
+    let Some(value) = of.get(key).filter(|value| !value.is_null()) else { return Ok(None) };
+    let numbers: Option<Vec<f64>> = value.as_array().and_then(|list| list.iter().map(Value::as_f64).collect());
+    match numbers.as_deref() {
+        Some(&[x, y, z]) => Ok(Some(DVec3::new(x, y, z))),
+        _ => Err(format!("`{key}` must be three numbers")),
+    }
 }
 
 /// Looks keys up in a frame first, then in the whole file: nerfstudio allows both places.
@@ -85,7 +120,10 @@ fn draft_view(root: &Path, list: &Path, index: usize, keys: &Keys, draft: &mut D
         None => mask_beside(root, &name),
     };
     draft.views.push(DraftView { camera: draft.cameras.len(), time, split: split_of(&name), picture, mask });
-    draft.cameras.push(DraftCamera { name, intrinsics, rotation, centre, lens, background: None });
+    let background =
+        keys.get("background_path").and_then(Value::as_str).map(|path| root.join(path.trim_start_matches("./")));
+    let name = keys.frame.get("camera_label").and_then(Value::as_str).map_or(name, str::to_owned);
+    draft.cameras.push(DraftCamera { name, intrinsics, rotation, centre, lens, background });
     Ok(())
 }
 

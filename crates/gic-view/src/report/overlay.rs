@@ -1,7 +1,7 @@
 //! The twin as each camera of the video would have filmed it, and its outline over that of the observed mask.
 
 use gic_continuum::{Appearance, Drawing, agreement, informed_gaussians};
-use gic_scene::{Camera, Mask, Picture, Scene};
+use gic_scene::{Camera, Mask, Picture, Scene, View};
 use gic_splat::{Gaussians, RenderSettings, render};
 use glam::DVec3;
 use image::ExtendedColorType;
@@ -44,8 +44,8 @@ pub struct TwinDrawing {
     pub backgrounds: Vec<Option<Picture>>,
 }
 
-/// Every camera's view of a frame, in the order of the cameras; `None` where a camera has no picture. `masks` are those
-/// of the frame's views, `positions` [m] those of the twin's particles.
+/// What each of `views`, all of one time, shows of the twin; `masks` are theirs, `positions` [m] those of the twin's
+/// particles at that time.
 ///
 /// # Errors
 /// Pictures that cannot be encoded.
@@ -53,13 +53,12 @@ pub fn overlays(
     scene: &Scene,
     drawn: &TwinDrawing,
     positions: &[DVec3],
-    (frame, masks): (usize, &[Mask]),
-) -> Result<Vec<Option<Overlay>>> {
-    let views = scene.views_at(frame);
+    views: &[(&View, &Mask)],
+) -> Result<Vec<Overlay>> {
     let appearance = Appearance { scale: drawn.factor * drawn.appearance.scale, ..drawn.appearance };
     let shape = informed_gaussians(&drawn.drawing.positions(positions), &drawn.drawing.particles, &appearance);
     let skin = drawn.skin.as_ref().map(|skin| skin.visible(positions));
-    let overlays = views.par_iter().zip(masks).map(|(view, mask)| {
+    let overlays = views.par_iter().map(|(view, mask)| {
         let camera = scene.camera_of(view);
         let thumbnail = Thumbnail::of(scene, view.camera);
         let alpha = render(&shape, camera, &RenderSettings::masks()).alpha;
@@ -68,12 +67,7 @@ pub fn overlays(
         let twin = twin_over(drawn.backgrounds[view.camera].as_ref(), skin.as_ref(), &alpha, camera);
         Ok(Overlay { iou, twin: thumbnail.jpeg_of(&twin)?, outlines })
     });
-    let overlays: Vec<Overlay> = overlays.collect::<Result<_>>()?;
-    let mut found: Vec<Option<Overlay>> = scene.cameras.iter().map(|_| None).collect();
-    for (view, overlay) in views.iter().zip(overlays) {
-        found[view.camera] = Some(overlay);
-    }
-    Ok(found)
+    overlays.collect()
 }
 
 /// The outlines of both masks; the twin's lies above.

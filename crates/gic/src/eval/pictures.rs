@@ -1,9 +1,10 @@
 //! Pictures of the twin against the video.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use gic_metrics::{MetricError, Rectangle, mask_iou, psnr, ssim};
-use gic_scene::{Camera, Mask, Picture, Scene};
+use gic_scene::{Camera, Mask, Picture, Scene, View};
 use gic_splat::{Gaussians, RenderSettings, render};
 use gic_twin::matter::read_particles;
 use gic_view::skinned_gaussians::SkinnedGaussians;
@@ -12,7 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
 use crate::error::{Error, Result};
-use crate::pipeline::{TWIN_MATTER, prediction_file, scene_of_run, simulated_frame};
+use crate::pipeline::{TWIN_MATTER, moment_file, scene_of_run};
 use crate::statistics::mean;
 
 /// Pictures of the twin against those of the video, both over black: means over cameras.
@@ -39,6 +40,8 @@ pub struct PictureError {
 pub(super) struct Pictures<'a> {
     run: &'a Path,
     scene: Scene,
+    /// The scene with a frame for each time at which a picture was taken.
+    moments: Scene,
     skin: SkinnedGaussians,
     /// How many particles the twin has.
     particles: usize,
@@ -51,7 +54,8 @@ impl<'a> Pictures<'a> {
         let rest = read_particles(&run.join(TWIN_MATTER))?.positions;
         let Some(skin) = SkinnedGaussians::load(run, &rest)? else { return Ok(None) };
         let (scene, held_out) = (scene_of_run(run, elsewhere)?, config.reconstruct.held_out);
-        Ok(Some(Self { run, scene, skin, particles: rest.len(), held_out }))
+        let moments = scene.moments();
+        Ok(Some(Self { run, scene, moments, skin, particles: rest.len(), held_out }))
     }
 
     /// Compares a frame of the video; `None` where it was not simulated or no camera sees the object.
@@ -59,29 +63,25 @@ impl<'a> Pictures<'a> {
         if frame >= self.scene.times.len() {
             return Ok(None);
         }
-        let particles = self.run.join(prediction_file(simulated_frame(&self.scene, frame)));
-        if !particles.exists() {
+        let views = self.scene.views_at(frame);
+        let mut twins = BTreeMap::new();
+        for view in views {
+            let moment = self.scene.moment_of(&self.moments, view);
+            if let (None, Some(twin)) = (twins.get(&moment), self.twin(moment)?) {
+                twins.insert(moment, twin);
+            }
+        }
+        let seen = |view: &View| twins.get(&self.scene.moment_of(&self.moments, view));
+        if twins.is_empty() {
             return Ok(None);
         }
-        let moved = read_particles(&particles)?.positions;
-        if moved.len() != self.particles {
-            return Err(Error::Content {
-                path: particles,
-                problem: format!(
-                    "holds {} particles, and the twin {}: an earlier twin's motion",
-                    moved.len(),
-                    self.particles
-                ),
-                hint: Some("run `gic run` on the folder again".into()),
-            });
-        }
-        let gaussians = self.skin.visible(&moved);
-        let views = self.scene.views_at(frame);
         let loaded = self.scene.load_all(views).map_err(Error::stage("reading pictures"))?;
         let scores: Vec<Option<Score>> = views
             .par_iter()
             .zip(&loaded)
-            .map(|(view, (picture, mask))| score(&gaussians, self.scene.camera_of(view), picture, mask))
+            .map(|(view, (picture, mask))| {
+                seen(view).map_or(Ok(None), |twin| score(twin, self.scene.camera_of(view), picture, mask))
+            })
             .collect::<std::result::Result<_, MetricError>>()
             .map_err(Error::stage("comparing pictures"))?;
         let seen: Vec<(bool, Score)> = views
@@ -106,6 +106,27 @@ impl<'a> Pictures<'a> {
             held_out_psnr_db: held_out(|s| s.psnr),
             held_out_box_psnr_db: held_out(|s| s.box_psnr),
         }))
+    }
+
+    /// The twin as it looks at a time at which pictures were taken; `None` where it was not simulated.
+    fn twin(&self, moment: usize) -> Result<Option<Gaussians>> {
+        let particles = self.run.join(moment_file(&self.scene, moment));
+        if !particles.exists() {
+            return Ok(None);
+        }
+        let moved = read_particles(&particles)?.positions;
+        if moved.len() != self.particles {
+            return Err(Error::Content {
+                path: particles,
+                problem: format!(
+                    "holds {} particles, and the twin {}: an earlier twin's motion",
+                    moved.len(),
+                    self.particles
+                ),
+                hint: Some("run `gic run` on the folder again".into()),
+            });
+        }
+        Ok(Some(self.skin.visible(&moved)))
     }
 }
 

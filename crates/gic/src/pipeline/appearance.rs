@@ -9,7 +9,6 @@ use gic_twin::matter::read_particles;
 use gic_view::skinned_gaussians::SkinnedGaussians;
 use glam::DVec3;
 
-use super::predict::{prediction_file, simulated_frame};
 use super::{Run, Stage, TWIN_MATTER};
 use crate::error::{Error, Result};
 
@@ -22,7 +21,8 @@ impl Run<'_> {
         let spacing = drawing.particles.spacing;
         let to_f32 = |points: Vec<DVec3>| points.iter().map(|p| p.as_vec3().to_array()).collect::<Vec<[f32; 3]>>();
         let mut posed = Vec::new();
-        for frame in 0..self.scene.times.len() {
+        let moments = self.scene.moments();
+        for frame in 0..moments.times.len() {
             let positions = to_f32(drawing.positions(&self.predicted(frame)?));
             posed.push(PosedPoints { frame, normals: outward_normals(&positions, spacing), positions });
         }
@@ -32,20 +32,12 @@ impl Run<'_> {
         let settings = &self.config.appearance.train;
         let mut tell = |progress: &AppearanceProgress| self.report_appearance(progress, settings.steps);
         let held_out = &self.config.reconstruct.held_out;
-        let lit = fit_appearance(&self.scene, held_out, &bare, &posed, (settings, self.config.seed), &mut tell)
+        let lit = fit_appearance(&moments, held_out, &bare, &posed, (settings, self.config.seed), &mut tell)
             .map_err(Error::stage("training the twin's colours"))?;
         if self.interrupt.requested() {
             return Err(self.interrupted("the prediction"));
         }
         Ok(SkinnedGaussians::save(&lit, spacing, &self.folder)?)
-    }
-
-    /// Particles of the twin at a frame of the video [m].
-    ///
-    /// # Errors
-    /// A missing or damaged file.
-    pub fn predicted(&self, frame: usize) -> Result<Vec<DVec3>> {
-        Ok(read_particles(&self.path(prediction_file(simulated_frame(&self.video, frame))))?.positions)
     }
 
     fn report_appearance(&self, progress: &AppearanceProgress, steps: usize) -> ControlFlow<()> {

@@ -112,8 +112,8 @@ impl Run<'_> {
         }
         let mut frames = Vec::new();
         let (mut first, mut filler) = (None, self.frame_filler());
-        let count = input.scene.times.len();
-        for (frame, &time_s) in input.scene.times.iter().enumerate() {
+        let count = input.frames();
+        for (frame, &time_s) in input.scene.times[..count].iter().enumerate() {
             self.check_interrupt(Stage::Fill)?;
             let masks = input.masks(frame)?;
             let views = input.masked_views(frame, &masks);
@@ -279,9 +279,8 @@ fn known_doubts(read: &[f32]) -> Vec<f32> {
 /// Largest side of the box around the visual hull at the first frame [m].
 fn object_size(input: &FillInput) -> Result<f64> {
     let masks = input.masks(0)?;
-    let views = input.scene.views_at(0).iter().zip(&masks);
     let views: Vec<HullView> =
-        views.map(|(view, mask)| HullView { camera: input.scene.camera_of(view), mask }).collect();
+        input.cameras(0).iter().zip(&masks).map(|(camera, mask)| HullView { camera, mask }).collect();
     let hull = Hull::carve(&views, &HullSettings::default()).ok_or_else(|| Error::Usage {
         problem: "the masks of the first frame have no common visual hull".into(),
         hint: Some("look at the scene with `gic inspect`: masks are empty, or camera poses do not fit them".into()),

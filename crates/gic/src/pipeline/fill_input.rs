@@ -16,9 +16,27 @@ use crate::error::{Error, Result};
 pub(super) struct FillInput<'a> {
     pub(super) scene: Cow<'a, Scene>,
     pub(super) gaussians: DynamicGaussians,
+    /// The camera of each of the scene's views, as it would have seen the body at the frame's time.
+    cameras: Vec<Camera>,
 }
 
-impl FillInput<'_> {
+impl<'a> FillInput<'a> {
+    fn new(scene: Cow<'a, Scene>, gaussians: DynamicGaussians) -> Self {
+        let cameras = scene.views.iter().map(|view| scene.camera_at_frame(view).into_owned()).collect();
+        Self { scene, gaussians, cameras }
+    }
+
+    /// The cameras of a frame, in the order of its views.
+    pub(super) fn cameras(&self, frame: usize) -> &[Camera] {
+        let start = self.scene.views.partition_point(|view| view.frame < frame);
+        &self.cameras[start..start + self.scene.views_at(frame).len()]
+    }
+
+    /// Leading frames whose views all show the body at one time.
+    pub(super) fn frames(&self) -> usize {
+        (0..self.scene.times.len()).take_while(|frame| self.scene.is_seen_at_once(*frame)).count()
+    }
+
     /// The masks of a frame, in the order of its views.
     pub(super) fn masks(&self, frame: usize) -> Result<Vec<Mask>> {
         self.scene.load_masks(self.scene.views_at(frame)).map_err(Error::stage("reading masks"))
@@ -35,13 +53,9 @@ impl FillInput<'_> {
         frame: usize,
         masks: impl IntoIterator<Item = &'b Mask>,
     ) -> Vec<MaskedView<'b>> {
-        let views = self.scene.views_at(frame).iter().zip(masks);
-        views
-            .map(|(view, mask)| MaskedView {
-                camera: self.scene.camera_of(view),
-                mask: (mask.area() > 0.0).then_some(mask.coverage.as_slice()),
-            })
-            .collect()
+        let coverage = |mask: &'b Mask| (mask.area() > 0.0).then_some(mask.coverage.as_slice());
+        let views = self.cameras(frame).iter().zip(masks);
+        views.map(|(camera, mask)| MaskedView { camera, mask: coverage(mask) }).collect()
     }
 }
 
@@ -54,7 +68,7 @@ impl Run<'_> {
 
     pub(super) fn fill_input(&self) -> Result<FillInput<'_>> {
         let gaussians = self.gaussians()?;
-        let Some(scan) = self.scan() else { return Ok(FillInput { scene: Cow::Borrowed(&self.scene), gaussians }) };
+        let Some(scan) = self.scan() else { return Ok(FillInput::new(Cow::Borrowed(&self.scene), gaussians)) };
         let similarity = self.registration()?.best.similarity();
         let canonical = place_scan(&gaussians.canonical, &similarity);
         let gaussians = DynamicGaussians { canonical, motion: None };
@@ -62,7 +76,7 @@ impl Run<'_> {
         let cameras =
             far_apart(&scene.cameras, &gaussians.canonical.positions, self.config.fill.tuning.depth.scan_photographs);
         let scene = scene.with_cameras(&cameras).map_err(Error::stage("choosing photographs"))?;
-        Ok(FillInput { scene: Cow::Owned(scene), gaussians })
+        Ok(FillInput::new(Cow::Owned(scene), gaussians))
     }
 }
 

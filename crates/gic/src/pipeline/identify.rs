@@ -1,5 +1,6 @@
 //! The stage `identify`: matter to material; writes the twin.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -9,11 +10,13 @@ use gic_identify::{
     Step, Target, View, identify, sought,
 };
 use gic_mpm::MaterialKind;
+use gic_scene::Camera;
 use gic_twin::atomic;
 use gic_twin::matter::write_particles;
 use gic_twin::twin::{ContactKind, MatterSource, Obstacle, ObstacleShape, Twin};
 use serde::{Deserialize, Serialize};
 
+use super::clock::Clock;
 use super::predict::simulated_frame;
 use super::stamp::Recipe;
 use super::{Continuum, Run, Stage};
@@ -117,11 +120,12 @@ impl Run<'_> {
         }
         recipe.write(&begun)?;
         let found =
-            self.fit(&input, model, &self.identify_settings().among_laws(model), (Stage::Identify, &checkpoint))?;
+            self.fit(&input, model, &self.identify_settings(&input).among_laws(model), (Stage::Identify, &checkpoint))?;
         for warning in &found.warnings {
             self.events.warn(Stage::Identify.name(), warning);
         }
-        let record = record(model.name(), &found);
+        let record =
+            IdentifyRecord { free_frames: self.frames_of(found.free_frames, &input), ..record(model.name(), &found) };
         atomic::write_json(&self.path("identify.json"), &record)?;
         self.write_matter(&continuum, &found)?;
         self.twin(&input, obstacles, &found, &record)?.write(&self.path("twin.json"))?;
@@ -239,21 +243,10 @@ impl Run<'_> {
         if let Some(scan) = self.scan() {
             cameras.extend(scan.moved(&self.registration()?.best.similarity()).cameras);
         }
-        let outlined = continuum.summary.outline_frames;
+        let clock = Clock::of(&self.scene.moments().times, frame_rate_hz);
         let mut observations = Vec::new();
-        for (frame, &time_s) in self.scene.times.iter().enumerate() {
-            let masks = self.masks(frame)?;
-            let views = self.scene.views_at(frame).iter().zip(masks);
-            // A scan has no surface in later frames, and where outlines made the body its surface is known only while
-            // they do.
-            let surface = continuum.surfaces.get(frame).filter(|_| outlined == 0 || frame < outlined);
-            let surface = surface.cloned().unwrap_or_default();
-            observations.push(Observation {
-                time_s,
-                surface: surface.points,
-                surface_doubts: surface.doubts,
-                views: views.map(|(view, mask)| View { camera: view.camera, mask: mask.coverage }).collect(),
-            });
+        for frame in 0..self.scene.times.len() {
+            observations.extend(self.observe(frame, continuum, &clock, &mut cameras)?);
         }
         Ok(Input {
             positions: particles.positions.clone(),
@@ -263,20 +256,71 @@ impl Run<'_> {
             scales: vec![scale; particles.positions.len()],
             cameras,
             observations,
-            frame_rate_hz,
+            frame_rate_hz: clock.rate_hz(),
             gravity_m_s2: gravity.unwrap_or(glam::DVec3::new(0.0, -9.8, 0.0)),
             colliders: obstacles.iter().map(Obstacle::to_collider).collect(),
             density_kg_m3: config.density_kg_m3,
             grid_spacing_m,
-            substeps_per_frame,
+            substeps_per_frame: clock.substeps(substeps_per_frame),
         })
     }
 
-    pub(super) fn identify_settings(&self) -> Settings {
+    /// What a frame shows: all at its time where its views can be taken as of one time, else each at its own.
+    fn observe(
+        &self,
+        frame: usize,
+        continuum: &Continuum,
+        clock: &Clock,
+        cameras: &mut Vec<Camera>,
+    ) -> Result<Vec<Observation>> {
+        let views = self.scene.views_at(frame).iter().zip(self.masks(frame)?);
+        if !self.scene.is_seen_at_once(frame) {
+            let mut moments: BTreeMap<usize, Observation> = BTreeMap::new();
+            for (view, mask) in views {
+                let observation = moments.entry(clock.tick(view.time_s)).or_default();
+                observation.time_s = view.time_s;
+                observation.views.push(View { camera: view.camera, mask: mask.coverage });
+            }
+            return Ok(moments.into_values().collect());
+        }
+        let mut place = |view: &gic_scene::View| match self.scene.camera_at_frame(view) {
+            Cow::Borrowed(_) => view.camera,
+            Cow::Owned(moved) => {
+                cameras.push(moved);
+                cameras.len() - 1
+            }
+        };
+        // A scan has no surface in later frames, and where outlines made the body its surface is known only while they
+        // do.
+        let outlined = continuum.summary.outline_frames;
+        let surface = continuum.surfaces.get(frame).filter(|_| outlined == 0 || frame < outlined);
+        let surface = surface.cloned().unwrap_or_default();
+        Ok(vec![Observation {
+            time_s: self.scene.times[frame],
+            surface: surface.points,
+            surface_doubts: surface.doubts,
+            views: views.map(|(view, mask)| View { camera: place(view), mask: mask.coverage }).collect(),
+        }])
+    }
+
+    /// Observations of the first `frames` of the video.
+    pub(super) fn observations_of(&self, frames: usize, input: &Input) -> usize {
+        let end = self.scene.times.get(frames).copied().unwrap_or(f64::INFINITY);
+        input.observations.partition_point(|observation| observation.time_s < end)
+    }
+
+    /// Frames of the video that the first `observations` show.
+    fn frames_of(&self, observations: usize, input: &Input) -> usize {
+        (0..=self.scene.times.len()).take_while(|frames| self.observations_of(*frames, input) <= observations).count()
+            - 1
+    }
+
+    pub(super) fn identify_settings(&self, input: &Input) -> Settings {
         let config = &self.config.identify;
+        let frames = config.frames.map(|frames| self.observations_of(frames, input));
         // A scan shows the surface at rest only.
         let target = if self.scan().is_some() { Target::Masks } else { config.target };
-        Settings { target, ..config.clone() }
+        Settings { target, frames, ..config.clone() }
     }
 
     /// The particles of the continuum where and how large the fit found them, with their attributes.
@@ -308,6 +352,8 @@ impl Run<'_> {
             *seconds.entry(stage.clone()).or_default() += s;
         }
         let total = seconds.values().sum();
+        let frame_rate_hz = self.scene.frame_rate.unwrap_or(input.frame_rate_hz);
+        let ticks = input.frame_rate_hz / frame_rate_hz;
         seconds.insert("total".into(), total);
         Ok(Twin {
             intervals_95,
@@ -319,9 +365,9 @@ impl Run<'_> {
             colliders: obstacles,
             grid_spacing_m: Some(input.grid_spacing_m),
             particle_spacing_m: Some(found.particle_volume_m3.cbrt()),
-            frame_rate_hz: input.frame_rate_hz,
+            frame_rate_hz,
             frames: self.frames_to_simulate(),
-            substeps_per_frame: Some(input.substeps_per_frame),
+            substeps_per_frame: Some((input.substeps_per_frame as f64 * ticks).round() as usize),
             loss: Some(found.loss.chamfer_m + found.loss.mask_l1),
             seed: self.config.seed,
             gic_version: Some(gic_twin::VERSION.into()),

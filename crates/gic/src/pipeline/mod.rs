@@ -7,6 +7,7 @@
 //! One process at a time writes into a folder, see [`gic_files::FolderLock`]; those that read never wait.
 
 mod appearance;
+mod clock;
 mod fill;
 mod fill_input;
 mod frame_filler;
@@ -42,7 +43,7 @@ pub(crate) use fill::surface_file;
 pub use fill::{Continuum, FillSummary, FrameFilling, Surface};
 pub(crate) use identify::TWIN_MATTER;
 pub use identify::{EstimateRecord, IdentifyRecord, StepRecord};
-pub(crate) use predict::{prediction_file, simulated_frame};
+pub(crate) use predict::{moment_file, prediction_file};
 pub use register::{PlacementRecord, RegistrationRecord};
 pub(crate) use results::is_result_name;
 pub use results::{check_results, twin_file};

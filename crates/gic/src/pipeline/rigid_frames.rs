@@ -27,7 +27,7 @@ impl RigidFrames {
         let centre = |frame: usize| mean(&input.gaussians.at(input.scene.times[frame]).positions);
         let start = centre(0);
         let mut rigid = RigidFrames { symmetries: vec![first], pictures: vec![pictures] };
-        for frame in 1..input.scene.times.len() {
+        for frame in 1..input.frames() {
             let pictures = input.pictures(frame)?;
             let views = input.masked_views(frame, pictures.iter().map(|(_, mask)| mask));
             let followed = rigid.symmetries[0].followed(&views, centre(frame) - start, tuning);
@@ -67,8 +67,8 @@ impl RigidFrames {
         moment: usize,
         here: &'a Symmetry,
     ) -> impl Iterator<Item = MovedView<'a>> + 'a {
-        let cameras = input.scene.views_at(moment).iter().map(|view| input.scene.camera_of(view));
-        let pictures = cameras.zip(&self.pictures[moment]).filter(|(_, (_, mask))| mask.area() > 0.0);
+        let pictures =
+            input.cameras(moment).iter().zip(&self.pictures[moment]).filter(|(_, (_, mask))| mask.area() > 0.0);
         pictures.filter_map(move |(camera, (picture, mask))| {
             let camera = here.camera_at_rest(&self.symmetries[moment], camera)?;
             Some(MovedView { moment, camera, picture, mask })

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use gic_scene::{Scene, SceneError};
+use gic_scene::{Clocks, Scene, SceneError};
 use sha2::{Digest, Sha256};
 
 use super::Stage;
@@ -43,8 +43,12 @@ pub fn open_scene(config: &Config) -> Result<Scene> {
             .then(|| "check the path; where a run's scene has moved, say with --scene SCENE where it is now".into()),
         source: source.into(),
     })?;
-    fitted_part(&scene, config)?;
-    Ok(scene)
+    let fitted = fitted_part(&scene, config)?.times.len();
+    if config.scene.clocks == Clocks::Stated {
+        return Ok(scene);
+    }
+    let gravity = config.identify.gravity_m_s2.map(Into::into).or(scene.world.gravity);
+    scene.synchronised(gravity, fitted).map_err(Error::stage("reading the masks of the first frames"))
 }
 
 /// The frames that everything is fitted to.
@@ -65,6 +69,9 @@ pub(super) fn fitted_part(video: &Scene, config: &Config) -> Result<Scene> {
 pub(super) fn hash_scene(scene: &Scene, config: &Config) -> Result<String> {
     let mut all = Sha256::new();
     all.update(format!("{:?} {:?} {:?} {:?}", scene.format, scene.cameras, scene.times, scene.world));
+    if scene.has_lags() {
+        all.update(format!("{:?}", scene.views.iter().map(|view| view.time_s).collect::<Vec<_>>()));
+    }
     let mut files: Vec<&Path> = Vec::new();
     for view in &scene.views {
         files.extend([view.picture.as_path(), view.mask_path()]);

@@ -180,10 +180,10 @@ impl Run<'_> {
         (fitted, in_full): (usize, bool),
     ) -> Result<LawRecord> {
         let settings = gic_identify::Settings {
-            frames: Some(fitted),
+            frames: Some(self.observations_of(fitted, input)),
             joint: in_full,
             resolution_check: 0.0,
-            ..self.identify_settings().among_laws(model)
+            ..self.identify_settings(input).among_laws(model)
         };
         let checkpoint = self.path(format!("selection/{}.checkpoint.json", model.name()));
         let mut law = LawRecord {
@@ -229,7 +229,7 @@ impl Run<'_> {
         let appearance = Appearance { scale: found.splat_factor * drawn.scale, ..*drawn };
         let mut differing = vec![0.0; input.cameras.len()];
         let mut covered = vec![0.0; input.cameras.len()];
-        for frame in fitted..=last {
+        for frame in self.observations_of(fitted, input)..=last {
             let positions = drawing.positions(&moved[frame_of(frame)]);
             let gaussians = informed_gaussians(&positions, &drawing.particles, &appearance);
             let views = &input.observations[frame].views;

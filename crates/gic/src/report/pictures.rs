@@ -1,5 +1,8 @@
 //! The film and the twin as every camera would have filmed it, frames that were only predicted included.
 
+use std::collections::BTreeMap;
+
+use gic_scene::{Mask, View};
 use gic_twin::events::Events;
 use gic_twin::matter::read_particles;
 use gic_view::report::{Overlay, TwinDrawing, overlays};
@@ -26,6 +29,7 @@ impl Pictures {
     /// Missing results, pictures that cannot be read, an interrupt.
     pub(super) fn draw(run: &Run, found: &IdentifyRecord, events: &Events) -> Result<Self> {
         let scene = run.video();
+        let moments = scene.moments();
         let frames = scene.times.len();
         let (drawing, appearance) = run.drawing(&run.continuum()?)?;
         let skin = SkinnedGaussians::load(run.folder(), &read_particles(&run.folder().join(TWIN_MATTER))?.positions)?;
@@ -37,7 +41,15 @@ impl Pictures {
         let (mut video, mut overlap) = (Video::of(scene), Vec::new());
         for frame in 0..frames {
             let masks = video.add_frame(scene, frame)?;
-            let views = overlays(scene, &drawn, &run.predicted(frame)?, (frame, &masks))?;
+            let mut by_moment: BTreeMap<usize, Vec<(&View, &Mask)>> = BTreeMap::new();
+            for seen in scene.views_at(frame).iter().zip(&masks) {
+                by_moment.entry(scene.moment_of(&moments, seen.0)).or_default().push(seen);
+            }
+            let mut views: Vec<Option<Overlay>> = scene.cameras.iter().map(|_| None).collect();
+            for (moment, seen) in by_moment {
+                let found = overlays(scene, &drawn, &run.predicted(moment)?, &seen)?;
+                seen.iter().zip(found).for_each(|((view, _), overlay)| views[view.camera] = Some(overlay));
+            }
             let seen: Vec<f64> = views.iter().flatten().map(|overlay| overlay.iou).collect();
             overlap.push((!seen.is_empty()).then(|| seen.iter().sum::<f64>() / seen.len() as f64));
             by_camera.iter_mut().zip(views).for_each(|(camera, overlay)| camera.push(overlay));

@@ -1,0 +1,72 @@
+//! Cameras that lag: found by the free flight, and seen through it.
+
+use std::borrow::Cow;
+
+use glam::DVec3;
+
+use crate::camera::Camera;
+use crate::error::SceneError;
+use crate::flight::{FlightView, FreeFlight};
+use crate::picture::Mask;
+use crate::scene::Scene;
+use crate::view::View;
+
+/// Fewest frames of flight that tell velocity, acceleration and delays. Derived: a parabola has three points.
+const FEWEST_FRAMES: usize = 3;
+
+impl Scene {
+    /// The free flight of the first frames, its acceleration [m/s^2] given or sought, and with the cameras' `delays`
+    /// where they are sought and needed. `None` where the outlines show none, or no camera stands still.
+    fn find_flight(&self, acceleration: Option<DVec3>, delays: bool) -> Result<Option<FreeFlight>, SceneError> {
+        if self.is_static() || !self.has_fixed_cameras() {
+            return Ok(None);
+        }
+        let views = |frame: usize| {
+            let masks = self.load_masks(self.views_at(frame))?;
+            let view = |(view, mask): (&View, Mask)| FlightView {
+                index: view.camera,
+                camera: self.camera_of(view).clone(),
+                lag_s: view.time_s - self.times[frame],
+                mask,
+            };
+            Ok::<_, SceneError>(self.views_at(frame).iter().zip(masks).map(view).collect())
+        };
+        Ok(FreeFlight::find(&self.times, acceleration, delays, views)?
+            .filter(|flight| flight.frames() >= FEWEST_FRAMES))
+    }
+
+    /// The same scene with the times at which its pictures were taken: where the free flight shows that cameras lag,
+    /// theirs are later by what it shows. The acceleration of the flight [m/s^2] is given, or sought. Only the first
+    /// `frames` are looked at.
+    ///
+    /// # Errors
+    /// Masks that cannot be read.
+    pub fn synchronised(&self, acceleration: Option<DVec3>, frames: usize) -> Result<Scene, SceneError> {
+        let flight = self.first_frames(frames).find_flight(acceleration, true)?;
+        let late = flight.as_ref().filter(|flight| flight.delays.iter().any(|delay| *delay != 0.0));
+        let Some(late) = late else { return Ok(Scene { flight, ..self.clone() }) };
+        let scene = Scene { delays_s: late.delays.clone(), ..self.delayed(&late.delays) };
+        // On the frames' new times.
+        Ok(Scene { flight: scene.first_frames(frames).find_flight(acceleration, false)?, ..scene })
+    }
+
+    /// A camera that sees the body at its frame's time as the view's camera saw it at the view's own: moved against the
+    /// flight. The view's camera itself where the view does not lag, and after the flight.
+    pub fn camera_at_frame(&self, view: &View) -> Cow<'_, Camera> {
+        let camera = self.camera_of(view);
+        let flies = |flight: &&FreeFlight| view.frame < flight.frames() && self.lags(view);
+        match self.flight.as_ref().filter(flies) {
+            None => Cow::Borrowed(camera),
+            Some(flight) => {
+                let start = self.times[0];
+                Cow::Owned(flight.camera_between(camera, view.time_s - start, self.times[view.frame] - start))
+            }
+        }
+    }
+
+    /// Whether all views of a frame show the body at one time: they were taken then, or in flight.
+    pub fn is_seen_at_once(&self, frame: usize) -> bool {
+        self.flight.as_ref().is_some_and(|flight| frame < flight.frames())
+            || !self.views_at(frame).iter().any(|view| self.lags(view))
+    }
+}
