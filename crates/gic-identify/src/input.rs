@@ -29,6 +29,17 @@ pub struct Observation {
     pub views: Vec<View>,
 }
 
+/// A plane at rest among the obstacles whose place is known only so well.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GroundDoubt {
+    /// Index into [`Input::colliders`].
+    pub collider: usize,
+    /// Standard deviation of its height below the body [m].
+    pub height_m: f64,
+    /// Standard deviation of its slope along each of two directions [rad].
+    pub tilt_rad: f64,
+}
+
 /// The Gaussian-informed continuum at the first frame and the video.
 #[derive(Clone, Debug)]
 pub struct Input {
@@ -52,6 +63,8 @@ pub struct Input {
     pub gravity_m_s2: DVec3,
     /// Obstacles.
     pub colliders: Vec<Collider>,
+    /// The plane among them that is sought with the material; `None` where all are where they are said to be.
+    pub ground: Option<GroundDoubt>,
     /// Density [kg/m^3], given: a video determines only the ratio of stress to density.
     pub density_kg_m3: f64,
     /// Side of a cell of the simulation grid [m].
@@ -105,7 +118,20 @@ impl Input {
         if !self.gravity_m_s2.is_finite() {
             return Err(IdentifyError::input("gravity_m_s2", "is not finite", "give three numbers"));
         }
+        self.validate_ground()?;
         self.validate_observations()
+    }
+
+    fn validate_ground(&self) -> Result<(), IdentifyError> {
+        let Some(GroundDoubt { collider, height_m, tilt_rad }) = self.ground else { return Ok(()) };
+        let is_plane = |c: &Collider| matches!(c.primitive, gic_mpm::Primitive::HalfSpace { .. });
+        if !self.colliders.get(collider).is_some_and(is_plane) {
+            return Err(IdentifyError::input("ground", "names no plane", "give the index of a half space"));
+        }
+        if ![height_m, tilt_rad].iter().all(|deviation| *deviation > 0.0 && deviation.is_finite()) {
+            return Err(IdentifyError::input("ground", "is in no doubt", "give positive standard deviations"));
+        }
+        Ok(())
     }
 
     fn validate_observations(&self) -> Result<(), IdentifyError> {

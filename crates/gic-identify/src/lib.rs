@@ -39,7 +39,7 @@ mod vector;
 
 pub use checkpoint::{Checkpoint, Event};
 pub use error::{FitError, IdentifyError};
-pub use input::{Input, Observation, View};
+pub use input::{GroundDoubt, Input, Observation, View};
 pub use result::{Estimate, Estimates, Loss, Stage, Step};
 pub use settings::{MaterialChoice, Optimizer, Settings, Target};
 pub use stages::identify;

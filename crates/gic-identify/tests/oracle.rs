@@ -103,6 +103,7 @@ fn observed(material: Material, velocity: DVec3, frames: usize) -> Input {
         frame_rate_hz: RATE,
         gravity_m_s2: GRAVITY,
         colliders: vec![ground()],
+        ground: None,
         density_kg_m3: 1000.0,
         grid_spacing_m: SPACING,
         substeps_per_frame: SUBSTEPS,

@@ -5,7 +5,7 @@ mod common;
 use std::f64::consts::PI;
 
 use common::{DENSITY, block, body, next, set_velocities, simulator, world};
-use gic_mpm::{Collider, Contact, Material, World};
+use gic_mpm::{Collider, Contact, Frame, Material, Stepping, World};
 use glam::DVec3;
 
 const YOUNG: f64 = 1e5;
@@ -98,4 +98,34 @@ fn a_sphere_loses_energy_in_its_bounce_as_its_retardation_time_says() {
     });
     println!("speed lost beside the elastic sphere {coarse:.3}, {fine:.3}; Hertz {exact:.3}");
     assert!(exact < fine && fine < coarse && fine < 2.0 * exact, "{coarse}, {fine}, {exact}");
+}
+
+/// Substeps as long as the bound allows never add energy, whatever the motion: the noisiest one is damped fastest.
+#[test]
+fn noise_dies_at_the_longest_substep() {
+    let dx = 0.02;
+    for (nu, retardation_time_s) in [(0.0, 0.05), (0.3, 0.05), (0.45, 0.05), (0.3, 1e-3)] {
+        let world = without_gravity(world(
+            body(material(nu, retardation_time_s), block(DVec3::ZERO, DVec3::splat(0.16), dx), dx),
+            vec![],
+            dx,
+            2e3,
+        ));
+        let world = World { stepping: Stepping::Bound { courant: 0.999 }, ..world };
+        let mut simulator = simulator(&world);
+        let mut seed = 1_u32;
+        let mut random = || {
+            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from(seed >> 8) / f64::from(1 << 23) - 1.0
+        };
+        set_velocities(&mut simulator, |_| 0.1 * DVec3::new(random(), random(), random()));
+        let energy = |frame: &Frame| frame.velocities.iter().map(|v| v.length_squared()).sum::<f64>();
+        let energies: Vec<f64> = (0..40).map(|_| energy(&next(&mut simulator))).collect();
+        let substeps = next(&mut simulator).substeps;
+        println!(
+            "nu {nu}, t_r {retardation_time_s} s, {substeps} substeps a frame: {:.1e} to {:.1e}",
+            energies[0], energies[39]
+        );
+        assert!(energies[39] < energies[0], "{energies:?}");
+    }
 }

@@ -3,6 +3,7 @@
 
 pub(crate) mod flight;
 pub(crate) mod footprint;
+pub(crate) mod ground;
 pub(crate) mod outline_window;
 pub(crate) mod shape;
 pub(crate) mod silhouette;

@@ -8,6 +8,7 @@ use gic_mpm::{Body, MaterialKind, Options, Stepping, World, rollout};
 use glam::DVec3;
 
 use crate::forward::flight::{fall, placed, substep, volume_factors};
+use crate::forward::ground::colliders;
 use crate::forward::shape::ShapeModes;
 use crate::forward::splat_widths::SplatWidths;
 use crate::forward::trajectories::{ForwardModel, FrameSelection, Trajectories};
@@ -99,7 +100,7 @@ impl Simulation<'_> {
                 angular_velocity_rad_s: state.angular,
                 own_velocities_m_s: Vec::new(),
             }],
-            colliders: input.colliders.clone(),
+            colliders: colliders(input, state),
             gravity_m_s2: input.gravity_m_s2,
             grid_spacing_m: input.grid_spacing_m * self.resolution.spacing_factor,
             frame_rate_hz: input.frame_rate_hz,

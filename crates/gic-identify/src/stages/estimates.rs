@@ -4,6 +4,7 @@ use gic_mpm::MaterialKind;
 use glam::DVec3;
 
 use crate::forward::flight::{placed, volume_factors};
+use crate::forward::ground::colliders;
 use crate::forward::trajectories::{ForwardModel, Trajectories};
 use crate::result::{Estimate, Estimates, Loss, Stage};
 use crate::session::Session;
@@ -56,8 +57,7 @@ pub(crate) fn with_intervals(
             Estimate { identifiable: estimate.identifiable && is_explained, ..estimate }
         })
         .collect();
-    let velocity = velocity_half_width(identification, Some(&uncertainty));
-    Ok(result(identification, session, (state, Some(&trajectories)), estimates, velocity))
+    Ok(result(identification, session, (state, Some(&trajectories)), estimates, Some(&uncertainty)))
 }
 
 /// Whether the model explains the frames after contact. Warns where it does not, and of parameters at their limits.
@@ -86,8 +86,7 @@ fn unbounded(
 ) -> Estimates {
     let parameters = identification.parameters().iter().enumerate().zip(&state.material);
     let estimates = parameters.map(|(place, c)| estimate(identification, place, *c, None)).collect();
-    let velocity = velocity_half_width(identification, None);
-    result(identification, session, (state, trajectories), estimates, velocity)
+    result(identification, session, (state, trajectories), estimates, None)
 }
 
 /// Half-width of the velocity's interval [m/s]: from free flight, and from the joint fit where there was one. `None`
@@ -137,7 +136,7 @@ fn result(
     session: &mut Session,
     (state, trajectories): (&State, Option<&Trajectories>),
     estimates: Vec<Estimate>,
-    velocity_interval_95: Option<DVec3>,
+    uncertainty: Option<&Uncertainty>,
 ) -> Estimates {
     let Identification { input, shape, video, comparison, .. } = identification;
     if identification.kind != MaterialKind::Sand {
@@ -147,13 +146,14 @@ fn result(
             input.density_kg_m3
         )]);
     }
+    let ground_half_width = |k: usize| uncertainty.and_then(|all| all.half_width(Unknown::Ground(k)));
     let mut seconds = session.checkpoint().seconds.clone();
     seconds.push((Stage::Intervals, session.unbooked_seconds()));
     Estimates {
         material: identification.simulation().material(state),
         estimates,
         velocity_m_s: state.velocity,
-        velocity_interval_95,
+        velocity_interval_95: velocity_half_width(identification, uncertainty),
         angular_velocity_rad_s: state.angular,
         free_frames: identification.flight.free,
         loss: trajectories.map_or_else(Loss::default, |t| mean_loss(video, comparison, &input.opacities, t)),
@@ -163,6 +163,8 @@ fn result(
         seconds,
         warnings: session.warnings().to_vec(),
         splat_factor: state.splat.exp(),
+        colliders: colliders(input, state),
+        ground: input.ground.map(|_| std::array::from_fn(|k| (state.ground[k], ground_half_width(k)))),
         positions: placed(input, shape, state).0,
         particle_volume_m3: input.particle_volume_m3,
         volume_factors: volume_factors(input, shape, state),

@@ -2,6 +2,7 @@
 
 use gic_mpm::{MaterialKind, Options};
 use glam::DVec3;
+use nalgebra::{DMatrix, DVector};
 
 use crate::forward::flight::Flight;
 use crate::forward::shape::ShapeModes;
@@ -24,7 +25,7 @@ use crate::uncertainty::noise::effective_weights;
 use crate::unknowns::coordinates::Coordinates;
 use crate::unknowns::parameter::sought;
 use crate::unknowns::state::{State, Unknown};
-use crate::{IdentifyError, Input, Parameter, Settings, Tuning};
+use crate::{GroundDoubt, IdentifyError, Input, Parameter, Settings, Tuning};
 
 /// The observations, the body, the fit of free flight and the weights that it gives.
 pub(crate) struct Identification<'a> {
@@ -39,6 +40,8 @@ pub(crate) struct Identification<'a> {
     pub splat_widths: SplatWidths,
     /// Velocity and angular velocity, where the outlines alone tell them.
     pub motion_by_outlines: Option<Prior>,
+    /// What is known of the ground besides the pictures; `None` where it is not sought.
+    pub ground_prior: Option<Prior>,
     pub flight: FreeFlightFit,
     /// Of free flight's noise, for all frames.
     pub weights: Weights,
@@ -92,6 +95,7 @@ impl<'a> Identification<'a> {
             shape,
             splat_widths,
             motion_by_outlines,
+            ground_prior: input.ground.map(ground_prior),
             flight,
             weights,
         })
@@ -144,16 +148,23 @@ impl<'a> Identification<'a> {
         }
     }
 
+    /// What is sought of the ground.
+    pub(crate) fn grounds(&self) -> Vec<Unknown> {
+        self.ground_prior.as_ref().map(|prior| prior.unknowns.clone()).unwrap_or_default()
+    }
+
     /// The search for material parameters with the motion of free flight.
     pub(crate) fn material_problem<'b>(&'b self, forward: &'b dyn ForwardModel, pooling: usize) -> Problem<'b> {
+        let mut unknowns = self.free_materials();
+        unknowns.extend(self.grounds());
         Problem {
             forward,
             objective: self.objective(),
-            unknowns: self.free_materials(),
+            unknowns,
             coordinates: self.coordinates(),
             descent: &self.tuning.descent,
             selection: self.touched_frames(pooling),
-            prior: None,
+            prior: self.ground_prior.as_ref(),
         }
     }
 
@@ -193,6 +204,16 @@ impl<'a> Identification<'a> {
         let last = self.video.frames.last().map_or(0, |observed| observed.simulated_frame);
         let at_the_end = || self.free_flight().positions(&self.flight.state, last);
         self.flight.free < self.video.frames.len() || clearance(self.input, &at_the_end(), last) < touching(self.input)
+    }
+}
+
+/// Height and slopes of the ground, as sure as they were given.
+fn ground_prior(doubt: GroundDoubt) -> Prior {
+    let deviations = [doubt.height_m, doubt.tilt_rad, doubt.tilt_rad];
+    Prior {
+        unknowns: (0..3).map(Unknown::Ground).collect(),
+        mean: DVector::zeros(3),
+        information: DMatrix::from_diagonal(&DVector::from_iterator(3, deviations.map(|sd| sd.powi(-2)))),
     }
 }
 

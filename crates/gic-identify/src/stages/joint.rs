@@ -88,14 +88,15 @@ fn unknowns(identification: &Identification) -> Vec<Unknown> {
     let mut unknowns = identification.free_materials();
     unknowns.extend(identification.flight.unknowns.iter().filter(|u| matches!(u, Unknown::Splat)));
     unknowns.extend(&identification.flight.motion);
+    unknowns.extend(identification.grounds());
     if !identification.video.frames[0].views.is_empty() {
         unknowns.extend((0..identification.shape.count()).map(Unknown::Shape));
     }
     unknowns
 }
 
-/// What is known of the joint stage's unknowns besides the pictures: of the Gaussians' size, of the shape, and, by the
-/// outlines, of the motion.
+/// What is known of the joint stage's unknowns besides the pictures: of the Gaussians' size, of the shape, of the
+/// ground and, by the outlines, of the motion.
 pub(crate) fn prior(identification: &Identification) -> Prior {
     let is_nuisance = |u: &Unknown| matches!(u, Unknown::Splat | Unknown::Shape(_));
     let unknowns: Vec<Unknown> = unknowns(identification).into_iter().filter(is_nuisance).collect();
@@ -108,8 +109,6 @@ pub(crate) fn prior(identification: &Identification) -> Prior {
         mean: DVector::from_iterator(unknowns.len(), means),
         unknowns,
     };
-    match &identification.motion_by_outlines {
-        Some(motion) => nuisances.and(motion.clone()),
-        None => nuisances,
-    }
+    let known = [&identification.motion_by_outlines, &identification.ground_prior];
+    known.into_iter().flatten().fold(nuisances, |all, prior| all.and(prior.clone()))
 }

@@ -277,14 +277,16 @@ impl Material {
         }
     }
 
-    /// Diffusivity of momentum by an explicit viscous stress [m^2/s], for the bound on the time step (`dt <= dx^2 / (6
-    /// diffusivity)`): the viscosity of a wave over the density. Zero where no law is viscous: the viscoplastic flow
-    /// rule is implicit.
+    /// Diffusivity of momentum by an explicit viscous stress [m^2/s], for the bound on the time step: the largest power
+    /// that any velocity gradient C loses, over the density and |C|^2. Zero where no law is viscous: the viscoplastic
+    /// flow rule is implicit.
     pub fn viscous_diffusivity_m2_s(&self, density_kg_m3: f64) -> f64 {
         match *self {
             Material::Newtonian { viscosity_pa_s, .. } => viscosity_pa_s / density_kg_m3,
-            Material::Viscoelastic { retardation_time_s, .. } => {
-                retardation_time_s * self.wave_speed_m_s(density_kg_m3).powi(2)
+            Material::Viscoelastic { youngs_modulus_pa, poisson_ratio, retardation_time_s } => {
+                let [mu, lambda] = lame(youngs_modulus_pa, poisson_ratio);
+                // In shear, or swelling evenly.
+                retardation_time_s * (2.0 * mu).max(2.0 * mu + 3.0 * lambda) / density_kg_m3
             }
             _ => 0.0,
         }

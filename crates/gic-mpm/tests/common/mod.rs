@@ -77,7 +77,7 @@ pub(crate) fn frame_after(world: &World, count: usize) -> Frame {
 }
 
 /// Sets the particles' velocities at the start, as a function of position.
-pub(crate) fn set_velocities(simulator: &mut Simulator, velocity: impl Fn(DVec3) -> DVec3) {
+pub(crate) fn set_velocities(simulator: &mut Simulator, mut velocity: impl FnMut(DVec3) -> DVec3) {
     let mut snapshot = simulator.snapshot();
     for particle in &mut snapshot.particles {
         let v = velocity(DVec3::from_slice(&particle[..3]));
