@@ -29,15 +29,13 @@ pub struct Observation {
     pub views: Vec<View>,
 }
 
-/// A plane at rest among the obstacles whose place is known only so well.
+/// A plane at rest among the obstacles whose height is known only so well.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GroundDoubt {
     /// Index into [`Input::colliders`].
     pub collider: usize,
     /// Standard deviation of its height below the body [m].
     pub height_m: f64,
-    /// Standard deviation of its slope along each of two directions [rad].
-    pub tilt_rad: f64,
 }
 
 /// The Gaussian-informed continuum at the first frame and the video.
@@ -123,13 +121,13 @@ impl Input {
     }
 
     fn validate_ground(&self) -> Result<(), IdentifyError> {
-        let Some(GroundDoubt { collider, height_m, tilt_rad }) = self.ground else { return Ok(()) };
+        let Some(GroundDoubt { collider, height_m }) = self.ground else { return Ok(()) };
         let is_plane = |c: &Collider| matches!(c.primitive, gic_mpm::Primitive::HalfSpace { .. });
         if !self.colliders.get(collider).is_some_and(is_plane) {
             return Err(IdentifyError::input("ground", "names no plane", "give the index of a half space"));
         }
-        if ![height_m, tilt_rad].iter().all(|deviation| *deviation > 0.0 && deviation.is_finite()) {
-            return Err(IdentifyError::input("ground", "is in no doubt", "give positive standard deviations"));
+        if !(height_m > 0.0 && height_m.is_finite()) {
+            return Err(IdentifyError::input("ground", "is in no doubt", "give a positive standard deviation"));
         }
         Ok(())
     }

@@ -101,7 +101,7 @@ pub struct Settings {
         arg(long = "density", value_name = "KG_M3", default_value_t = Settings::default().density_kg_m3)
     )]
     pub density_kg_m3: f64,
-    /// Gravity [m/s^2]; by default the scene's, else (0, -9.8, 0).
+    /// Gravity [m/s^2]; by default the scene's, else 9.8 downward.
     #[cfg_attr(feature = "cli", arg(skip))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub gravity_m_s2: Option<[f64; 3]>,

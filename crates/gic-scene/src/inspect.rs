@@ -51,6 +51,8 @@ pub struct Inspection {
     pub ground: Option<([f64; 3], [f64; 3], GroundSource)>,
     /// The motion of the first frames in which the object keeps its shape; `None` where its outlines show none.
     pub flight: Option<FlightReport>,
+    /// What the free fall says of lengths and times; `None` where nothing is seen to fall.
+    pub fall: Option<FallReport>,
     /// Number of photographs of the object at rest, in a world frame of their own.
     pub rest_views: usize,
     /// Everything that looks wrong, worst first.
@@ -108,6 +110,33 @@ pub struct FlightReport {
     pub miss_px: f64,
 }
 
+/// Of the unit of length, the frame rate and gravity, each one by the other two: `|a| = g rate^2 / (unit rate_0^2)`.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct FallReport {
+    /// Gravity [m/s^2] that the others are measured with.
+    pub gravity_m_s2: f64,
+    /// Length of the scene's unit [m] at the stated frame rate.
+    pub unit_m: f64,
+    /// Frames a second where the scene's unit is a metre; `None` of frames that are not evenly spaced.
+    pub frame_rate_hz: Option<f64>,
+}
+
+impl FallReport {
+    /// `None` of a body that does not fall: whose acceleration is not a tenth of what gravity would be if lengths were
+    /// metres, nor the way that things fall.
+    fn of(scene: &Scene, flight: &FreeFlight, up: DVec3) -> Option<FallReport> {
+        let gravity_m_s2 = scene.world.gravity.map_or(STANDARD_GRAVITY_M_S2, DVec3::length);
+        let falls = -flight.acceleration.dot(up);
+        let unit_m = gravity_m_s2 / falls;
+        let is_fall = falls > 0.9 * flight.acceleration.length() && unit_m < MOST_UNIT_M;
+        is_fall.then(|| FallReport {
+            gravity_m_s2,
+            unit_m,
+            frame_rate_hz: scene.frame_rate.map(|rate| rate * unit_m.sqrt()),
+        })
+    }
+}
+
 impl FlightReport {
     /// The cameras that do not take their pictures at the times of the first one.
     fn lags(&self) -> Option<String> {
@@ -128,6 +157,10 @@ pub enum GroundSource {
     Guess,
 }
 
+/// Gravity where the scene does not state any [m/s^2].
+const STANDARD_GRAVITY_M_S2: f64 = 9.8;
+/// A scene whose unit would be longer than this shows something that rolls or floats, not a fall [m].
+const MOST_UNIT_M: f64 = 10.0;
 /// Most views of a static scene or moving camera to carve with.
 const MAX_HULL_VIEWS: usize = 40;
 /// Below this overlap of silhouette and mask a camera is looked into.
@@ -203,7 +236,8 @@ pub fn inspect(scene: &Scene) -> Result<Inspection, SceneError> {
             full[..full.len().min(5)].join(", ")
         ));
     }
-    let up = scene.world.up.map(|up| (up, GroundSource::Format)).or_else(|| mean_up(scene));
+    let up = scene.world.up.map(|up| (up, GroundSource::Format)).or_else(|| guessed_up(scene));
+    let fall = scene.flight.as_ref().zip(up).and_then(|(flight, (up, _))| FallReport::of(scene, flight, up));
     let ground = find_ground(scene, &masks, &ground_frames, hull.as_ref(), up, &mut warnings);
     let flight = scene.flight.as_ref().map(|flight| flight_report(scene, flight));
     warnings.extend(flight.as_ref().and_then(FlightReport::lags));
@@ -225,6 +259,7 @@ pub fn inspect(scene: &Scene) -> Result<Inspection, SceneError> {
         hull: hull.as_ref().map(|hull| hull_report(hull, &overlaps)),
         up: up.map(|(up, source)| (up.to_array(), source)),
         ground,
+        fall,
         flight,
         rest_views: scene.rest.as_ref().map_or(0, |rest| rest.views.len()),
         warnings,
@@ -333,10 +368,14 @@ fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
 
-/// The mean of the cameras' up directions: people hold cameras upright.
-fn mean_up(scene: &Scene) -> Option<(DVec3, GroundSource)> {
+/// The mean of the cameras' up directions, for people hold cameras upright; where the object falls about that way, the
+/// way against its fall.
+fn guessed_up(scene: &Scene) -> Option<(DVec3, GroundSource)> {
     let sum: DVec3 = scene.cameras.iter().map(|camera| -camera.rotation.y_axis).sum();
-    sum.try_normalize().map(|up| (up, GroundSource::Guess))
+    let upright = sum.try_normalize()?;
+    let against_fall = scene.flight.as_ref().and_then(|flight| (-flight.acceleration).try_normalize());
+    let up = against_fall.filter(|up| up.dot(upright) > std::f64::consts::FRAC_1_SQRT_2).unwrap_or(upright);
+    Some((up, GroundSource::Guess))
 }
 
 type Ground = ([f64; 3], [f64; 3], GroundSource);
@@ -517,6 +556,16 @@ impl fmt::Display for Inspection {
                 vector(flight.acceleration_m_s2)
             )?;
             writeln!(f, "              angular velocity {} rad/s", vector(flight.angular_velocity_rad_s))?;
+        }
+        if let Some(fall) = &self.fall {
+            let rate = fall
+                .frame_rate_hz
+                .map_or(String::new(), |rate| format!("; if lengths are metres, the film has {rate:.1} frames/s"));
+            let (gravity, unit) = (fall.gravity_m_s2, fall.unit_m);
+            writeln!(
+                f,
+                "  free fall   with gravity {gravity:.2} m/s^2 and these times, a length of 1 is {unit:.3} m{rate}"
+            )?;
         }
         self.write_cameras(f)?;
         for warning in &self.warnings {

@@ -47,7 +47,7 @@ impl Scene {
     #[must_use]
     pub fn moved(&self, to: &Similarity) -> Scene {
         let turned = |v: DVec3| to.rotation * v;
-        let World { up, gravity, ground, metric } = self.world;
+        let World { up, gravity, ground, ground_deviation_m, metric } = self.world;
         let plane = |p: Plane| Plane { point: to.point(p.point), normal: turned(p.normal) };
         let point = |p: &ColouredPoint| ColouredPoint { position: to.point(p.position), ..*p };
         Scene {
@@ -57,6 +57,7 @@ impl Scene {
                 up: up.map(turned),
                 gravity: gravity.map(|g| to.scale * turned(g)),
                 ground: ground.map(plane),
+                ground_deviation_m: to.scale * ground_deviation_m,
                 metric,
             },
             ..self.clone()

@@ -12,6 +12,8 @@ pub struct World {
     pub gravity: Option<DVec3>,
     /// The ground, which the object sticks to.
     pub ground: Option<Plane>,
+    /// Standard deviation of its height [m]; 0 where it is exact.
+    pub ground_deviation_m: f64,
     /// Whether lengths are metres; otherwise the unit is arbitrary (COLMAP, Blender).
     pub metric: bool,
 }

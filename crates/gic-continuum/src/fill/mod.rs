@@ -21,6 +21,7 @@ mod coarse_to_fine;
 mod filling;
 mod gaussians;
 mod internal;
+mod outlines;
 mod unseen;
 
 use gic_geometry::DensityField;
@@ -52,6 +53,18 @@ pub fn fill(gaussians: &Gaussians, views: &[MaskedView], settings: &FillSettings
 /// none of the Gaussians' depths count. The views may be of several moments, with cameras moved to where they would
 /// have seen the body in this one.
 pub fn fill_outlines(
+    gaussians: &Gaussians,
+    views: &[MaskedView],
+    symmetry: &Symmetry,
+    settings: &FillSettings,
+) -> Result<Filling, ContinuumError> {
+    let mut filling = inside_outlines(gaussians, views, symmetry, settings)?;
+    filling.grow_by_outlines(views, symmetry);
+    Ok(filling)
+}
+
+/// The same before it is grown by what the errors of the outlines took away.
+pub(crate) fn inside_outlines(
     gaussians: &Gaussians,
     views: &[MaskedView],
     symmetry: &Symmetry,

@@ -15,6 +15,7 @@ mod outline;
 mod planes;
 mod surface;
 
+pub(crate) use outline::Outline;
 pub(crate) use planes::Images;
 #[cfg(test)]
 pub(crate) use planes::direction;

@@ -16,20 +16,26 @@ use crate::MaskedView;
 use crate::tuning::SymmetryTuning;
 
 /// One view's outline.
-struct Outline {
+pub(crate) struct Outline {
     camera: Camera,
     /// Signed distance of each pixel's centre from the outline, positive inside [pixels], row-major.
     distance: Vec<f32>,
 }
 
 impl Outline {
-    fn new(camera: &Camera, mask: &[f32]) -> Outline {
+    pub(crate) fn new(camera: &Camera, mask: &[f32]) -> Outline {
         let inside: Vec<bool> = mask.iter().map(|m| *m >= 0.5).collect();
         let outside: Vec<bool> = inside.iter().map(|i| !i).collect();
         let (to_outside, to_inside) =
             (distance_transform(&outside, camera.width), distance_transform(&inside, camera.width));
         let signed = |(out, into): (f32, f32)| if out > 0.0 { out - 0.5 } else { 0.5 - into };
         Outline { camera: camera.clone(), distance: to_outside.into_iter().zip(to_inside).map(signed).collect() }
+    }
+
+    /// How far within the outline a point [m] appears, at its own depth [m]; infinitely where this view does not see it.
+    pub(crate) fn depth(&self, point: DVec3) -> f64 {
+        let focal = 0.5 * (self.camera.focal.x + self.camera.focal.y);
+        f64::from(self.signed_distance_px(point)) * self.camera.to_camera(point).z / focal
     }
 
     /// How far within the outline a point [m] appears [pixels]; infinitely where this view does not see it.
@@ -238,8 +244,9 @@ impl Symmetry {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::FillSettings;
+    use crate::fill::inside_outlines;
     use crate::test_cross::{CENTRE, VOLUME, cameras, cross, gaussians, mask, turned, views};
-    use crate::{FillSettings, fill_outlines};
 
     fn of_outlines(views: &[MaskedView]) -> Symmetry {
         Symmetry::of_outlines(views, &SymmetryTuning::default())
@@ -310,7 +317,7 @@ mod tests {
         let both = [views(&cameras, &masks), views(&back, &later_masks)].concat();
         let settings = FillSettings::for_size(0.3);
         let volume = |symmetry: &Symmetry, views: &[MaskedView]| {
-            let filling = fill_outlines(&gaussians, views, symmetry, &settings).expect("a body");
+            let filling = inside_outlines(&gaussians, views, symmetry, &settings).expect("a body");
             assert_eq!(filling.views_used, views.len());
             filling.volume() / VOLUME
         };

@@ -146,7 +146,7 @@ fn result(
             input.density_kg_m3
         )]);
     }
-    let ground_half_width = |k: usize| uncertainty.and_then(|all| all.half_width(Unknown::Ground(k)));
+    let ground_half_width = uncertainty.and_then(|all| all.half_width(Unknown::Ground));
     let mut seconds = session.checkpoint().seconds.clone();
     seconds.push((Stage::Intervals, session.unbooked_seconds()));
     Estimates {
@@ -164,7 +164,7 @@ fn result(
         warnings: session.warnings().to_vec(),
         splat_factor: state.splat.exp(),
         colliders: colliders(input, state),
-        ground: input.ground.map(|_| std::array::from_fn(|k| (state.ground[k], ground_half_width(k)))),
+        ground: input.ground.map(|_| (state.ground, ground_half_width)),
         positions: placed(input, shape, state).0,
         particle_volume_m3: input.particle_volume_m3,
         volume_factors: volume_factors(input, shape, state),

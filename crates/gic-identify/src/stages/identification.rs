@@ -148,7 +148,7 @@ impl<'a> Identification<'a> {
         }
     }
 
-    /// What is sought of the ground.
+    /// The ground, where it is sought.
     pub(crate) fn grounds(&self) -> Vec<Unknown> {
         self.ground_prior.as_ref().map(|prior| prior.unknowns.clone()).unwrap_or_default()
     }
@@ -207,13 +207,12 @@ impl<'a> Identification<'a> {
     }
 }
 
-/// Height and slopes of the ground, as sure as they were given.
+/// The height of the ground, as sure as it was given.
 fn ground_prior(doubt: GroundDoubt) -> Prior {
-    let deviations = [doubt.height_m, doubt.tilt_rad, doubt.tilt_rad];
     Prior {
-        unknowns: (0..3).map(Unknown::Ground).collect(),
-        mean: DVector::zeros(3),
-        information: DMatrix::from_diagonal(&DVector::from_iterator(3, deviations.map(|sd| sd.powi(-2)))),
+        unknowns: vec![Unknown::Ground],
+        mean: DVector::zeros(1),
+        information: DMatrix::from_element(1, 1, doubt.height_m.powi(-2)),
     }
 }
 

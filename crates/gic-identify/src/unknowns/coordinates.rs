@@ -45,9 +45,7 @@ impl Coordinates<'_> {
             // Standard deviations of a fifth of a particle spacing: a cell.
             Unknown::Shape(_) => 10.0,
             // [m]: a cell.
-            Unknown::Ground(0) => 0.02,
-            // [rad]: a cell across a body.
-            Unknown::Ground(_) => 0.1,
+            Unknown::Ground => 0.02,
         }
     }
 

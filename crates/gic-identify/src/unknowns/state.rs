@@ -18,8 +18,8 @@ pub(crate) enum Unknown {
     Splat,
     /// How far the body differs from its reconstruction along a component of the shape (a nuisance).
     Shape(usize),
-    /// How much higher the ground is than given [m], and how steep along two directions [rad].
-    Ground(usize),
+    /// How much higher the ground is than given [m].
+    Ground,
 }
 
 /// A point in the space of all unknowns.
@@ -40,9 +40,9 @@ pub(crate) struct State {
     pub splat: f64,
     /// Standard deviations along each component of the shape; those that are missing are zero.
     pub shape: Vec<f64>,
-    /// How much higher the ground is than given [m], and its slopes [rad].
-    #[serde(with = "crate::vector", default)]
-    pub ground: DVec3,
+    /// How much higher the ground is than given [m].
+    #[serde(default)]
+    pub ground: f64,
 }
 
 impl State {
@@ -55,7 +55,7 @@ impl State {
             offset: DVec3::ZERO,
             splat: 0.0,
             shape: Vec::new(),
-            ground: DVec3::ZERO,
+            ground: 0.0,
         }
     }
 
@@ -67,7 +67,7 @@ impl State {
             Unknown::Offset(a) => self.offset[a],
             Unknown::Splat => self.splat,
             Unknown::Shape(k) => self.shape.get(k).copied().unwrap_or(0.0),
-            Unknown::Ground(k) => self.ground[k],
+            Unknown::Ground => self.ground,
         }
     }
 
@@ -78,7 +78,7 @@ impl State {
             Unknown::Angular(a) => self.angular[a] = value,
             Unknown::Offset(a) => self.offset[a] = value,
             Unknown::Splat => self.splat = value,
-            Unknown::Ground(k) => self.ground[k] = value,
+            Unknown::Ground => self.ground = value,
             Unknown::Shape(k) => {
                 if self.shape.len() <= k {
                     self.shape.resize(k + 1, 0.0);

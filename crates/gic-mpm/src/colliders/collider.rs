@@ -29,10 +29,21 @@ impl Collider {
         Self { primitive: Primitive::HalfSpace { normal }, path, contact }
     }
 
+    /// Direction away from the solid side of a plane at time 0; `None` of other shapes.
+    pub fn normal(&self) -> Option<DVec3> {
+        let Primitive::HalfSpace { normal } = self.primitive else { return None };
+        Some(self.path.pose(0.0).rotation * normal)
+    }
+
     /// Signed distance [m] from a point of the world [m] at a time [s]; negative inside.
     pub fn signed_distance(&self, point: DVec3, time: f64) -> f64 {
         let pose = self.path.pose(time);
         self.primitive.signed_distance(pose.rotation.inverse() * (point - pose.position)).0
+    }
+
+    /// The same obstacle, measured from another origin [m].
+    pub(crate) fn seen_from(&self, origin: DVec3) -> Self {
+        Self { path: self.path.seen_from(origin), ..self.clone() }
     }
 
     /// The obstacle as it is at a time [s]; points up to `tolerance` [m] outside count as inside.

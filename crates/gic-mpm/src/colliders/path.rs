@@ -36,6 +36,16 @@ pub(crate) struct Pose {
 }
 
 impl ColliderPath {
+    /// The same path, measured from another origin [m].
+    pub(crate) fn seen_from(&self, origin: DVec3) -> Self {
+        let mut path = self.clone();
+        match &mut path {
+            Self::Uniform { position_m, .. } => *position_m -= origin,
+            Self::Keyframed { keys, .. } => keys.iter_mut().for_each(|(_, position)| *position -= origin),
+        }
+        path
+    }
+
     /// Whether it never moves.
     pub(crate) fn is_at_rest(&self) -> bool {
         match self {

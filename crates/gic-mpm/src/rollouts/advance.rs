@@ -56,7 +56,10 @@ impl<'a, E: Engine> Rollout<'a, E> {
                     *state = trial;
                     return Ok(Advanced { segments, impulses });
                 }
-                Err(violation) => substeps = more_substeps(violation, frame, planned, substeps)?,
+                Err(violation) => {
+                    let position = violation.position + self.world.grid_origin;
+                    substeps = more_substeps(Violation { position, ..violation }, frame, planned, substeps)?;
+                }
             }
         }
     }

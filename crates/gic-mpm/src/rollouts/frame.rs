@@ -73,7 +73,7 @@ pub(super) fn report<R: Scalar>(
     };
     Frame {
         index,
-        positions: map_particles(parallel, 0..state.len(), |p| state.position_of(p)),
+        positions: map_particles(parallel, 0..state.len(), |p| state.position_of(p) + world.grid_origin),
         velocities: map_particles(parallel, 0..state.len(), |p| state.velocity_of(p)),
         von_mises_pa,
         jacobian,

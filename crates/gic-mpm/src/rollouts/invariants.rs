@@ -100,8 +100,8 @@ fn check_rounding<R: Scalar>(
     match (0..state.len()).find(|p| !is_near(*p)) {
         None => Ok(()),
         Some(particle) => {
-            let position = state.position_of(particle);
-            let drift_m = per_metre * position.abs().max_element();
+            let own = state.position_of(particle);
+            let (drift_m, position) = (per_metre * own.abs().max_element(), own + world.grid_origin);
             Err(SimulationError::Rounded { frame, particle, position, substeps, drift_m })
         }
     }
@@ -120,7 +120,7 @@ fn check_depth<R: Scalar>(
             return Err(SimulationError::ThroughCollider {
                 frame,
                 particle,
-                position: state.position_of(particle),
+                position: state.position_of(particle) + world.grid_origin,
                 collider,
                 depth_m: depth(particle),
             });

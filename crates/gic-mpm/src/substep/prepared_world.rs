@@ -13,6 +13,7 @@ use super::grid_update::GridUpdate;
 use super::state::{State, vector};
 use super::violation::Violation;
 use crate::colliders::collider::PosedCollider;
+use crate::colliders::grid_origin::grid_origin;
 use crate::colliders::shape::surface_tolerance;
 use crate::error::SimulationError;
 use crate::laws::law::{Coefficients, Rules};
@@ -48,7 +49,7 @@ pub(crate) struct PreparedBody {
     pub(crate) angular_velocity: DVec3,
     /// Each particle's own part of its velocity [m/s]; empty where that is nothing.
     pub(crate) own_velocities: Vec<DVec3>,
-    /// Centre of mass at the start [m].
+    /// Centre of mass at the start [m], from the grid's origin as all positions.
     pub(crate) centre: DVec3,
 }
 
@@ -59,6 +60,8 @@ pub(crate) struct PreparedWorld {
     pub(crate) gravity: DVec3,
     /// Grid spacing [m].
     pub(crate) spacing: f64,
+    /// The node that all positions in here are measured from [m].
+    pub(crate) grid_origin: DVec3,
     /// The unit of mass [kg].
     pub(crate) mass_unit: f64,
     /// Nodes with less mass than this [mass units] stay at rest.
@@ -72,18 +75,20 @@ impl PreparedWorld {
         world.validate()?;
         let MassRange { lightest_kg, heaviest_kg } = MassRange::of(world);
         let mass_unit = power_of_two_near(heaviest_kg);
+        let origin = grid_origin(&world.colliders, centre_of(world), world.grid_spacing_m);
         let mut bodies = Vec::with_capacity(world.bodies.len());
         let mut start = 0;
         for body in &world.bodies {
             let range = start..start + body.positions.len();
             start = range.end;
-            bodies.push(PreparedBody::new(body, range, mass_unit));
+            bodies.push(PreparedBody::new(body, range, mass_unit, origin));
         }
         Ok(Self {
             bodies,
-            colliders: world.colliders.clone(),
+            colliders: world.colliders.iter().map(|collider| collider.seen_from(origin)).collect(),
             gravity: world.gravity_m_s2,
             spacing: world.grid_spacing_m,
+            grid_origin: origin,
             mass_unit,
             mass_gate: mass_gate_kg(lightest_kg, world.grid_spacing_m) / mass_unit,
             rules,
@@ -167,17 +172,18 @@ impl PreparedWorld {
 }
 
 impl PreparedBody {
-    fn new(body: &Body, range: Range<usize>, mass_unit: f64) -> Self {
+    fn new(body: &Body, range: Range<usize>, mass_unit: f64, origin: DVec3) -> Self {
         let count = body.positions.len();
         let factors = if body.volume_factors.is_empty() { vec![1.0; count] } else { body.volume_factors.clone() };
-        let moment = body.positions.iter().zip(&factors).map(|(x, w)| *x * *w).sum::<DVec3>();
+        let positions: Vec<DVec3> = body.positions.iter().map(|x| *x - origin).collect();
+        let moment = positions.iter().zip(&factors).map(|(x, w)| *x * *w).sum::<DVec3>();
         Self {
             range,
             material: body.material,
             coefficients: body.material.coefficients(),
             mass: body.density_kg_m3 * body.particle_volume_m3 / mass_unit,
             volume: body.particle_volume_m3 / mass_unit,
-            positions: body.positions.clone(),
+            positions,
             velocity: body.velocity_m_s,
             angular_velocity: body.angular_velocity_rad_s,
             own_velocities: body.own_velocities_m_s.clone(),
@@ -185,6 +191,12 @@ impl PreparedBody {
             factors,
         }
     }
+}
+
+/// Mean of all particles' positions [m].
+fn centre_of(world: &World) -> DVec3 {
+    let positions = || world.bodies.iter().flat_map(|body| &body.positions);
+    positions().sum::<DVec3>() / positions().count().max(1) as f64
 }
 
 /// The power of two next to a positive number.

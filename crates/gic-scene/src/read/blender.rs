@@ -30,7 +30,7 @@ struct Frame {
 
 pub(super) fn read(root: &Path, _: &SceneSettings) -> Result<Draft, SceneError> {
     // Blender's z points up; nothing else about the world is fixed.
-    let world = World { up: Some(DVec3::Z), gravity: None, ground: None, metric: false };
+    let world = World { up: Some(DVec3::Z), gravity: None, ground: None, ground_deviation_m: 0.0, metric: false };
     let splits = [("train", Split::Train), ("val", Split::Validation), ("test", Split::Test)];
     let mut draft: Option<Draft> = None;
     for (name, split) in splits {

@@ -78,7 +78,7 @@ pub(super) fn read_model(folder: &Path, pictures: &Path, masks: &Path) -> Result
         (text::cameras(&cameras_file)?, text::images(&images_file)?, points)
     };
     images.sort_by(|a, b| a.name.cmp(&b.name));
-    let world = World { up: None, gravity: None, ground: None, metric: false };
+    let world = World { up: None, gravity: None, ground: None, ground_deviation_m: 0.0, metric: false };
     let mut draft = Draft::new(Format::Colmap, images_file.clone(), world);
     draft.points = points;
     for image in images {

@@ -34,10 +34,14 @@ pub(super) fn read(root: &Path, _: &SceneSettings) -> Result<Draft, SceneError> 
     Ok(draft)
 }
 
-/// What the file says of the world beyond nerfstudio's own keys: `up`, `gravity_m_s2`, `ground` with `point` and
-/// `normal`, and whether lengths are `metric`. nerfstudio's own tools turn the world so that z points up.
+/// What the file says of the world beyond nerfstudio's own keys: `up`, `gravity_m_s2`, `ground` with `point`, `normal`
+/// and the standard deviation `sd_m` of its height, and whether lengths are `metric`. nerfstudio's own tools turn the world so that z points up.
 fn world_of(all: &Value) -> Result<World, String> {
     let up = direction(all, "up")?.or(Some(DVec3::Z));
+    let ground_deviation_m = match all.get("ground").and_then(|ground| ground.get("sd_m")) {
+        None | Some(Value::Null) => 0.0,
+        Some(value) => value.as_f64().filter(|sd| *sd >= 0.0).ok_or("`ground.sd_m` must be a number from 0 on")?,
+    };
     let ground = match all.get("ground") {
         None | Some(Value::Null) => None,
         Some(ground) => {
@@ -50,7 +54,7 @@ fn world_of(all: &Value) -> Result<World, String> {
         None | Some(Value::Null) => false,
         Some(value) => value.as_bool().ok_or("`metric` must be true or false")?,
     };
-    Ok(World { up, gravity: vector(all, "gravity_m_s2")?, ground, metric })
+    Ok(World { up, gravity: vector(all, "gravity_m_s2")?, ground, ground_deviation_m, metric })
 }
 
 /// The unit vector along three numbers, where there are any.

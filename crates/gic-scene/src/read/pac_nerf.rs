@@ -32,6 +32,7 @@ pub(super) fn read(root: &Path, _: &SceneSettings) -> Result<Draft, SceneError> 
         up: Some(DVec3::Y),
         gravity: Some(DVec3::new(0.0, -9.8, 0.0)),
         ground: Some(Plane { point: DVec3::ZERO, normal: DVec3::Y }),
+        ground_deviation_m: 0.0,
         metric: true,
     };
     let mut draft = Draft::new(Format::PacNerf, list.clone(), world);

@@ -41,6 +41,7 @@ pub(super) fn read(root: &Path, settings: &SceneSettings) -> Result<Draft, Scene
         up: Some(DVec3::NEG_Z),
         gravity: Some(DVec3::new(0.0, 0.0, 9.8)),
         ground: Some(Plane { point: DVec3::new(0.0, 0.0, -0.02), normal: DVec3::NEG_Z }),
+        ground_deviation_m: 0.0,
         metric: true,
     };
     let mut draft = Draft::new(Format::SpringGausReal, list.clone(), world);

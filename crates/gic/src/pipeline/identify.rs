@@ -13,12 +13,13 @@ use gic_mpm::MaterialKind;
 use gic_scene::Camera;
 use gic_twin::atomic;
 use gic_twin::matter::write_particles;
-use gic_twin::twin::{ContactKind, MatterSource, Obstacle, ObstacleShape, Twin};
+use gic_twin::twin::{MatterSource, Obstacle, Twin};
 use serde::{Deserialize, Serialize};
 
 use super::clock::Clock;
 use super::predict::simulated_frame;
 use super::stamp::Recipe;
+use super::surroundings::{Surroundings, as_fitted};
 use super::{Continuum, Run, Stage};
 use crate::error::{Error, Result};
 
@@ -40,6 +41,9 @@ pub struct IdentifyRecord {
     pub velocity_interval_95_m_s: Option<[f64; 3]>,
     /// Initial angular velocity [rad/s].
     pub angular_velocity_rad_s: [f64; 3],
+    /// The ground; absent where it was known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ground: Option<GroundRecord>,
     /// Leading frames in which nothing is touched.
     pub free_frames: usize,
     /// Mean chamfer distance of the surfaces [m].
@@ -79,6 +83,16 @@ pub struct EstimateRecord {
     pub resolution_shift: Option<f64>,
 }
 
+/// Where the ground was found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GroundRecord {
+    /// How much higher it is below the body than it was taken to be [m].
+    pub height_m: f64,
+    /// Half-width of its 95 % interval [m]; absent where it could not be measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub height_interval_95_m: Option<f64>,
+}
+
 /// One step of identification.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StepRecord {
@@ -110,8 +124,8 @@ impl Run<'_> {
     pub(super) fn identify(&self, recipe: &Recipe) -> Result<()> {
         let model = self.model()?;
         let continuum = self.continuum()?;
-        let obstacles = self.obstacles()?;
-        let input = self.identify_input(&continuum, &obstacles)?;
+        let surroundings = self.surroundings()?;
+        let input = self.identify_input(&continuum, &surroundings)?;
         let (begun, checkpoint) = (self.path("stamps/identify.begun.json"), self.path("identify.checkpoint.json"));
         // Results of finished stages that belong to other settings or other matter must not be taken up.
         let goes_on = recipe.goes_on(&begun)?;
@@ -128,7 +142,8 @@ impl Run<'_> {
             IdentifyRecord { free_frames: self.frames_of(found.free_frames, &input), ..record(model.name(), &found) };
         atomic::write_json(&self.path("identify.json"), &record)?;
         self.write_matter(&continuum, &found)?;
-        self.twin(&input, obstacles, &found, &record)?.write(&self.path("twin.json"))?;
+        self.twin(&input, as_fitted(surroundings.obstacles, &found.colliders), &found, &record)?
+            .write(&self.path("twin.json"))?;
         if checkpoint.exists() {
             std::fs::remove_file(&checkpoint).map_err(Error::write(&checkpoint))?;
         }
@@ -194,36 +209,7 @@ impl Run<'_> {
         self.events.step(stage.name(), stage_name(step.stage), step.iteration as u64, None, &values);
     }
 
-    /// Obstacles: from a file, else the scene's ground.
-    pub(super) fn obstacles(&self) -> Result<Vec<Obstacle>> {
-        if let Some(path) = &self.config.identify.colliders {
-            return Ok(Twin::read_obstacles(path)?);
-        }
-        let half_space = |point: [f64; 3], normal: [f64; 3]| {
-            let shape = ObstacleShape::HalfSpace { point_m: point, normal };
-            vec![Obstacle::new(shape, ContactKind::Sticky)]
-        };
-        if let Some(plane) = self.scene.world.ground {
-            return Ok(half_space(plane.point.into(), plane.normal.into()));
-        }
-        let guess = gic_scene::inspect(&self.scene).map_err(Error::stage("looking for the ground"))?.ground;
-        let Some((point, normal, _)) = guess else {
-            let text = "the scene does not say where its ground is, so the object falls through nothing; \
-                        give --colliders FILE";
-            self.events.warn(Stage::Identify.name(), text);
-            return Ok(Vec::new());
-        };
-        self.events.warn(
-            Stage::Identify.name(),
-            format!(
-                "the scene does not say where its ground is; taken as the lowest the object gets: the plane through \
-                 {point:.3?} with normal {normal:.2?}, sticky. Give --colliders FILE where that is wrong"
-            ),
-        );
-        Ok(half_space(point, normal))
-    }
-
-    pub(super) fn identify_input(&self, continuum: &Continuum, obstacles: &[Obstacle]) -> Result<Input> {
+    pub(super) fn identify_input(&self, continuum: &Continuum, surroundings: &Surroundings) -> Result<Input> {
         let config = &self.config.identify;
         let Some(frame_rate_hz) = self.scene.frame_rate else {
             return Err(Error::Usage {
@@ -233,7 +219,6 @@ impl Run<'_> {
         };
         let particles = &continuum.particles;
         let (grid_spacing_m, substeps_per_frame) = config.resolution(particles.spacing);
-        let gravity = config.gravity_m_s2.map(Into::into).or(self.scene.world.gravity);
         let scale = (continuum.appearance.scale * particles.spacing) as f32;
         self.events.note(
             Stage::Identify.name(),
@@ -257,8 +242,9 @@ impl Run<'_> {
             cameras,
             observations,
             frame_rate_hz: clock.rate_hz(),
-            gravity_m_s2: gravity.unwrap_or(glam::DVec3::new(0.0, -9.8, 0.0)),
-            colliders: obstacles.iter().map(Obstacle::to_collider).collect(),
+            gravity_m_s2: surroundings.gravity_m_s2,
+            colliders: surroundings.obstacles.iter().map(Obstacle::to_collider).collect(),
+            ground: surroundings.ground,
             density_kg_m3: config.density_kg_m3,
             grid_spacing_m,
             substeps_per_frame: clock.substeps(substeps_per_frame),
@@ -413,6 +399,7 @@ fn record(model: &str, found: &Estimates) -> IdentifyRecord {
         velocity_m_s: found.velocity_m_s.into(),
         velocity_interval_95_m_s: found.velocity_interval_95.map(Into::into),
         angular_velocity_rad_s: found.angular_velocity_rad_s.into(),
+        ground: found.ground.map(|(height_m, height_interval_95_m)| GroundRecord { height_m, height_interval_95_m }),
         free_frames: found.free_frames,
         chamfer_m: found.loss.chamfer_m,
         mask_l1: found.loss.mask_l1,

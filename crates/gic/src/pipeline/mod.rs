@@ -21,6 +21,7 @@ mod rigid_frames;
 mod scene;
 mod select;
 mod stamp;
+mod surroundings;
 
 use std::path::{Path, PathBuf};
 
@@ -42,7 +43,7 @@ pub(crate) use fill::filling_file;
 pub(crate) use fill::surface_file;
 pub use fill::{Continuum, FillSummary, FrameFilling, Surface};
 pub(crate) use identify::TWIN_MATTER;
-pub use identify::{EstimateRecord, IdentifyRecord, StepRecord};
+pub use identify::{EstimateRecord, GroundRecord, IdentifyRecord, StepRecord};
 pub(crate) use predict::{moment_file, prediction_file};
 pub use register::{PlacementRecord, RegistrationRecord};
 pub(crate) use results::is_result_name;

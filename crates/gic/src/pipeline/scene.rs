@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use gic_scene::{Clocks, Scene, SceneError};
+use gic_scene::{Clocks, Scene, SceneError, World};
 use sha2::{Digest, Sha256};
 
 use super::Stage;
@@ -68,7 +68,12 @@ pub(super) fn fitted_part(video: &Scene, config: &Config) -> Result<Scene> {
 /// Hash of everything that the stages read of a scene: pictures, masks or the network that makes them, cameras, times.
 pub(super) fn hash_scene(scene: &Scene, config: &Config) -> Result<String> {
     let mut all = Sha256::new();
-    all.update(format!("{:?} {:?} {:?} {:?}", scene.format, scene.cameras, scene.times, scene.world));
+    let World { up, gravity, ground, ground_deviation_m, metric } = scene.world;
+    let world = format!("World {{ up: {up:?}, gravity: {gravity:?}, ground: {ground:?}, metric: {metric:?} }}");
+    all.update(format!("{:?} {:?} {:?} {world}", scene.format, scene.cameras, scene.times));
+    if ground_deviation_m != 0.0 {
+        all.update(format!("{ground_deviation_m:?}"));
+    }
     if scene.has_lags() {
         all.update(format!("{:?}", scene.views.iter().map(|view| view.time_s).collect::<Vec<_>>()));
     }

@@ -127,7 +127,7 @@ impl Run<'_> {
         let held_back = ((HELD_BACK_SHARE * frames as f64).round() as usize).max(1);
         let fitted = frames.saturating_sub(held_back);
         let continuum = self.continuum()?;
-        let input = self.identify_input(&continuum, &self.obstacles()?)?;
+        let input = self.identify_input(&continuum, &self.surroundings()?)?;
         let drawing = self.drawing(&continuum)?;
         let attempt = |model: MaterialKind, in_full: bool| self.fit_law(model, &input, &drawing, (fitted, in_full));
         let mut rough = Vec::new();
@@ -268,7 +268,7 @@ fn simulate(
             angular_velocity_rad_s: found.angular_velocity_rad_s,
             own_velocities_m_s: Vec::new(),
         }],
-        colliders: input.colliders.clone(),
+        colliders: found.colliders.clone(),
         gravity_m_s2: input.gravity_m_s2,
         grid_spacing_m: input.grid_spacing_m,
         frame_rate_hz: input.frame_rate_hz,

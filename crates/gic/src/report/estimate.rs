@@ -155,6 +155,7 @@ pub(super) mod tests {
             velocity_m_s: [0.3015, -1.5975, -0.2196],
             velocity_interval_95_m_s: None,
             angular_velocity_rad_s: [0.0; 3],
+            ground: None,
             free_frames: 5,
             chamfer_m: 0.01,
             mask_l1: 0.0,

@@ -137,6 +137,15 @@ fn remarks(found: &IdentifyRecord) -> Vec<String> {
     if [x, y, z] != [0.0; 3] {
         remarks.push(format!("It begins to turn at ({x:.3}, {y:.3}, {z:.3}) rad/s."));
     }
+    if let Some(ground) = &found.ground {
+        let half = ground.height_interval_95_m.map(|half| format!(" (95 % within {:.1} mm)", 1e3 * half));
+        remarks.push(format!(
+            "The ground lies {:.1} mm {} than it was taken to be{}.",
+            1e3 * ground.height_m.abs(),
+            if ground.height_m < 0.0 { "lower" } else { "higher" },
+            half.unwrap_or_default()
+        ));
+    }
     remarks.push(format!("Nothing is touched in the first {} frames.", found.free_frames));
     remarks.push(format!(
         "The simulated surface lies {:.1} mm from the observed one on average; masks differ in {:.1} % of the object's \

@@ -1,0 +1,116 @@
+//! What is around the body: gravity and obstacles, given, stated by the scene, or guessed.
+
+use gic_identify::GroundDoubt;
+use gic_mpm::Collider;
+use gic_scene::{Format, GroundSource, Inspection};
+use gic_twin::twin::{ContactKind, Obstacle, ObstacleShape, Twin};
+use glam::DVec3;
+
+use super::{Run, Stage};
+use crate::error::{Error, Result};
+
+/// Gravity where a scene says which way is up but not how strong it is [m/s^2].
+const GRAVITY_M_S2: f64 = 9.8;
+/// Standard deviation of the height of a ground that is guessed from the lowest the object gets, in sizes of the
+/// object. Judgement: hulls hang below bodies by as much.
+const GUESSED_HEIGHT_SHARE: f64 = 0.1;
+/// Coulomb coefficient of a filmed floor. Judgement: most dry pairs of materials have 0.3 to 0.7.
+const FILMED_FRICTION: f64 = 0.5;
+
+/// Gravity and obstacles of a run.
+pub(super) struct Surroundings {
+    pub(super) gravity_m_s2: DVec3,
+    pub(super) obstacles: Vec<Obstacle>,
+    /// How well the ground is known; `None` where it is exact.
+    pub(super) ground: Option<GroundDoubt>,
+}
+
+impl Run<'_> {
+    /// Gravity as given, as the scene states it, or downward; obstacles from a file, the scene's ground, or the lowest
+    /// that the object gets.
+    pub(super) fn surroundings(&self) -> Result<Surroundings> {
+        let given = self.config.identify.gravity_m_s2.map(DVec3::from).or(self.scene.world.gravity);
+        let file = self.config.identify.colliders.as_deref();
+        let needs_guess = given.is_none() || file.is_none() && self.scene.world.ground.is_none();
+        let seen = needs_guess.then(|| gic_scene::inspect(&self.scene)).transpose();
+        let seen = seen.map_err(Error::stage("looking for up and the ground"))?;
+        let gravity_m_s2 = match given {
+            Some(gravity) => gravity,
+            None => self.gravity_against(seen.as_ref())?,
+        };
+        if let Some(path) = file {
+            return Ok(Surroundings { gravity_m_s2, obstacles: Twin::read_obstacles(path)?, ground: None });
+        }
+        let (obstacles, ground) = match (self.scene.world.ground, seen) {
+            (Some(plane), _) => {
+                let deviation = self.scene.world.ground_deviation_m;
+                let doubt = GroundDoubt { collider: 0, height_m: deviation };
+                (self.floor(plane.point.into(), plane.normal.into()), (deviation > 0.0).then_some(doubt))
+            }
+            (None, Some(seen)) => self.guessed_floor(&seen),
+            (None, None) => (Vec::new(), None),
+        };
+        Ok(Surroundings { gravity_m_s2, obstacles, ground })
+    }
+
+    /// Gravity against the direction that is up.
+    fn gravity_against(&self, seen: Option<&Inspection>) -> Result<DVec3> {
+        let Some((up, source)) = seen.and_then(|seen| seen.up) else {
+            return Err(Error::Usage {
+                problem: "nothing tells which way is up".into(),
+                hint: Some("say which way things fall with --set identify.gravity_m_s2=[0.0, -9.8, 0.0]".into()),
+            });
+        };
+        if source == GroundSource::Guess {
+            let text = format!(
+                "the scene does not say which way is up; taken as {up:.2?}, the mean of the cameras'. Say which way \
+                 things fall with --set identify.gravity_m_s2=[x, y, z]"
+            );
+            self.events.warn(Stage::Identify.name(), text);
+        }
+        Ok(-GRAVITY_M_S2 * DVec3::from(up))
+    }
+
+    /// The plane below the lowest that the object gets.
+    fn guessed_floor(&self, seen: &Inspection) -> (Vec<Obstacle>, Option<GroundDoubt>) {
+        let (Some((point, normal, _)), Some(hull)) = (seen.ground, &seen.hull) else {
+            let text = "the scene does not say where its ground is, so the object falls through nothing; \
+                        give --colliders FILE";
+            self.events.warn(Stage::Identify.name(), text);
+            return (Vec::new(), None);
+        };
+        let height_m = GUESSED_HEIGHT_SHARE * hull.size_m.into_iter().fold(0.0, f64::max);
+        let text = format!(
+            "the scene does not say where its ground is; it is sought within some {:.0} mm of the lowest the object \
+             gets, the plane through {point:.3?} with normal {normal:.2?}. Give --colliders FILE where it is known",
+            2e3 * height_m
+        );
+        self.events.warn(Stage::Identify.name(), text);
+        let doubt = GroundDoubt { collider: 0, height_m };
+        (self.floor(point, normal), Some(doubt))
+    }
+
+    /// The ground: sticky in the synthetic suites, whose files say so, and one that things bounce off on film.
+    fn floor(&self, point: [f64; 3], normal: [f64; 3]) -> Vec<Obstacle> {
+        let shape = ObstacleShape::HalfSpace { point_m: point, normal };
+        vec![match self.scene.format {
+            Format::Nerfstudio | Format::Colmap => {
+                Obstacle { friction: Some(FILMED_FRICTION), ..Obstacle::new(shape, ContactKind::Separating) }
+            }
+            _ => Obstacle::new(shape, ContactKind::Sticky),
+        }]
+    }
+}
+
+/// The obstacles as the fit moved them.
+pub(super) fn as_fitted(mut obstacles: Vec<Obstacle>, fitted: &[Collider]) -> Vec<Obstacle> {
+    for (obstacle, collider) in obstacles.iter_mut().zip(fitted) {
+        if let (ObstacleShape::HalfSpace { .. }, Some(normal)) = (&obstacle.shape, collider.normal())
+            && obstacle.to_collider() != *collider
+        {
+            let point = -collider.signed_distance(DVec3::ZERO, 0.0) * normal;
+            obstacle.shape = ObstacleShape::HalfSpace { point_m: point.into(), normal: normal.into() };
+        }
+    }
+    obstacles
+}
