@@ -1,7 +1,7 @@
 //! Where the grid's nodes lie: grounds lie on them.
 //!
 //! An obstacle holds the nodes that are inside of it, so a ground between two layers of nodes acts as if it lay on the
-//! lower one. The grid is therefore laid so that the first resting plane across each axis passes through nodes: then
+//! lower one. The grid is therefore laid so that the first resting plane across each axis passes through nodes at the point it is given by: then
 //! matter meets it where it is, and a ground that is raised by a tenth of a cell raises matter by as much.
 
 use glam::DVec3;
@@ -11,15 +11,14 @@ use super::collider::Collider;
 /// Planes nearer to a node than this are on it [cells]. Derived: what rounding leaves of heights in tenths of a metre.
 const ON_NODE_CELLS: f64 = 1e-6;
 
-/// A node of the grid for obstacles around `centre` [m], within half a cell of the world's origin [m].
-pub(crate) fn grid_origin(colliders: &[Collider], centre: DVec3, spacing: f64) -> DVec3 {
+/// A node of the grid within half a cell of the world's origin [m].
+pub(crate) fn grid_origin(colliders: &[Collider], spacing: f64) -> DVec3 {
     let mut origin = [None; 3];
     for collider in colliders.iter().filter(|collider| collider.path.is_at_rest()) {
         let Some(normal) = collider.normal() else { continue };
         let axis = normal.abs().max_position();
-        // Where the plane crosses the axis through the centre.
-        let crossing = centre[axis] - collider.signed_distance(centre, 0.0) / normal[axis];
-        let off = crossing - (crossing / spacing).round() * spacing;
+        let height = collider.path.pose(0.0).position[axis];
+        let off = height - (height / spacing).round() * spacing;
         origin[axis].get_or_insert(if off.abs() > ON_NODE_CELLS * spacing { off } else { 0.0 });
     }
     DVec3::from_array(origin.map(Option::unwrap_or_default))
@@ -38,12 +37,9 @@ mod tests {
             let mut normal = DVec3::AXES[axis];
             normal[(axis + 1) % 3] = tilt;
             let plane = Collider::plane(height * DVec3::AXES[axis], normal.normalize(), Contact::Sticky);
-            let centre = DVec3::new(0.3, -0.2, 0.4);
-            let origin = grid_origin(std::slice::from_ref(&plane), centre, spacing);
+            let origin = grid_origin(std::slice::from_ref(&plane), spacing);
             prop_assert!(origin.abs().max_element() <= 0.5 * spacing + 1e-12);
-            let mut crossing = centre;
-            crossing[axis] -= plane.signed_distance(centre, 0.0) / plane.normal().expect("a plane")[axis];
-            let cells = (crossing[axis] - origin[axis]) / spacing;
+            let cells = (height - origin[axis]) / spacing;
             prop_assert!((cells - cells.round()).abs() < 1e-5, "{}", cells);
         }
     }
@@ -52,8 +48,8 @@ mod tests {
     fn a_ground_at_a_round_height_moves_no_node() {
         let ground = |height: f64| Collider::plane(DVec3::new(0.0, height, 0.0), DVec3::Y, Contact::Sticky);
         for height in [0.0, 0.3, -0.02] {
-            assert_eq!(grid_origin(&[ground(height)], DVec3::new(0.1, 0.5, 0.2), 0.02), DVec3::ZERO, "{height}");
+            assert_eq!(grid_origin(&[ground(height)], 0.02), DVec3::ZERO, "{height}");
         }
-        assert_eq!(grid_origin(&[], DVec3::ONE, 0.02), DVec3::ZERO);
+        assert_eq!(grid_origin(&[], 0.02), DVec3::ZERO);
     }
 }

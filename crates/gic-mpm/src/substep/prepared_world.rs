@@ -75,7 +75,7 @@ impl PreparedWorld {
         world.validate()?;
         let MassRange { lightest_kg, heaviest_kg } = MassRange::of(world);
         let mass_unit = power_of_two_near(heaviest_kg);
-        let origin = grid_origin(&world.colliders, centre_of(world), world.grid_spacing_m);
+        let origin = grid_origin(&world.colliders, world.grid_spacing_m);
         let mut bodies = Vec::with_capacity(world.bodies.len());
         let mut start = 0;
         for body in &world.bodies {
@@ -191,12 +191,6 @@ impl PreparedBody {
             factors,
         }
     }
-}
-
-/// Mean of all particles' positions [m].
-fn centre_of(world: &World) -> DVec3 {
-    let positions = || world.bodies.iter().flat_map(|body| &body.positions);
-    positions().sum::<DVec3>() / positions().count().max(1) as f64
 }
 
 /// The power of two next to a positive number.

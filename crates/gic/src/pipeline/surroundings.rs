@@ -1,7 +1,7 @@
 //! What is around the body: gravity and obstacles, given, stated by the scene, or guessed.
 
 use gic_identify::GroundDoubt;
-use gic_mpm::Collider;
+use gic_mpm::{Collider, ColliderPath};
 use gic_scene::{Format, GroundSource, Inspection};
 use gic_twin::twin::{ContactKind, Obstacle, ObstacleShape, Twin};
 use glam::DVec3;
@@ -105,11 +105,10 @@ impl Run<'_> {
 /// The obstacles as the fit moved them.
 pub(super) fn as_fitted(mut obstacles: Vec<Obstacle>, fitted: &[Collider]) -> Vec<Obstacle> {
     for (obstacle, collider) in obstacles.iter_mut().zip(fitted) {
-        if let (ObstacleShape::HalfSpace { .. }, Some(normal)) = (&obstacle.shape, collider.normal())
-            && obstacle.to_collider() != *collider
+        if let (ObstacleShape::HalfSpace { point_m, .. }, ColliderPath::Uniform { position_m, .. }) =
+            (&mut obstacle.shape, &collider.path)
         {
-            let point = -collider.signed_distance(DVec3::ZERO, 0.0) * normal;
-            obstacle.shape = ObstacleShape::HalfSpace { point_m: point.into(), normal: normal.into() };
+            *point_m = (*position_m).into();
         }
     }
     obstacles
