@@ -3,7 +3,8 @@
 use std::ops::ControlFlow;
 
 use gic_identify::{
-    Checkpoint, Estimates, Event, IdentifyError, Input, Observation, Settings, Target, identify, sought, sought_values,
+    Checkpoint, Estimates, Event, GroundDoubt, IdentifyError, Input, Observation, Settings, Target, identify, sought,
+    sought_values,
 };
 use gic_mpm::{
     Body, Collider, ColliderPath, Contact, Material, MaterialKind, Options, Primitive, Stepping, World, rollout,
@@ -107,6 +108,23 @@ fn observed(material: Material, velocity: DVec3, frames: usize) -> Input {
         density_kg_m3: 1000.0,
         grid_spacing_m: SPACING,
         substeps_per_frame: SUBSTEPS,
+    }
+}
+
+/// A ground that was given too high or too low is found where it is, and the material with it.
+#[test]
+fn a_ground_that_is_elsewhere_is_found() {
+    for off in [0.006, -0.004] {
+        let mut input = observed(ELASTIC, DVec3::new(0.4, -1.5, 0.2), 8);
+        input.colliders = vec![Collider::plane(DVec3::new(0.0, off, 0.0), DVec3::Y, Contact::Sticky)];
+        input.ground = Some(GroundDoubt { collider: 0, height_m: 0.02 });
+        let settings = Settings { target: Target::Surfaces, resolution_check: 0.0, ..Settings::default() };
+        let found = run(&input, ELASTIC.kind(), &settings).expect("identified");
+        let (height, _) = found.ground.expect("it was sought");
+        let error = found.estimates[0].parameter.error(found.estimates[0].value, 1.0e5);
+        println!("given {off} m off, found {height:.5} m from there; E off by {error:.4}");
+        assert!((height + off).abs() < 3e-4 && error.abs() < 0.02, "{height} {error}");
+        assert!((found.colliders[0].signed_distance(DVec3::ZERO, 0.0)).abs() < 3e-4);
     }
 }
 

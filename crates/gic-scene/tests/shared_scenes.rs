@@ -167,3 +167,56 @@ fn d_nerf_and_static_blender_scenes_keep_their_splits_and_times() {
     println!("lego: {:?}, worst IoU {worst:.4}", hull.bounds());
     assert!(worst > 0.9, "{worst}");
 }
+
+/// Delays of the four cameras of the filmed ball behind the first one [frames], as its README measured them.
+const FILMED_DELAYS: [f64; 4] = [0.0, 0.094, -0.151, -0.394];
+
+fn delays_frames(scene: &Scene) -> Vec<f64> {
+    let rate = scene.frame_rate.expect("even");
+    scene.delays_s.iter().map(|delay| delay * rate).collect()
+}
+
+#[test]
+fn cameras_that_film_without_a_common_clock_are_found_to_lag() {
+    let Some(root) = shared("film_ball/as_filmed") else { return };
+    // The times that a user has: every camera's n-th picture at n / 60 s.
+    let copy = tempfile::tempdir().expect("a folder");
+    std::fs::create_dir(copy.path().join("data")).expect("a folder");
+    for entry in std::fs::read_dir(root.join("data")).expect("pictures") {
+        let path = entry.expect("a file").path();
+        std::fs::copy(&path, copy.path().join("data").join(path.file_name().expect("a name"))).expect("a copy");
+    }
+    let text = std::fs::read_to_string(root.join("all_data.json")).expect("a list");
+    let mut entries: Vec<serde_json::Value> = serde_json::from_str(&text).expect("JSON");
+    for entry in &mut entries {
+        let name = entry["file_path"].as_str().expect("a path").trim_end_matches(".png").to_owned();
+        let number: f64 = name.rsplit('_').next().expect("a number").parse().expect("a number");
+        entry["time"] = (number / 60.0).into();
+    }
+    std::fs::write(copy.path().join("all_data.json"), serde_json::to_string(&entries).expect("JSON")).expect("a list");
+    let nominal = Scene::open(copy.path()).expect("a scene");
+    assert!(!nominal.has_lags());
+    let scene = nominal.synchronised(nominal.world.gravity, nominal.times.len()).expect("masks");
+    let found = delays_frames(&scene);
+    println!("{found:.3?} for {FILMED_DELAYS:?}");
+    assert!(found.iter().zip(FILMED_DELAYS).all(|(found, measured)| (found - measured).abs() < 0.1), "{found:?}");
+    assert!(scene.has_lags() && scene.times.len() == 10 && scene.views_at(0).len() == 4);
+    // With the times that were measured there is nothing to find, and the views of a frame differ as much.
+    let stated = Scene::open(&root).expect("a scene");
+    let same = stated.synchronised(stated.world.gravity, stated.times.len()).expect("masks");
+    assert!(stated.has_lags() && stated.times.len() == 10 && same.delays_s.is_empty(), "{:?}", same.delays_s);
+    let lag = |view: &gic_scene::View| view.time_s - scene.times[view.frame];
+    for (view, other) in scene.views_at(3).iter().zip(stated.views_at(3)) {
+        let measured = other.time_s - stated.times[3];
+        assert!((lag(view) - measured).abs() * 60.0 < 0.1, "{} for {measured}", lag(view));
+    }
+}
+
+#[test]
+fn a_film_whose_pictures_repeat_poses_is_of_a_few_cameras() {
+    let Some(root) = shared("film_ball/nerfstudio") else { return };
+    let scene = Scene::open(&root).expect("a scene");
+    assert_eq!((scene.cameras.len(), scene.times.len(), scene.views.len()), (4, 10, 40));
+    assert_eq!(scene.camera_names, ["c0", "c1", "c2", "c3"]);
+    assert!(scene.has_fixed_cameras());
+}
