@@ -19,9 +19,11 @@ pub struct Settings {
     #[cfg_attr(feature = "cli", arg(long, value_name = "M"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub voxel_spacing_m: Option<f64>,
-    /// Levels of refinement, the paper's n_u: each but the first halves the voxels.
-    #[cfg_attr(feature = "cli", arg(long, value_name = "N", default_value_t = Settings::default().levels))]
-    pub levels: usize,
+    /// Levels of refinement, the paper's n_u: each but the first halves the voxels. By default four, and fewer where the
+    /// finest voxels would be less than half a pixel wide.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub levels: Option<usize>,
     /// Density from which a voxel belongs to the body, the paper's th_min.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub th_min: f64,
@@ -45,11 +47,11 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Settings {
-        let FillSettings { levels, th_min, min_opacity, unseen, tuning, .. } = FillSettings::for_size(1.0);
+        let FillSettings { th_min, min_opacity, unseen, tuning, .. } = FillSettings::for_size(1.0);
         Settings {
             particle_spacing_m: None,
             voxel_spacing_m: None,
-            levels,
+            levels: None,
             th_min,
             min_opacity,
             unseen,
@@ -71,15 +73,21 @@ impl Settings {
                 return Err(ContinuumError::Setting { setting, value, must: "above 0 m" });
             }
         }
-        self.for_body(1.0, None).validate()
+        self.for_body((1.0, 0.0), None).validate()
     }
 
-    /// The same for a body whose largest side at the first frame is `size` [m], on `ground`, if that is known.
-    pub fn for_body(&self, size: f64, ground: Option<Plane>) -> FillSettings {
+    /// The same for a body whose largest side at the first frame is `size` [m] and of which the pictures tell details of
+    /// a `pixel` [m], on `ground`, if that is known.
+    pub fn for_body(&self, (size, pixel): (f64, f64), ground: Option<Plane>) -> FillSettings {
         let defaults = FillSettings::tuned(size, self.tuning.clone());
+        let grid_spacing = self.voxel_spacing_m.unwrap_or(defaults.grid_spacing);
+        let told = |levels: &usize| {
+            FillSettings { grid_spacing, levels: *levels, ..defaults.clone() }.finest_spacing() >= 0.5 * pixel
+        };
+        let levels = self.levels.unwrap_or_else(|| (1..=defaults.levels).rev().find(told).unwrap_or(1));
         FillSettings {
-            grid_spacing: self.voxel_spacing_m.unwrap_or(defaults.grid_spacing),
-            levels: self.levels,
+            grid_spacing,
+            levels,
             th_min: self.th_min,
             min_opacity: self.min_opacity,
             unseen: self.unseen,

@@ -6,7 +6,7 @@ use gic_continuum::{
     Agreement, Appearance, Drawing, FillSettings, Filling, MirrorPlane, ParticleTuning, Particles, calibrate,
     compare_with_masks, sample_particles, sample_points,
 };
-use gic_scene::{Hull, HullSettings, HullView, Mask};
+use gic_scene::{Camera, Hull, HullSettings, HullView, Mask};
 use gic_twin::atomic;
 use gic_twin::matter::{read_particles, write_particles};
 use glam::DVec3;
@@ -104,8 +104,7 @@ pub(crate) fn filling_file(frame: usize) -> PathBuf {
 impl Run<'_> {
     pub(super) fn fill(&self) -> Result<()> {
         let input = self.fill_input()?;
-        let size = object_size(&input)?;
-        let mut settings = self.fill_settings(size);
+        let (size, mut settings) = self.fill_settings(&input)?;
         let mut spacing = self.config.fill.particle_spacing_m;
         for folder in ["surface", "filling"] {
             atomic::create_folder(&self.path(folder))?;
@@ -201,18 +200,18 @@ impl Run<'_> {
     /// # Errors
     /// Those of filling.
     pub fn drawing(&self, continuum: &Continuum) -> Result<(Drawing, Appearance)> {
-        let filling = self.first_filling(continuum)?;
-        let tuning = &self.fill_settings(continuum.summary.object_size_m).tuning.particles;
+        let filling = self.first_filling()?;
+        let tuning = &self.config.fill.tuning.particles;
         let spacing = tuning.drawing_spacing * continuum.particles.spacing;
         let drawing = Drawing::new(&filling, &continuum.particles, spacing, tuning).map_err(Error::filling(0))?;
         Ok((drawing, Appearance { scale: continuum.summary.drawing_scale, ..continuum.appearance }))
     }
 
     /// Fills the first frame again.
-    pub(super) fn first_filling(&self, continuum: &Continuum) -> Result<Filling> {
+    pub(super) fn first_filling(&self) -> Result<Filling> {
         let input = self.fill_input()?;
         let masks = input.masks(0)?;
-        let settings = self.fill_settings(continuum.summary.object_size_m);
+        let (_, settings) = self.fill_settings(&input)?;
         self.frame_filler().next(&input, 0, &input.masked_views(0, &masks), &settings)
     }
 
@@ -220,9 +219,10 @@ impl Run<'_> {
         FrameFiller::new(self.config.fill.symmetry)
     }
 
-    pub(super) fn fill_settings(&self, size: f64) -> FillSettings {
-        let ground = self.scene.world.ground;
-        self.config.fill.for_body(size, ground)
+    /// The largest side of the object at the first frame [m], and how it is filled.
+    fn fill_settings(&self, input: &FillInput) -> Result<(f64, FillSettings)> {
+        let (size, pixel) = size_and_pixel(input)?;
+        Ok((size, self.config.fill.for_body((size, pixel), self.scene.world.ground)))
     }
 
     /// The masks of a frame, in the order of its views.
@@ -276,8 +276,9 @@ fn known_doubts(read: &[f32]) -> Vec<f32> {
     read.iter().map(|d| if d.is_nan() { 0.0 } else { *d }).collect()
 }
 
-/// Largest side of the box around the visual hull at the first frame [m].
-fn object_size(input: &FillInput) -> Result<f64> {
+/// Largest side of the box around the visual hull at the first frame, and how wide a pixel is there, the median of the
+/// cameras [m].
+fn size_and_pixel(input: &FillInput) -> Result<(f64, f64)> {
     let masks = input.masks(0)?;
     let views: Vec<HullView> =
         input.cameras(0).iter().zip(&masks).map(|(camera, mask)| HullView { camera, mask }).collect();
@@ -286,7 +287,10 @@ fn object_size(input: &FillInput) -> Result<f64> {
         hint: Some("look at the scene with `gic inspect`: masks are empty, or camera poses do not fit them".into()),
     })?;
     let (low, high) = hull.bounds();
-    Ok((high - low).max_element())
+    let pixel = |camera: &Camera| camera.to_camera(0.5 * (low + high)).z / camera.focal.min_element();
+    let mut pixels: Vec<f64> = input.cameras(0).iter().map(pixel).collect();
+    pixels.sort_by(f64::total_cmp);
+    Ok(((high - low).max_element(), pixels[pixels.len() / 2]))
 }
 
 /// Writes the particles of a body at time 0 with their attributes.
