@@ -1,0 +1,13 @@
+//! Films in: what cameras recorded becomes a scene folder.
+//!
+//! [`open_films`] finds the films, [`Film::frames`] decodes them. `background` makes the picture of the empty scene,
+//! `align` finds a flash or clap, `import` writes the scene, `masks` its masks.
+
+mod error;
+mod ffmpeg;
+mod film;
+mod frames;
+
+pub use error::{FilmError, Result};
+pub use film::{Film, open_films};
+pub use frames::{Frame, Frames, Selection};
