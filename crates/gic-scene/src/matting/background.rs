@@ -1,0 +1,120 @@
+//! How likely the background gives a pixel's colour: lit, in shadow, or by a stray change.
+//!
+//! A shadow of depth t takes the share t d_c of the light of channel c, with one tint d for the picture (mean 1): what
+//! is left is light from elsewhere, which has a colour of its own. So I = B (1 - t d) + noise, with t between 0 and the
+//! deepest shadow, all equally likely.
+
+use std::f32::consts::TAU;
+
+use rayon::prelude::*;
+
+use super::tuning::{
+    GREY_TINT_WEIGHT, MAX_SHADOW_DEPTH, MIN_NOISE, MIN_SHADOW_DEPTH, OBJECT_SHARE, REFLECTED_LIGHT, SHADOW_SHARE,
+    STRAY_SHARE, TELLING_DEPTH, TINT_FITS, TINT_SPREAD, UNKNOWN_TINT_SPREAD,
+};
+
+/// What makes up the difference between a picture and its background, where nothing stands in front.
+pub(super) struct Background {
+    /// Standard deviation of the difference, for each channel.
+    pub(super) noise: [f32; 3],
+    /// What a shadow takes of each channel, relative to the mean.
+    pub(super) tint: [f32; 3],
+    /// Spread of the tint.
+    tint_spread: f32,
+}
+
+/// A pixel, were it background.
+#[derive(Clone, Copy)]
+pub(super) struct Shade {
+    /// The depth of the shadow that explains it best: 0 lit, 1 black.
+    pub(super) depth: f32,
+    /// -ln p(colour | background).
+    pub(super) cost: f32,
+    /// Whether it is rather in shadow than lit or the object.
+    is_shadow: bool,
+}
+
+impl Background {
+    /// Estimates noise and tint from pixels of a picture and of its background.
+    pub(super) fn fit(image: &[[f32; 3]], empty: &[[f32; 3]]) -> Background {
+        let noise = [0, 1, 2].map(|c| noise_of_channel(image, empty, c));
+        let mut model = Background { noise, tint: [1.0; 3], tint_spread: UNKNOWN_TINT_SPREAD };
+        for _ in 0..TINT_FITS {
+            let tint = model.fit_tint(image, empty);
+            model = Background { noise, tint, tint_spread: TINT_SPREAD };
+        }
+        model
+    }
+
+    /// All pixels, were they background.
+    pub(super) fn shades(&self, image: &[[f32; 3]], empty: &[[f32; 3]]) -> Vec<Shade> {
+        image.par_iter().zip(empty).map(|(image, empty)| self.shade(*image, *empty)).collect()
+    }
+
+    fn shade(&self, image: [f32; 3], empty: [f32; 3]) -> Shade {
+        let mut lit_cost = 0.0;
+        let (mut product, mut square) = (0.0, 0.0);
+        for c in 0..3 {
+            let variance = self.noise[c] * self.noise[c];
+            let (loss, taken) = (empty[c] - image[c], empty[c] * self.tint[c]);
+            lit_cost += 0.5 * loss * loss / variance + 0.5 * (TAU * variance).ln();
+            product += loss * taken / variance;
+            square += taken * taken / variance;
+        }
+        let depth = (product / square.max(1e-9)).clamp(MIN_SHADOW_DEPTH, MAX_SHADOW_DEPTH);
+        let (mut shadow_cost, mut information) = (0.0, 1e-9);
+        for c in 0..3 {
+            let taken = empty[c] * self.tint[c];
+            let spread = self.tint_spread * depth * empty[c];
+            let variance = self.noise[c] * self.noise[c] + spread * spread + REFLECTED_LIGHT * REFLECTED_LIGHT;
+            let residual = image[c] - empty[c] + depth * taken;
+            shadow_cost += 0.5 * residual * residual / variance + 0.5 * (TAU * variance).ln();
+            information += taken * taken / variance;
+        }
+        // The integral over all depths: a Gaussian about the best one, as far as it lies within their range.
+        let range = MAX_SHADOW_DEPTH;
+        let share_of_range = ((TAU / information).sqrt() / range).min(1.0);
+        let lit = (1.0 - SHADOW_SHARE).ln() - lit_cost;
+        let shadow = SHADOW_SHARE.ln() - shadow_cost + share_of_range.ln();
+        let likelihood = add_exponents(add_exponents(lit, shadow), STRAY_SHARE.ln());
+        let is_shadow = shadow > add_exponents(lit, OBJECT_SHARE.ln());
+        Shade { depth, cost: -likelihood, is_shadow }
+    }
+
+    /// The tint with which shadows explain the pixels that are likely in shadow: least squares.
+    fn fit_tint(&self, image: &[[f32; 3]], empty: &[[f32; 3]]) -> [f32; 3] {
+        let shades = self.shades(image, empty);
+        let (mut products, mut squares) = ([GREY_TINT_WEIGHT; 3], [GREY_TINT_WEIGHT; 3]);
+        for (shade, (image, empty)) in shades.iter().zip(image.iter().zip(empty)) {
+            if shade.is_shadow && shade.depth > TELLING_DEPTH {
+                for c in 0..3 {
+                    let reach = shade.depth * empty[c];
+                    products[c] += reach * (empty[c] - image[c]);
+                    squares[c] += reach * reach;
+                }
+            }
+        }
+        let tint = [0, 1, 2].map(|c| (products[c] / squares[c]).max(0.0));
+        let mean = tint.iter().sum::<f32>() / 3.0;
+        if mean > 0.0 { tint.map(|d| d / mean) } else { [1.0; 3] }
+    }
+}
+
+/// ln(e^a + e^b).
+fn add_exponents(a: f32, b: f32) -> f32 {
+    let (low, high) = (a.min(b), a.max(b));
+    high + (low - high).exp().ln_1p()
+}
+
+/// Standard deviation by the median difference, because most pixels are background.
+fn noise_of_channel(image: &[[f32; 3]], empty: &[[f32; 3]], c: usize) -> f32 {
+    /// Standard deviations of a normal distribution in its median absolute deviation, inverted.
+    const BY_MEDIAN: f32 = 1.4826;
+    let mut differences: Vec<f32> = image.iter().zip(empty).map(|(i, b)| (i[c] - b[c]).abs()).collect();
+    if differences.is_empty() {
+        return MIN_NOISE;
+    }
+    let middle = differences.len() / 2;
+    let (_, median, _) = differences.select_nth_unstable_by(middle, f32::total_cmp);
+    (BY_MEDIAN * *median).max(MIN_NOISE)
+}
