@@ -3,11 +3,14 @@
 //! [`open_films`] finds the films, [`Film::frames`] decodes them. `background` makes the picture of the empty scene,
 //! `align` finds a flash or clap, `import` writes the scene, `masks` its masks.
 
+mod background;
 mod error;
 mod ffmpeg;
 mod film;
 mod frames;
+mod tuning;
 
+pub use background::EmptyScene;
 pub use error::{FilmError, Result};
 pub use film::{Film, open_films};
 pub use frames::{Frame, Frames, Selection};
