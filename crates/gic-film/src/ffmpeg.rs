@@ -26,6 +26,7 @@ struct Stream {
     codec_type: Option<String>,
     width: Option<usize>,
     height: Option<usize>,
+    time_base: Option<String>,
     #[serde(default)]
     side_data_list: Vec<SideData>,
 }
@@ -46,6 +47,8 @@ pub(crate) struct Content {
     pub(crate) size: (usize, usize),
     /// Presentation times [s], as they stand in the file.
     pub(crate) times_s: Vec<f64>,
+    /// To what the file rounds them [s].
+    pub(crate) tick_s: f64,
     /// Whether there is a sound track.
     pub(crate) has_sound: bool,
 }
@@ -70,7 +73,14 @@ pub(crate) fn probe(path: &Path) -> Result<Content> {
         return Err(damaged("holds no frame that can be decoded"));
     }
     let size = if turned { (height, width) } else { (width, height) };
-    Ok(Content { size, times_s, has_sound: streams.iter().any(|stream| is("audio")(&stream)) })
+    let tick_s = video.time_base.as_deref().and_then(ratio).unwrap_or(0.0);
+    Ok(Content { size, times_s, tick_s, has_sound: streams.iter().any(|stream| is("audio")(&stream)) })
+}
+
+/// The value of a fraction such as 1/1000.
+fn ratio(text: &str) -> Option<f64> {
+    let (numerator, denominator) = text.split_once('/')?;
+    Some(numerator.parse::<f64>().ok()? / denominator.parse::<f64>().ok()?).filter(|value| value.is_finite())
 }
 
 fn ffprobe(path: &Path, what: &[&str]) -> Result<Output> {
@@ -101,12 +111,12 @@ pub(crate) struct Decoder {
 }
 
 impl Decoder {
-    /// Starts ffmpeg on a film; what it makes comes through its standard output.
+    /// Starts ffmpeg on a film; what it makes comes through its standard output. Times are those of the file.
     pub(crate) fn start(path: &Path, arguments: &[&str]) -> Result<Decoder> {
         let said = tempfile::tempfile().map_err(TwinError::write(&std::env::temp_dir()))?;
         let words = said.try_clone().map_err(TwinError::write(&std::env::temp_dir()))?;
         let mut process = Command::new("ffmpeg")
-            .args(["-v", "error", "-nostdin", "-i"])
+            .args(["-v", "error", "-nostdin", "-copyts", "-i"])
             .arg(file_argument(path))
             .args(arguments)
             .arg("-")

@@ -75,7 +75,7 @@ impl Film {
             path: path.to_owned(),
             width: content.size.0,
             height: content.size.1,
-            times_s: content.times_s.iter().map(|time| time - file_start_s).collect(),
+            times_s: without_rounding(&content.times_s, content.tick_s),
             has_sound: content.has_sound,
             file_start_s,
             pictures: Vec::new(),
@@ -115,6 +115,19 @@ impl Film {
     pub fn frame_rate_hz(&self) -> Option<f64> {
         let steps = self.times_s.len().checked_sub(1).filter(|steps| *steps > 0)?;
         Some(steps as f64 / (self.times_s[steps] - self.times_s[0]))
+    }
+}
+
+/// Times from the first one [s], evenly spaced where they are so but for the file's rounding to whole ticks.
+fn without_rounding(times_s: &[f64], tick_s: f64) -> Vec<f64> {
+    let steps = times_s.len() - 1;
+    let step = (times_s[steps] - times_s[0]) / steps.max(1) as f64;
+    let even = |n: usize| n as f64 * step;
+    let own = |n: usize| times_s[n] - times_s[0];
+    if (0..=steps).all(|n| (own(n) - even(n)).abs() <= tick_s) {
+        (0..=steps).map(even).collect()
+    } else {
+        (0..=steps).map(own).collect()
     }
 }
 

@@ -3,6 +3,7 @@
 //! [`open_films`] finds the films, [`Film::frames`] decodes them. `background` makes the picture of the empty scene,
 //! `align` finds a flash or clap, `import` writes the scene, `masks` its masks.
 
+mod align;
 mod background;
 mod error;
 mod ffmpeg;
@@ -10,6 +11,7 @@ mod film;
 mod frames;
 mod tuning;
 
+pub use align::{Align, Alignment, align};
 pub use background::EmptyScene;
 pub use error::{FilmError, Result};
 pub use film::{Film, open_films};

@@ -26,3 +26,25 @@ pub(crate) const SHARING_PART: usize = 4;
 /// A colour is the empty scene's if this part of the frames share it. Derived: an object that is not at rest covers a
 /// pixel in fewer frames.
 pub(crate) const CLOSING_SHARE: usize = 8;
+
+// Alignment.
+
+/// Width and height to which films shrink to look for a flash [pixels]. Derived: a flash is everywhere.
+pub(crate) const FLASH_SIZE_PX: (usize, usize) = (32, 24);
+/// Least step of the brightness that is a flash [1]. Derived: lamps flicker by less.
+pub(crate) const LEAST_FLASH: f32 = 0.05;
+/// A flash or clap is clear where it is this many times as strong as the next one. Derived: the next could be it where
+/// both are alike.
+pub(crate) const CLEAR_RATIO: f32 = 2.0;
+/// Rate at which sound is looked at [Hz]. Derived: a fiftieth of a millisecond.
+pub(crate) const SOUND_RATE_HZ: usize = 48_000;
+/// Windows in which sound has an amplitude [samples]. Derived: a millisecond.
+pub(crate) const SOUND_WINDOW: usize = SOUND_RATE_HZ / 1000;
+/// A clap rises out of the quiet of so many windows before. Derived: it begins within a few milliseconds.
+pub(crate) const QUIET_WINDOWS: usize = 20;
+/// Echoes of a clap last so many windows. Derived: a large room.
+pub(crate) const ECHO_WINDOWS: usize = 300;
+/// A clap begins where the sound reaches this share of its amplitude. Derived: far above the quiet before.
+pub(crate) const ONSET_SHARE: f32 = 0.3;
+/// Least amplitude of a clap, full scale being 1. Derived: above the rounding of 16 bits and of codecs.
+pub(crate) const LEAST_CLAP: f32 = 0.01;

@@ -9,8 +9,8 @@ use std::f32::consts::TAU;
 use rayon::prelude::*;
 
 use super::tuning::{
-    GREY_TINT_WEIGHT, MAX_SHADOW_DEPTH, MIN_NOISE, MIN_SHADOW_DEPTH, OBJECT_SHARE, REFLECTED_LIGHT, SHADOW_SHARE,
-    STRAY_SHARE, TELLING_DEPTH, TINT_FITS, TINT_SPREAD, UNKNOWN_TINT_SPREAD,
+    GREY_TINT_WEIGHT, MAX_SHADOW_DEPTH, MIN_NOISE, MIN_SHADOW_DEPTH, MIN_TINT_SPREAD, OBJECT_SHARE, REFLECTED_LIGHT,
+    SHADOW_SHARE, STRAY_SHARE, TELLING_DEPTH, TINT_FITS, TINT_SPREAD, UNKNOWN_TINT_SPREAD,
 };
 
 /// What makes up the difference between a picture and its background, where nothing stands in front.
@@ -40,8 +40,7 @@ impl Background {
         let noise = [0, 1, 2].map(|c| noise_of_channel(image, empty, c));
         let mut model = Background { noise, tint: [1.0; 3], tint_spread: UNKNOWN_TINT_SPREAD };
         for _ in 0..TINT_FITS {
-            let tint = model.fit_tint(image, empty);
-            model = Background { noise, tint, tint_spread: TINT_SPREAD };
+            model = model.refit(image, empty);
         }
         model
     }
@@ -81,22 +80,42 @@ impl Background {
         Shade { depth, cost: -likelihood, is_shadow }
     }
 
-    /// The tint with which shadows explain the pixels that are likely in shadow: least squares.
-    fn fit_tint(&self, image: &[[f32; 3]], empty: &[[f32; 3]]) -> [f32; 3] {
+    /// With the tint with which shadows explain the pixels that are likely in shadow (least squares), and the spread of
+    /// what is left.
+    fn refit(&self, image: &[[f32; 3]], empty: &[[f32; 3]]) -> Background {
         let shades = self.shades(image, empty);
+        let telling = |shade: &Shade| shade.is_shadow && shade.depth > TELLING_DEPTH;
+        let shadows: Vec<(f32, [f32; 3], [f32; 3])> = shades
+            .iter()
+            .zip(image.iter().zip(empty))
+            .filter(|(shade, _)| telling(shade))
+            .map(|(shade, (image, empty))| (shade.depth, *image, *empty))
+            .collect();
         let (mut products, mut squares) = ([GREY_TINT_WEIGHT; 3], [GREY_TINT_WEIGHT; 3]);
-        for (shade, (image, empty)) in shades.iter().zip(image.iter().zip(empty)) {
-            if shade.is_shadow && shade.depth > TELLING_DEPTH {
-                for c in 0..3 {
-                    let reach = shade.depth * empty[c];
-                    products[c] += reach * (empty[c] - image[c]);
-                    squares[c] += reach * reach;
-                }
+        for (depth, image, empty) in &shadows {
+            for c in 0..3 {
+                let reach = depth * empty[c];
+                products[c] += reach * (empty[c] - image[c]);
+                squares[c] += reach * reach;
             }
         }
         let tint = [0, 1, 2].map(|c| (products[c] / squares[c]).max(0.0));
         let mean = tint.iter().sum::<f32>() / 3.0;
-        if mean > 0.0 { tint.map(|d| d / mean) } else { [1.0; 3] }
+        let tint = if mean > 0.0 { tint.map(|d| d / mean) } else { [1.0; 3] };
+
+        let usual = GREY_TINT_WEIGHT * TINT_SPREAD * TINT_SPREAD;
+        let (mut scatter, mut reaches) = (3.0 * usual, 3.0 * GREY_TINT_WEIGHT);
+        for (depth, image, empty) in &shadows {
+            for c in 0..3 {
+                let residual = image[c] - empty[c] * (1.0 - depth * tint[c]);
+                scatter += residual * residual - self.noise[c] * self.noise[c];
+                reaches += (depth * empty[c]).powi(2);
+            }
+        }
+        let tint_spread = (scatter / reaches).max(0.0).sqrt().clamp(MIN_TINT_SPREAD, UNKNOWN_TINT_SPREAD);
+            eprintln!("{tint:?} {tint_spread}");
+        }
+        Background { noise: self.noise, tint, tint_spread }
     }
 }
 

@@ -12,6 +12,8 @@ pub(super) const SHADOW_SHARE: f32 = 0.2;
 /// Spread of a shadow's tint over the picture, as a share of what the shadow takes. Fitted on: film_ball, bear_sand,
 /// torus, elastic_0.
 pub(super) const TINT_SPREAD: f32 = 0.04;
+/// The least of it. Derived: no shadow takes all colours alike.
+pub(super) const MIN_TINT_SPREAD: f32 = 0.02;
 /// The same before the tint is known. Derived: daylight and lamps differ by some tenths between channels.
 pub(super) const UNKNOWN_TINT_SPREAD: f32 = 0.1;
 /// Coloured light that the object throws on the background, in units of full brightness. Fitted on: the nine scenes of
