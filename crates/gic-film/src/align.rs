@@ -3,9 +3,10 @@
 //! A flash is the strongest rise of the median pixel's brightness between two frames, so it is known to a frame. A clap
 //! is the strongest rise of the sound out of what was before, known to the sample; sound takes 3 ms a metre.
 
+use gic_twin::Interrupt;
 use serde::{Deserialize, Serialize};
 
-use crate::error::{FilmError, Result};
+use crate::error::{FilmError, Result, stop_if};
 use crate::ffmpeg::Decoder;
 use crate::film::Film;
 use crate::tuning::{
@@ -37,15 +38,15 @@ pub struct Alignment {
     pub offsets_s: Vec<f64>,
 }
 
-/// Finds the clock of films. `keep_on` is asked between films and stops the work by an error.
+/// Finds the clock of films.
 ///
 /// # Errors
 /// [`FilmError::Usage`] where the flash or clap that is asked for is not clear in every film; films that cannot be
-/// decoded.
-pub fn align(films: &[Film], by: Align, keep_on: &mut dyn FnMut() -> Result<()>) -> Result<Alignment> {
-    let mut find = |sign: Align| -> Result<Vec<Option<f64>>> {
+/// decoded, an interruption.
+pub fn align(films: &[Film], by: Align, interrupt: &Interrupt) -> Result<Alignment> {
+    let find = |sign: Align| -> Result<Vec<Option<f64>>> {
         let moment = |film: &Film| {
-            keep_on()?;
+            stop_if(interrupt)?;
             match sign {
                 Align::Clap => clap(film),
                 _ => flash(film),

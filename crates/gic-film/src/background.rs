@@ -8,9 +8,10 @@
 use std::ops::Range;
 
 use gic_scene::Picture;
+use gic_twin::Interrupt;
 use rayon::prelude::*;
 
-use crate::error::{FilmError, Result};
+use crate::error::{FilmError, Result, stop_if};
 use crate::film::Film;
 use crate::frames::Frame;
 use crate::tuning::{
@@ -30,11 +31,11 @@ pub struct EmptyScene {
 }
 
 impl EmptyScene {
-    /// From a film's frames, spread over all of it; `keep_on` is asked between frames and stops the work by an error.
+    /// From a film's frames, spread over all of it.
     ///
     /// # Errors
-    /// Frames that cannot be decoded, films of fewer than three frames.
-    pub fn of(film: &Film, keep_on: &mut dyn FnMut() -> Result<()>) -> Result<EmptyScene> {
+    /// Frames that cannot be decoded, films of fewer than three frames, an interruption.
+    pub fn of(film: &Film, interrupt: &Interrupt) -> Result<EmptyScene> {
         let count = film.times_s.len();
         if count < MIN_FRAMES {
             return Err(FilmError::content(
@@ -49,7 +50,7 @@ impl EmptyScene {
         let mut samples = Vec::new();
         for frame in film.frames(&selection)? {
             samples.push(frame?);
-            keep_on()?;
+            stop_if(interrupt)?;
         }
         Ok(EmptyScene::from_samples(&samples))
     }

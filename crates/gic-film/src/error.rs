@@ -4,7 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use gic_scene::SceneError;
-use gic_twin::TwinError;
+use gic_twin::{Interrupt, TwinError};
 
 /// A failure of taking films in.
 #[derive(Debug, thiserror::Error)]
@@ -97,4 +97,9 @@ impl FilmError {
     pub(crate) fn interrupted(after: impl Into<String>) -> Self {
         TwinError::Interrupted { after: after.into(), resume: "run the same command again".into() }.into()
     }
+}
+
+/// Ends the work where the user has interrupted.
+pub(crate) fn stop_if(interrupt: &Interrupt) -> Result<()> {
+    if interrupt.requested() { Err(FilmError::interrupted("some pictures")) } else { Ok(()) }
 }

@@ -5,14 +5,24 @@
 
 mod align;
 mod background;
+mod cameras;
+mod cut;
 mod error;
 mod ffmpeg;
 mod film;
 mod frames;
+mod import;
+mod masks;
+mod scene_file;
+mod sheet;
 mod tuning;
 
 pub use align::{Align, Alignment, align};
 pub use background::EmptyScene;
+pub use cameras::KnownCameras;
 pub use error::{FilmError, Result};
 pub use film::{Film, open_films};
 pub use frames::{Frame, Frames, Selection};
+pub use import::{ImportRequest, Imported, ImportedCamera, import};
+pub use masks::{BoxError, Masks, MasksRequest, ObjectBox, ViewReport, make_masks};
+pub use sheet::thumbnails;

@@ -48,3 +48,20 @@ pub(crate) const ECHO_WINDOWS: usize = 300;
 pub(crate) const ONSET_SHARE: f32 = 0.3;
 /// Least amplitude of a clap, full scale being 1. Derived: above the rounding of 16 bits and of codecs.
 pub(crate) const LEAST_CLAP: f32 = 0.01;
+
+// Scenes.
+
+/// Small pictures in a row of a sheet. Budget: two thousand pixels wide.
+pub(crate) const SHEET_COLUMNS: usize = 12;
+/// Pictures of two cameras this share of a period apart are simultaneous. Derived: a body that falls by its own size
+/// between two frames moves by a hundredth of it.
+pub(crate) const SIMULTANEOUS_SHARE: f64 = 0.01;
+
+// Masks.
+
+/// Cells along the hull by which masks are compared. Budget: two hundred carvings in a second or two.
+pub(crate) const HULL_RESOLUTION: usize = 48;
+/// Below this overlap with the hull a mask is doubtful. Derived: as `gic inspect` judges cameras.
+pub(crate) const GOOD_OVERLAP: f64 = 0.9;
+/// A mask is doubtful if the others overlap by this much better without it. Derived: as `gic inspect` judges cameras.
+pub(crate) const TELLING_GAIN: f64 = 0.03;

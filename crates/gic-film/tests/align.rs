@@ -6,6 +6,7 @@ use std::path::Path;
 
 use common::{ffmpeg, has_ffmpeg};
 use gic_film::{Align, Film, align, open_films};
+use gic_twin::Interrupt;
 
 /// A film with a clap and a flash at `moment_s`, which lasts for the rest of the film, over moving noise.
 fn film(folder: &Path, name: &str, rate: &str, moment_s: f64) {
@@ -18,12 +19,8 @@ fn film(folder: &Path, name: &str, rate: &str, moment_s: f64) {
     ffmpeg(&[&["-f", "lavfi", "-i", &picture, "-f", "lavfi", "-i", &sound][..], &codec].concat(), &folder.join(name));
 }
 
-fn keep_on() -> gic_film::Result<()> {
-    Ok(())
-}
-
 fn offset(films: &[Film], by: Align) -> f64 {
-    let found = align(films, by, &mut keep_on).unwrap();
+    let found = align(films, by, &Interrupt::default()).unwrap();
     assert_eq!(found.by, if by == Align::Auto { Align::Clap } else { by });
     assert_eq!(found.offsets_s[0], 0.0);
     found.offsets_s[1]
@@ -58,8 +55,8 @@ fn films_without_a_sign_stay_as_they_are() {
         ffmpeg(&["-f", "lavfi", "-i", "testsrc2=s=96x64:r=25:d=1", "-c:v", "ffv1"], &folder.path().join(name));
     }
     let films = open_films(&[folder.path().to_owned()], None).unwrap();
-    let found = align(&films, Align::Auto, &mut keep_on).unwrap();
+    let found = align(&films, Align::Auto, &Interrupt::default()).unwrap();
     assert_eq!((found.by, found.offsets_s), (Align::None, vec![0.0, 0.0]));
-    let refused = align(&films, Align::Clap, &mut keep_on).unwrap_err();
+    let refused = align(&films, Align::Clap, &Interrupt::default()).unwrap_err();
     assert!(refused.is_usage() && refused.to_string().contains("a, b"), "{refused}");
 }

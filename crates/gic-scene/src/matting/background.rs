@@ -9,8 +9,9 @@ use std::f32::consts::TAU;
 use rayon::prelude::*;
 
 use super::tuning::{
-    GREY_TINT_WEIGHT, MAX_SHADOW_DEPTH, MIN_NOISE, MIN_SHADOW_DEPTH, MIN_TINT_SPREAD, OBJECT_SHARE, REFLECTED_LIGHT,
-    SHADOW_SHARE, STRAY_SHARE, TELLING_DEPTH, TINT_FITS, TINT_SPREAD, UNKNOWN_TINT_SPREAD,
+    FEWEST_SHADOW_PIXELS, GREY_TINT_WEIGHT, MAX_SHADOW_DEPTH, MIN_NOISE, MIN_SHADOW_DEPTH, MIN_TINT_SPREAD,
+    OBJECT_SHARE, REFLECTED_LIGHT, SHADOW_SHARE, STRAY_SHARE, TELLING_DEPTH, TINT_FITS, UNKNOWN_TINT_SPREAD,
+    USUAL_TINT_SPREAD,
 };
 
 /// What makes up the difference between a picture and its background, where nothing stands in front.
@@ -103,18 +104,19 @@ impl Background {
         let mean = tint.iter().sum::<f32>() / 3.0;
         let tint = if mean > 0.0 { tint.map(|d| d / mean) } else { [1.0; 3] };
 
-        let usual = GREY_TINT_WEIGHT * TINT_SPREAD * TINT_SPREAD;
-        let (mut scatter, mut reaches) = (3.0 * usual, 3.0 * GREY_TINT_WEIGHT);
+        // By the median, because some of them are the object after all.
+        let mut spreads: Vec<f32> = Vec::new();
         for (depth, image, empty) in &shadows {
             for c in 0..3 {
                 let residual = image[c] - empty[c] * (1.0 - depth * tint[c]);
-                scatter += residual * residual - self.noise[c] * self.noise[c];
-                reaches += (depth * empty[c]).powi(2);
+                spreads.push(residual.abs() / (depth * empty[c]).max(self.noise[c]));
             }
         }
-        let tint_spread = (scatter / reaches).max(0.0).sqrt().clamp(MIN_TINT_SPREAD, UNKNOWN_TINT_SPREAD);
-            eprintln!("{tint:?} {tint_spread}");
-        }
+        let tint_spread = if shadows.len() < FEWEST_SHADOW_PIXELS {
+            USUAL_TINT_SPREAD
+        } else {
+            (BY_MEDIAN * median(spreads)).clamp(MIN_TINT_SPREAD, UNKNOWN_TINT_SPREAD)
+        };
         Background { noise: self.noise, tint, tint_spread }
     }
 }
@@ -125,15 +127,17 @@ fn add_exponents(a: f32, b: f32) -> f32 {
     high + (low - high).exp().ln_1p()
 }
 
+/// Standard deviations of a normal distribution in its median absolute deviation, inverted.
+const BY_MEDIAN: f32 = 1.4826;
+
 /// Standard deviation by the median difference, because most pixels are background.
 fn noise_of_channel(image: &[[f32; 3]], empty: &[[f32; 3]], c: usize) -> f32 {
-    /// Standard deviations of a normal distribution in its median absolute deviation, inverted.
-    const BY_MEDIAN: f32 = 1.4826;
-    let mut differences: Vec<f32> = image.iter().zip(empty).map(|(i, b)| (i[c] - b[c]).abs()).collect();
-    if differences.is_empty() {
-        return MIN_NOISE;
-    }
-    let middle = differences.len() / 2;
-    let (_, median, _) = differences.select_nth_unstable_by(middle, f32::total_cmp);
-    (BY_MEDIAN * *median).max(MIN_NOISE)
+    let differences = image.iter().zip(empty).map(|(i, b)| (i[c] - b[c]).abs()).collect();
+    (BY_MEDIAN * median(differences)).max(MIN_NOISE)
+}
+
+/// 0 where there are no values.
+fn median(mut values: Vec<f32>) -> f32 {
+    let middle = values.len() / 2;
+    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f32::total_cmp).1 }
 }

@@ -18,7 +18,7 @@ use self::colours::Colours;
 use self::cut::Grid;
 use self::outline::Outline;
 use self::pixel_set::PixelSet;
-use crate::picture::{Mask, Picture};
+use crate::picture::{Mask, Picture, PixelBox};
 
 /// Coverage a from a picture I and its copy over white W = a I + (1 - a): least squares over the three channels.
 pub(crate) fn from_white(picture: &Picture, over_white: &Picture) -> Mask {
@@ -50,6 +50,11 @@ pub(crate) fn from_white(picture: &Picture, over_white: &Picture) -> Mask {
 /// small gaps and holes close. Across the outline, coverage a solves I = a F + (1 - a) S with F the colours just inside
 /// and S the background in the shadow just outside.
 pub fn difference_matte(picture: &Picture, background: &Picture) -> Mask {
+    difference_matte_within(picture, background, None)
+}
+
+/// The same for an object within a window.
+pub(crate) fn difference_matte_within(picture: &Picture, background: &Picture, window: Option<PixelBox>) -> Mask {
     let (width, height) = (picture.width.min(background.width), picture.height.min(background.height));
     let pixel = |i: usize| (i % width, i / width);
     let image: Vec<[f32; 3]> = (0..width * height).map(|i| picture.at(pixel(i).0, pixel(i).1)).collect();
@@ -60,7 +65,9 @@ pub fn difference_matte(picture: &Picture, background: &Picture) -> Mask {
     let mut object = PixelSet { width, height, inside: vec![false; width * height] };
     let mut colours = Colours::unknown();
     for _ in 0..tuning::COLOUR_FITS {
-        let pulls: Vec<f32> = shades.par_iter().zip(&image).map(|(shade, i)| shade.cost - colours.cost(*i)).collect();
+        let is_outside = |i: usize| window.is_some_and(|window| !window.contains(i % width, i / width));
+        let pull = |i: usize| if is_outside(i) { f32::MIN } else { shades[i].cost - colours.cost(image[i]) };
+        let pulls: Vec<f32> = (0..width * height).into_par_iter().map(pull).collect();
         object.inside = Grid::new(width, &pulls, &image, &model.noise).cut();
         object.keep_largest();
         colours = Colours::of(&image, &object.inside);

@@ -8,23 +8,26 @@ pub(super) const MAX_SHADOW_DEPTH: f32 = 0.7;
 pub(super) const MIN_SHADOW_DEPTH: f32 = -0.05;
 /// Pixels of the background in shadow. Derived: an object and its shadow are of like size, both a fraction of the
 /// picture; that it is .2 or .05 is 1.4 of the 20 or more that a pixel's colour tells.
-pub(super) const SHADOW_SHARE: f32 = 0.2;
-/// Spread of a shadow's tint over the picture, as a share of what the shadow takes. Fitted on: film_ball, bear_sand,
-/// torus, elastic_0.
-pub(super) const TINT_SPREAD: f32 = 0.04;
-/// The least of it. Derived: no shadow takes all colours alike.
+pub(super) const SHADOW_SHARE: f32 = 0.1;
+/// Spread of a shadow's tint over the picture, as a share of what the shadow takes, where too few pixels tell it. Fitted
+/// on: film_ball, bear_sand, torus, elastic_0.
+pub(super) const USUAL_TINT_SPREAD: f32 = 0.04;
+/// Pixels in shadow that tell the spread. Derived: their median is then known to a tenth.
+pub(super) const FEWEST_SHADOW_PIXELS: usize = 100;
+/// The least spread. Derived: no shadow takes all colours alike.
 pub(super) const MIN_TINT_SPREAD: f32 = 0.02;
-/// The same before the tint is known. Derived: daylight and lamps differ by some tenths between channels.
+/// The spread before the tint is known, and the largest. Derived: daylight and lamps differ by some tenths between
+/// channels.
 pub(super) const UNKNOWN_TINT_SPREAD: f32 = 0.1;
 /// Coloured light that the object throws on the background, in units of full brightness. Fitted on: the nine scenes of
-/// PAC-NeRF, with .012 at most.
-pub(super) const REFLECTED_LIGHT: f32 = 0.01;
+/// PAC-NeRF, where it is .012 at most.
+pub(super) const REFLECTED_LIGHT: f32 = 0.005;
 /// Depth from which a shadow tells its tint. Derived: shallower ones are less than the noise of films.
 pub(super) const TELLING_DEPTH: f32 = 0.1;
 /// Light, squared and summed over pixels, that the tint of no colour is worth. Derived: ten bright pixels in half shade.
 pub(super) const GREY_TINT_WEIGHT: f32 = 1.0;
 /// Rounds of fitting the tint and the object's colours. Budget: further ones change few pixels.
-pub(super) const TINT_FITS: usize = 3;
+pub(super) const TINT_FITS: usize = 5;
 pub(super) const COLOUR_FITS: usize = 3;
 /// Pixels of the background that do anything. Derived: no pixel is worth more than 7 of its neighbours' doubts.
 pub(super) const STRAY_SHARE: f32 = 1e-3;
