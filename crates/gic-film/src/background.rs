@@ -15,8 +15,9 @@ use crate::error::{FilmError, Result, stop_if};
 use crate::film::Film;
 use crate::frames::Frame;
 use crate::tuning::{
-    CHANGE_NOISES, CLOSING_SHARE, LEAST_CHANGE, LEAST_REGION_PX, MAX_SAMPLES, MIN_FRAMES, MIN_NOISE, OUTLINE_REACH_PX,
-    SAME_COLOUR_NOISES, SAMPLE_BYTES, SHARING_PART,
+    CHANGE_NOISES, CLEARER_OUTLINE, CLOSING_SHARE, FEWEST_SHARING, LEAST_CHANGE, LEAST_REGION_PX, MAX_SAMPLES,
+    MIN_FRAMES, MIN_NOISE, NOISE_SHARE, OUTLINE_REACH_PX, RESTING_SHARE, SAME_COLOUR_NOISES, SAMPLE_BYTES,
+    SHARING_PART, SHORT_FILM, SOFT_OUTLINE,
 };
 
 /// The empty scene of a camera.
@@ -60,10 +61,21 @@ impl EmptyScene {
         let (width, height) = (samples[0].width, samples[0].height);
         let noise = noise(samples);
         let mut most = Shared::among(samples, 0..samples.len(), &noise);
-        let part = (samples.len() / SHARING_PART).max(2).min(samples.len());
+        let part = (samples.len() / SHARING_PART).max(FEWEST_SHARING);
         let mut taken_out = 0;
-        for some in [0..part, samples.len() - part..samples.len()] {
-            taken_out += most.correct(&Shared::among(samples, some, &noise), width, &noise);
+        // In a shorter film nothing rests for long.
+        if 2 * part <= samples.len() {
+            for some in [0..part, samples.len() - part..samples.len()] {
+                taken_out += most.correct(&Shared::among(samples, some, &noise), part, width, &noise);
+            }
+        }
+        // What lingers in a short film still leaves its place free in some frame.
+        if samples.len() < SHORT_FILM {
+            for frame in 0..samples.len() {
+                let mut alone = Shared::among(samples, frame..frame + 1, &noise);
+                alone.support.fill(u16::MAX);
+                taken_out += most.correct(&alone, 1, width, &noise);
+            }
         }
         let enough = (samples.len() / CLOSING_SHARE).max(2);
         let known: Vec<bool> = most.support.iter().map(|support| usize::from(*support) >= enough).collect();
@@ -74,25 +86,28 @@ impl EmptyScene {
     }
 }
 
-/// Standard deviation of a channel between frames that show the same [1], by the median step between frames.
-fn noise(samples: &[Frame]) -> [f32; 3] {
+/// Standard deviation of each pixel between frames that show the same, mean of its channels [1]: by the median
+/// step from frame to frame, because dithering and codecs spread noise unevenly.
+fn noise(samples: &[Frame]) -> Vec<f32> {
     /// Standard deviations of a normal distribution in its median absolute deviation, inverted.
     const BY_MEDIAN: f32 = 1.4826;
-    [0, 1, 2].map(|channel| {
-        let mut counts = [0_usize; 256];
-        for pair in samples.windows(2) {
-            let steps = pair[0].rgb.iter().zip(&pair[1].rgb).skip(channel).step_by(3);
-            steps.for_each(|(a, b)| counts[usize::from(a.abs_diff(*b))] += 1);
-        }
-        let half = counts.iter().sum::<usize>() / 2;
-        let mut below = 0;
-        let median = counts.iter().position(|count| {
-            below += count;
-            below > half
-        });
-        let median = median.unwrap_or(0) as f32 / 255.0;
+    let pixels = samples[0].width * samples[0].height;
+    let of_pixel = |pixel: usize| {
+        let step = |pair: &[Frame]| {
+            let steps = (3 * pixel..3 * pixel + 3).map(|value| pair[0].rgb[value].abs_diff(pair[1].rgb[value]));
+            steps.map(u16::from).sum::<u16>()
+        };
+        let mut steps: Vec<u16> = samples.windows(2).map(step).collect();
+        let middle = steps.len() / 2;
+        let median = f32::from(*steps.select_nth_unstable(middle).1) / (3.0 * 255.0);
         (BY_MEDIAN * median / std::f32::consts::SQRT_2).max(MIN_NOISE)
-    })
+    };
+    let mut noise: Vec<f32> = (0..pixels).into_par_iter().map(of_pixel).collect();
+    // What always moves is no noise.
+    let place = (NOISE_SHARE * (pixels - 1) as f64) as usize;
+    let most = *noise.clone().select_nth_unstable_by(place, f32::total_cmp).1;
+    noise.iter_mut().for_each(|sigma| *sigma = sigma.min(most));
+    noise
 }
 
 /// The colour that most of some frames share, for each pixel.
@@ -103,30 +118,43 @@ struct Shared {
 }
 
 impl Shared {
-    fn among(samples: &[Frame], some: Range<usize>, noise: &[f32; 3]) -> Shared {
-        // Two values of one colour differ by noise twice.
-        let same = noise.map(|sigma| (SAME_COLOUR_NOISES * std::f32::consts::SQRT_2 * sigma * 255.0).ceil() as u8);
+    fn among(samples: &[Frame], some: Range<usize>, noise: &[f32]) -> Shared {
         let samples = &samples[some];
         let pixels = samples[0].width * samples[0].height;
         let shared = (0..pixels).into_par_iter().map(|pixel| {
             let colour = |sample: &Frame| [0, 1, 2].map(|c| sample.rgb[3 * pixel + c]);
             let colours: Vec<[u8; 3]> = samples.iter().map(colour).collect();
-            shared_colour(&colours, same)
+            // Two values of one colour differ by noise twice.
+            let same = SAME_COLOUR_NOISES * std::f32::consts::SQRT_2 * noise[pixel] * 255.0;
+            shared_colour(&colours, same.ceil().min(255.0) as u8)
         });
         let (colours, support) = shared.unzip();
         Shared { colours, support }
     }
 
-    /// Takes regions over from `other`, where its outlines show less; returns their number of pixels.
-    fn correct(&mut self, other: &Shared, width: usize, noise: &[f32; 3]) -> usize {
-        let pairs = self.colours.iter().zip(&other.colours);
-        let threshold = noise.map(|sigma| (CHANGE_NOISES * sigma).max(LEAST_CHANGE));
-        let changed: Vec<bool> = pairs.map(|(a, b)| (0..3).any(|c| (a[c] - b[c]).abs() > threshold[c])).collect();
+    /// Takes regions over from `other`, of so many frames, where it rests and its outlines show less; returns their
+    /// number of pixels.
+    fn correct(&mut self, other: &Shared, frames: usize, width: usize, noise: &[f32]) -> usize {
+        let changed: Vec<bool> = (0..noise.len())
+            .map(|pixel| {
+                let (ours, others) = (self.colours[pixel], other.colours[pixel]);
+                let threshold = (CHANGE_NOISES * noise[pixel]).max(LEAST_CHANGE);
+                let rests = RESTING_SHARE * frames as f32 <= f32::from(other.support[pixel]);
+                rests && (0..3).any(|c| (ours[c] - others[c]).abs() > threshold)
+            })
+            .collect();
         let mut taken = 0;
         for region in regions(&changed, width).into_iter().filter(|region| region.len() >= LEAST_REGION_PX) {
             let grown = Grown::around(&region, &changed, width);
-            let outline = |inside: &[[f32; 3]]| grown.contrast(inside, &self.colours);
-            if outline(&other.colours) < outline(&self.colours) {
+            let [ours, others] = [&self.colours, &other.colours].map(|inside| grown.contrast(inside, &self.colours));
+            let mean = |colours: &[[f32; 3]]| {
+                region.iter().map(|pixel| f64::from(colours[*pixel].iter().sum::<f32>())).sum::<f64>()
+                    / region.len() as f64
+            };
+            let gain = mean(&other.colours) - mean(&self.colours);
+            // A soft shadow has hardly an outline: the brighter picture is without it.
+            let is_shadow = ours.max(others) < SOFT_OUTLINE * gain.abs();
+            if if is_shadow { gain > 0.0 } else { others < CLEARER_OUTLINE * ours } {
                 for &pixel in &grown.pixels {
                     self.colours[pixel] = other.colours[pixel];
                     self.support[pixel] = other.support[pixel];
@@ -139,8 +167,8 @@ impl Shared {
 }
 
 /// The mean of the largest group of values that are like one of them, and the group's size.
-fn shared_colour(colours: &[[u8; 3]], same: [u8; 3]) -> ([f32; 3], u16) {
-    let alike = |a: &[u8; 3], b: &[u8; 3]| (0..3).all(|c| a[c].abs_diff(b[c]) <= same[c]);
+fn shared_colour(colours: &[[u8; 3]], same: u8) -> ([f32; 3], u16) {
+    let alike = |a: &[u8; 3], b: &[u8; 3]| (0..3).all(|c| a[c].abs_diff(b[c]) <= same);
     let group_size = |a: &[u8; 3]| colours.iter().filter(|b| alike(a, b)).count();
     let mut best = (0, colours[0]);
     for colour in colours {

@@ -87,6 +87,7 @@ fn ffprobe(path: &Path, what: &[&str]) -> Result<Output> {
     let output = Command::new("ffprobe")
         .args(["-v", "error", "-of", "json"])
         .args(what)
+        .args(input_options(path))
         .arg(file_argument(path))
         .stdin(Stdio::null())
         .output()
@@ -116,7 +117,9 @@ impl Decoder {
         let said = tempfile::tempfile().map_err(TwinError::write(&std::env::temp_dir()))?;
         let words = said.try_clone().map_err(TwinError::write(&std::env::temp_dir()))?;
         let mut process = Command::new("ffmpeg")
-            .args(["-v", "error", "-nostdin", "-copyts", "-i"])
+            .args(["-v", "error", "-nostdin", "-copyts"])
+            .args(input_options(path))
+            .arg("-i")
             .arg(file_argument(path))
             .args(arguments)
             .arg("-")
@@ -162,6 +165,12 @@ impl Drop for Decoder {
         let _ = self.process.kill();
         let _ = self.process.wait();
     }
+}
+
+/// GIF: browsers show frames of a hundredth of a second for a tenth, and so would ffmpeg.
+fn input_options(path: &Path) -> &'static [&'static str] {
+    let is_gif = path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("gif"));
+    if is_gif { &["-min_delay", "1"] } else { &[] }
 }
 
 /// Says that the name is a file's: ffmpeg takes what stands before a colon for a protocol.

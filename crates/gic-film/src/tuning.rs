@@ -8,14 +8,17 @@ pub(crate) const MIN_FRAMES: usize = 3;
 pub(crate) const MAX_SAMPLES: usize = 32;
 /// Memory for them [bytes]. Budget: 32 frames of full HD are a fifth of it.
 pub(crate) const SAMPLE_BYTES: usize = 1_000_000_000;
-/// Least noise of a channel [1]. Derived: half a step of 8 bits.
-pub(crate) const MIN_NOISE: f32 = 0.5 / 255.0;
+/// Least noise of a pixel [1]. Derived: a step of 8 bits, which codecs leave between their blocks.
+pub(crate) const MIN_NOISE: f32 = 1.0 / 255.0;
+/// A pixel's noise is at most that of so many pixels. Derived: an object covers a pixel for half of a film in less than a
+/// twentieth of the picture.
+pub(crate) const NOISE_SHARE: f64 = 0.95;
 /// Colours within this many standard deviations are the same. Derived: one in 370 pixels is further off.
 pub(crate) const SAME_COLOUR_NOISES: f32 = 3.0;
-/// A pixel has changed by this many standard deviations. Derived: one in 16,000 pixels by chance.
-pub(crate) const CHANGE_NOISES: f32 = 4.0;
-/// Least change of a pixel [1]. Derived: two steps of 8 bits, as much as a codec's blocks differ.
-pub(crate) const LEAST_CHANGE: f32 = 2.0 / 255.0;
+/// A pixel has changed by this many standard deviations. Derived: one in 370 pixels by chance, and no region.
+pub(crate) const CHANGE_NOISES: f32 = 3.0;
+/// Least change of a pixel [1]. Derived: more than a codec's pictures drift, less than a shadow that would show.
+pub(crate) const LEAST_CHANGE: f32 = 6.0 / 255.0;
 /// Smallest region that an object can have left [pixels]. Derived: less is noise.
 pub(crate) const LEAST_REGION_PX: usize = 16;
 /// Pixels this far apart across a border show its contrast [pixels]. Derived: the width of a blurred outline.
@@ -23,6 +26,17 @@ pub(crate) const OUTLINE_REACH_PX: usize = 3;
 /// The first and the last of so many parts of the film show what rests in them. Derived: long enough for a colour that
 /// frames share, short enough to be over before the object rests.
 pub(crate) const SHARING_PART: usize = 4;
+/// What rests in a part of the film has its colour in this share of the part's frames. Derived: all but stray ones.
+pub(crate) const RESTING_SHARE: f32 = 0.75;
+/// Fewest frames in such a part. Derived: two could agree by chance.
+pub(crate) const FEWEST_SHARING: usize = 3;
+/// Outlines are weaker below this share of the others. Derived: half-way between none and alike.
+pub(crate) const CLEARER_OUTLINE: f64 = 0.7;
+/// A region is a soft shadow where the contrast of its outline is below this share of its change. Derived: half of the
+/// change lies within the outline's reach where the edge is as wide as that.
+pub(crate) const SOFT_OUTLINE: f64 = 0.5;
+/// In films of fewer frames each is looked at alone. Derived: in longer ones something moves on within a part.
+pub(crate) const SHORT_FILM: usize = 16;
 /// A colour is the empty scene's if this part of the frames share it. Derived: an object that is not at rest covers a
 /// pixel in fewer frames.
 pub(crate) const CLOSING_SHARE: usize = 8;

@@ -9,9 +9,8 @@ use std::f32::consts::TAU;
 use rayon::prelude::*;
 
 use super::tuning::{
-    FEWEST_SHADOW_PIXELS, GREY_TINT_WEIGHT, MAX_SHADOW_DEPTH, MIN_NOISE, MIN_SHADOW_DEPTH, MIN_TINT_SPREAD,
-    OBJECT_SHARE, REFLECTED_LIGHT, SHADOW_SHARE, STRAY_SHARE, TELLING_DEPTH, TINT_FITS, UNKNOWN_TINT_SPREAD,
-    USUAL_TINT_SPREAD,
+    FEWEST_SHADOW_PIXELS, MAX_SHADOW_DEPTH, MIN_NOISE, MIN_SHADOW_DEPTH, MIN_TINT_SPREAD, MOST_TINT, OBJECT_SHARE,
+    REFLECTED_LIGHT, SHADOW_SHARE, STRAY_SHARE, TELLING_DEPTH, TINT_FITS, UNKNOWN_TINT_SPREAD, USUAL_TINT_SPREAD,
 };
 
 /// What makes up the difference between a picture and its background, where nothing stands in front.
@@ -81,8 +80,7 @@ impl Background {
         Shade { depth, cost: -likelihood, is_shadow }
     }
 
-    /// With the tint with which shadows explain the pixels that are likely in shadow (least squares), and the spread of
-    /// what is left.
+    /// With the tint of the pixels that are likely in shadow, and its spread.
     fn refit(&self, image: &[[f32; 3]], empty: &[[f32; 3]]) -> Background {
         let shades = self.shades(image, empty);
         let telling = |shade: &Shade| shade.is_shadow && shade.depth > TELLING_DEPTH;
@@ -92,31 +90,25 @@ impl Background {
             .filter(|(shade, _)| telling(shade))
             .map(|(shade, (image, empty))| (shade.depth, *image, *empty))
             .collect();
-        let (mut products, mut squares) = ([GREY_TINT_WEIGHT; 3], [GREY_TINT_WEIGHT; 3]);
-        for (depth, image, empty) in &shadows {
-            for c in 0..3 {
-                let reach = depth * empty[c];
-                products[c] += reach * (empty[c] - image[c]);
-                squares[c] += reach * reach;
-            }
+        if shadows.len() < FEWEST_SHADOW_PIXELS {
+            return Background { noise: self.noise, tint: [1.0; 3], tint_spread: USUAL_TINT_SPREAD };
         }
-        let tint = [0, 1, 2].map(|c| (products[c] / squares[c]).max(0.0));
+        // By medians, because some of these pixels are the object after all.
+        let reach = |depth: f32, empty: f32, c: usize| (depth * empty).max(self.noise[c]);
+        let tint = [0, 1, 2].map(|c| {
+            let taken = shadows.iter().map(|(depth, image, empty)| (empty[c] - image[c]) / reach(*depth, empty[c], c));
+            quantile(taken.collect(), 0.5).clamp(1.0 - MOST_TINT, 1.0 + MOST_TINT)
+        });
         let mean = tint.iter().sum::<f32>() / 3.0;
-        let tint = if mean > 0.0 { tint.map(|d| d / mean) } else { [1.0; 3] };
-
-        // By the median, because some of them are the object after all.
+        let tint = tint.map(|d| d / mean);
         let mut spreads: Vec<f32> = Vec::new();
         for (depth, image, empty) in &shadows {
             for c in 0..3 {
                 let residual = image[c] - empty[c] * (1.0 - depth * tint[c]);
-                spreads.push(residual.abs() / (depth * empty[c]).max(self.noise[c]));
+                spreads.push(residual.abs() / reach(*depth, empty[c], c));
             }
         }
-        let tint_spread = if shadows.len() < FEWEST_SHADOW_PIXELS {
-            USUAL_TINT_SPREAD
-        } else {
-            (BY_MEDIAN * median(spreads)).clamp(MIN_TINT_SPREAD, UNKNOWN_TINT_SPREAD)
-        };
+        let tint_spread = (BY_MEDIAN * quantile(spreads, 0.5)).clamp(MIN_TINT_SPREAD, UNKNOWN_TINT_SPREAD);
         Background { noise: self.noise, tint, tint_spread }
     }
 }
@@ -130,14 +122,17 @@ fn add_exponents(a: f32, b: f32) -> f32 {
 /// Standard deviations of a normal distribution in its median absolute deviation, inverted.
 const BY_MEDIAN: f32 = 1.4826;
 
-/// Standard deviation by the median difference, because most pixels are background.
+/// Standard deviation by the difference that a quarter of the pixels exceed: less is background. The median would do for
+/// even noise, but codecs leave none in most of a film and a lot in the rest.
 fn noise_of_channel(image: &[[f32; 3]], empty: &[[f32; 3]], c: usize) -> f32 {
+    /// Standard deviations of a normal distribution in the third quartile of its absolute deviation, inverted.
+    const BY_QUARTILE: f32 = 0.8693;
     let differences = image.iter().zip(empty).map(|(i, b)| (i[c] - b[c]).abs()).collect();
-    (BY_MEDIAN * median(differences)).max(MIN_NOISE)
+    (BY_QUARTILE * quantile(differences, 0.75)).max(MIN_NOISE)
 }
 
-/// 0 where there are no values.
-fn median(mut values: Vec<f32>) -> f32 {
-    let middle = values.len() / 2;
-    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(middle, f32::total_cmp).1 }
+/// The value that this share of the values do not exceed; 0 where there are no values.
+fn quantile(mut values: Vec<f32>, share: f64) -> f32 {
+    let place = (share * values.len() as f64) as usize;
+    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(place, f32::total_cmp).1 }
 }

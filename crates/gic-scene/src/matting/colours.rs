@@ -2,7 +2,7 @@
 
 use super::tuning::{COLOUR_STEPS, NEW_COLOUR_SHARE, OBJECT_SHARE};
 
-/// Densities of colours in the cube [0, 1]^3, times the share of pixels that the object covers.
+/// How likely the object shows a colour: densities in the cube of red, green and blue.
 pub(super) struct Colours(Vec<f32>);
 
 impl Colours {

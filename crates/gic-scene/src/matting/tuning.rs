@@ -24,8 +24,8 @@ pub(super) const UNKNOWN_TINT_SPREAD: f32 = 0.1;
 pub(super) const REFLECTED_LIGHT: f32 = 0.005;
 /// Depth from which a shadow tells its tint. Derived: shallower ones are less than the noise of films.
 pub(super) const TELLING_DEPTH: f32 = 0.1;
-/// Light, squared and summed over pixels, that the tint of no colour is worth. Derived: ten bright pixels in half shade.
-pub(super) const GREY_TINT_WEIGHT: f32 = 1.0;
+/// Most that a shadow's tint differs from grey. Derived: lamps and daylight; more is an object.
+pub(super) const MOST_TINT: f32 = 0.2;
 /// Rounds of fitting the tint and the object's colours. Budget: further ones change few pixels.
 pub(super) const TINT_FITS: usize = 5;
 pub(super) const COLOUR_FITS: usize = 3;
