@@ -133,11 +133,13 @@ impl KnownCameras {
         if let (Some(width), Some(height)) = (side("w"), side("h")) {
             let (own_width, own_height) = (size.0 as f64, size.1 as f64);
             // Films smaller than the calibration's are fine: readers scale the focal lengths.
-            if !((own_width * height / width - own_height).abs() <= 1.0) {
+            let is_alike = (own_width * height / width - own_height).abs() <= 1.0;
+            if !is_alike {
                 return Err(FilmError::content(
                     &self.path,
                     format!(
-                        "camera {name} was calibrated for {width} x {height} pixels, its film has {own_width} x {own_height}"
+                        "camera {name} was calibrated for {width} x {height} pixels, its film has {own_width} x \
+                         {own_height}"
                     ),
                     "calibrate with films of the same shape, not cropped or turned",
                 ));

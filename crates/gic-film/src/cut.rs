@@ -45,7 +45,8 @@ impl Cut {
         let ticks: Vec<f64> =
             clock(slowest).filter(|time| *time >= from && *time <= to).step_by(request.every).collect();
         let wanted = request.frames.unwrap_or(ticks.len());
-        if !(start_s >= first_s - 0.5 * period) || ticks.is_empty() || wanted > ticks.len() {
+        let has_begun = start_s >= first_s - 0.5 * period;
+        if !has_begun || ticks.is_empty() || wanted > ticks.len() {
             return Err(FilmError::usage(
                 format!(
                     "the films run together from {first_s:.3} to {last_s:.3} s; from {start_s:.3} s on they have {} of \

@@ -59,8 +59,8 @@ impl FilmError {
             Self::Twin(error) => error.hint(),
             Self::Scene(_) => None,
             Self::NoProgram { .. } => Some(
-                "install ffmpeg (5.1 or later; apt install ffmpeg, brew install ffmpeg, winget install ffmpeg), or give \
-                 a folder of numbered PNG or JPEG files for each camera, with --frame-rate-hz"
+                "install ffmpeg (5.1 or later; apt install ffmpeg, brew install ffmpeg, winget install ffmpeg), or \
+                 give a folder of numbered PNG or JPEG files for each camera, with --frame-rate-hz"
                     .into(),
             ),
             Self::Read { .. } => Some("check the path, and that you may read the file".into()),

@@ -1,7 +1,7 @@
 //! Masks of a scene: made, compared with each other by the visual hull, and written beside a contact sheet.
 //!
-//! A mask in `masks_corrected/` wins over the one that would be made. `masks/masks.json` lists what was written with its
-//! hash, so that a mask by another hand is never written over.
+//! A mask in `masks_corrected/` wins over the one that would be made. `masks/masks.json` lists what was written with
+//! its hash, so that a mask by another hand is never written over.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -221,7 +221,7 @@ fn check_place(folder: &Path, scene: &Scene) -> Result<()> {
             return Err(FilmError::content(
                 &path,
                 "is a mask that gic did not write",
-                "move masks by hand into masks_corrected/ beside masks/, where they win, or choose another folder with -o",
+                "move masks by hand into masks_corrected/, where they win, or choose another folder with -o",
             ));
         }
     }

@@ -10,8 +10,8 @@ pub(crate) const MAX_SAMPLES: usize = 32;
 pub(crate) const SAMPLE_BYTES: usize = 1_000_000_000;
 /// Least noise of a pixel [1]. Derived: a step of 8 bits, which codecs leave between their blocks.
 pub(crate) const MIN_NOISE: f32 = 1.0 / 255.0;
-/// A pixel's noise is at most that of so many pixels. Derived: an object covers a pixel for half of a film in less than a
-/// twentieth of the picture.
+/// A pixel's noise is at most that of so many pixels. Derived: an object covers a pixel for half of a film in less than
+/// a twentieth of the picture.
 pub(crate) const NOISE_SHARE: f64 = 0.95;
 /// Colours within this many standard deviations are the same. Derived: one in 370 pixels is further off.
 pub(crate) const SAME_COLOUR_NOISES: f32 = 3.0;

@@ -10,9 +10,8 @@ use gic_twin::Interrupt;
 
 /// A film with a clap and a flash at `moment_s`, which lasts for the rest of the film, over moving noise.
 fn film(folder: &Path, name: &str, rate: &str, moment_s: f64) {
-    let picture = format!(
-        "testsrc2=s=96x64:r={rate}:d=2,eq=brightness=-0.4,hue=s=0[dark];[dark]eq=brightness='0.35*gte(t,{moment_s})':eval=frame"
-    );
+    let picture =
+        format!("testsrc2=s=96x64:r={rate}:d=2,eq=brightness=-0.4,eq=brightness='0.35*gte(t,{moment_s})':eval=frame");
     let sound =
         format!("aevalsrc='0.004*random(0)+0.8*exp(-60*(t-{moment_s}))*gte(t,{moment_s})*sin(4000*t)':s=44100:d=2");
     let codec = if name.ends_with("mkv") { ["-c:v", "ffv1", "-c:a", "flac"] } else { ["-c:v", "mpeg4", "-c:a", "aac"] };

@@ -122,7 +122,7 @@ fn add_exponents(a: f32, b: f32) -> f32 {
 /// Standard deviations of a normal distribution in its median absolute deviation, inverted.
 const BY_MEDIAN: f32 = 1.4826;
 
-/// Standard deviation by the difference that a quarter of the pixels exceed: less is background. The median would do for
+/// Standard deviation by the difference that a quarter of the pixels exceed: fewer are object. The median would do for
 /// even noise, but codecs leave none in most of a film and a lot in the rest.
 fn noise_of_channel(image: &[[f32; 3]], empty: &[[f32; 3]], c: usize) -> f32 {
     /// Standard deviations of a normal distribution in the third quartile of its absolute deviation, inverted.

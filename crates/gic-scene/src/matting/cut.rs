@@ -1,6 +1,6 @@
 //! Minimum cuts of pictures (Boykov and Kolmogorov 2004, "An experimental comparison of min-cut/max-flow algorithms"):
-//! two trees grow from source and sink, flow goes along each path on which they meet, and branches that it cuts off look
-//! for another parent.
+//! two trees grow from source and sink, flow goes along each path on which they meet, and branches that it cuts off
+//! look for another parent.
 
 use std::collections::VecDeque;
 

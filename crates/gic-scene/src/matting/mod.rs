@@ -45,10 +45,10 @@ pub(crate) fn from_white(picture: &Picture, over_white: &Picture) -> Mask {
 /// ```
 ///
 /// over neighbours x, y, exactly, as a minimum cut. Noise, the tint of shadows and the object's colours are estimated
-/// from the picture: the noise by what a quarter of the pixels exceed, because less is object; the tint from pixels that
-/// are likely in shadow; the colours from the labels of the cut before. Of several regions the one stays that shows the largest body;
-/// small gaps and holes close. Across the outline, coverage a solves I = a F + (1 - a) S with F the colours just inside
-/// and S the background in the shadow just outside.
+/// from the picture: the noise by what a quarter of the pixels exceed, because fewer are object; the tint from pixels
+/// that are likely in shadow; the colours from the labels of the cut before. Of several regions the one stays that
+/// shows the largest body; small gaps and holes close. Across the outline, coverage a solves I = a F + (1 - a) S with F
+/// the colours just inside and S the background in the shadow just outside.
 pub fn difference_matte(picture: &Picture, background: &Picture) -> Mask {
     difference_matte_within(picture, background, None)
 }

@@ -9,8 +9,8 @@ pub(super) const MIN_SHADOW_DEPTH: f32 = -0.05;
 /// Pixels of the background in shadow. Derived: an object and its shadow are of like size, both a fraction of the
 /// picture; that it is .2 or .05 is 1.4 of the 20 or more that a pixel's colour tells.
 pub(super) const SHADOW_SHARE: f32 = 0.1;
-/// Spread of a shadow's tint over the picture, as a share of what the shadow takes, where too few pixels tell it. Fitted
-/// on: film_ball, bear_sand, torus, elastic_0.
+/// Spread of a shadow's tint over the picture, as a share of what the shadow takes, where too few pixels tell it.
+/// Fitted on: film_ball, bear_sand, torus, elastic_0.
 pub(super) const USUAL_TINT_SPREAD: f32 = 0.04;
 /// Pixels in shadow that tell the spread. Derived: their median is then known to a tenth.
 pub(super) const FEWEST_SHADOW_PIXELS: usize = 100;
@@ -35,7 +35,7 @@ pub(super) const STRAY_SHARE: f32 = 1e-3;
 pub(super) const OBJECT_SHARE: f32 = 0.1;
 /// Steps of a channel in the table of the object's colours. Derived: wider than the noise, narrower than a colour.
 pub(super) const COLOUR_STEPS: usize = 16;
-/// The object's pixels whose colours its other pixels do not tell. Derived: half of it may be hidden or unlike the rest.
+/// The object's pixels whose colours its other pixels do not tell. Derived: half of it may be unlike the rest.
 pub(super) const NEW_COLOUR_SHARE: f32 = 0.5;
 /// Cost of a border between two pixels of one colour, in units of the logarithm of a likelihood. Fitted on: film_ball,
 /// bear_sand, torus, elastic_0, where 2 and 4 differ by less than .001 in overlap.

@@ -93,10 +93,10 @@ pub(crate) struct DemoArgs {
 
 /// Make a scene from films: pictures, times, the empty background, and cameras where they are known
 ///
-/// Reads MP4, MOV, MKV, GIF, AVI and WebM by the program ffmpeg, one file a camera, or a folder of numbered pictures for
-/// each. The background comes from the film itself; objects that rest in it and their shadows are taken out. Films that
-/// do not begin together are put on one clock by a clap or a flash. Without cameras yet, run `gic calibrate` and then
-/// `gic import -o SCENE --calibration FILE`: the pictures stay as they are.
+/// Reads MP4, MOV, MKV, GIF, AVI and WebM by the program ffmpeg, one file a camera, or a folder of numbered pictures
+/// for each. The background comes from the film itself; objects that rest in it and their shadows are taken out. Films
+/// that do not begin together are put on one clock by a clap or a flash. Without cameras yet, run `gic calibrate` and
+/// then `gic import -o SCENE --calibration FILE`: the pictures stay as they are.
 #[derive(Debug, Args)]
 #[command(after_help = "Example: gic import films/ -o SCENE --start 1.2 --frames 30 --calibration calibration.json")]
 pub(crate) struct ImportArgs {
