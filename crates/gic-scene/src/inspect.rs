@@ -9,12 +9,12 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::camera::Camera;
-use crate::contact_sheet;
 use crate::error::{Problem, SceneError};
 use crate::flight::FreeFlight;
 use crate::hull::{Hull, HullSettings, HullView};
 use crate::picture::{Mask, Picture};
 use crate::scene::Scene;
+use crate::sheet;
 use crate::view::{MaskSource, Split};
 
 /// Everything worth knowing about a scene before working with it. Lengths in metres where [`Inspection::metric`] says
@@ -184,9 +184,9 @@ pub fn inspect(scene: &Scene) -> Result<Inspection, SceneError> {
     let synchronised = scene.synchronised(None, scene.times.len());
     // Where a mask cannot be read, all that cannot are listed below.
     let scene = synchronised.as_ref().unwrap_or(scene);
-    let layout = contact_sheet::layout(scene);
+    let layout = sheet::layout(scene);
     let (hull_views, moving) = choose_hull_views(scene);
-    let ground_frames = if moving { Vec::new() } else { contact_sheet::evenly_spaced(scene.times.len(), 3) };
+    let ground_frames = if moving { Vec::new() } else { sheet::evenly_spaced(scene.times.len(), 3) };
     let on_sheet: Vec<usize> = layout.iter().flatten().flatten().copied().collect();
     let checked: Vec<ViewCheck> = (0..scene.views.len())
         .into_par_iter()
@@ -243,6 +243,9 @@ pub fn inspect(scene: &Scene) -> Result<Inspection, SceneError> {
     warnings.extend(flight.as_ref().and_then(FlightReport::lags));
     warnings.extend(scene.warnings.iter().chain(&problems).map(Problem::to_string));
 
+    let place = |view: &Option<usize>| view.and_then(|view| tiles[view].clone());
+    let rows: Vec<Vec<Option<Picture>>> = layout.iter().map(|row| row.iter().map(place).collect()).collect();
+
     Ok(Inspection {
         root: scene.root.clone(),
         format: scene.format.to_string(),
@@ -263,7 +266,7 @@ pub fn inspect(scene: &Scene) -> Result<Inspection, SceneError> {
         flight,
         rest_views: scene.rest.as_ref().map_or(0, |rest| rest.views.len()),
         warnings,
-        contact_sheet: contact_sheet::assemble(&layout, &tiles),
+        contact_sheet: sheet::assemble(&rows),
     })
 }
 
@@ -271,7 +274,7 @@ fn check_view(scene: &Scene, index: usize, on_sheet: bool, keep: bool) -> ViewCh
     match scene.load(&scene.views[index]) {
         Ok((picture, mask)) => ViewCheck {
             area: Ok(mask.area()),
-            tile: on_sheet.then(|| contact_sheet::tile(&picture, &mask)),
+            tile: on_sheet.then(|| sheet::tile(&picture, &mask)),
             mask: keep.then_some(mask),
         },
         Err(error) => ViewCheck { area: Err(error), mask: None, tile: None },
@@ -283,7 +286,7 @@ fn choose_hull_views(scene: &Scene) -> (Vec<usize>, bool) {
     if scene.has_fixed_cameras() {
         return ((0..scene.views_at(0).len()).collect(), false);
     }
-    (contact_sheet::evenly_spaced(scene.views.len(), MAX_HULL_VIEWS), !scene.is_static())
+    (sheet::evenly_spaced(scene.views.len(), MAX_HULL_VIEWS), !scene.is_static())
 }
 
 fn hull_report(hull: &Hull, overlaps: &[f64]) -> HullReport {

@@ -4,7 +4,6 @@
 //! files) is written down in the page of [conventions].
 
 mod camera;
-mod contact_sheet;
 mod error;
 mod flight;
 mod format;
@@ -20,6 +19,7 @@ mod picture;
 mod read;
 mod scene;
 mod settings;
+pub mod sheet;
 
 mod similarity;
 mod timing;

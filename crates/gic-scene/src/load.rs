@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::error::{MASK_HINT, Problem, SceneError};
 use crate::matting;
-use crate::picture::{self, Decoded, Mask, Picture};
+use crate::picture::{self, Decoded, Mask, Picture, PixelBox};
 use crate::scene::Scene;
 use crate::view::{MaskSource, View};
 
@@ -24,6 +24,16 @@ impl Scene {
     /// # Errors
     /// [`SceneError::Invalid`] naming a file that cannot be decoded, or whose size is wrong.
     pub fn load(&self, view: &View) -> Result<(Picture, Mask), SceneError> {
+        let (picture, mask) = self.load_as_filmed(view, None)?;
+        Ok(self.undistorted(view, picture, mask))
+    }
+
+    /// Picture and mask of a view as its file has them, with the lens's distortion. A mask that is made, and not read,
+    /// lies within `window`.
+    ///
+    /// # Errors
+    /// As [`Scene::load`].
+    pub fn load_as_filmed(&self, view: &View, window: Option<PixelBox>) -> Result<(Picture, Mask), SceneError> {
         let Decoded { picture, alpha } = picture::decode(&view.picture)?;
         let mask = match &view.mask {
             MaskSource::Alpha => {
@@ -34,9 +44,15 @@ impl Scene {
             MaskSource::OverWhite(path) => matting::from_white(&picture, &picture::decode(path)?.picture),
             MaskSource::Difference => {
                 let background = self.backgrounds[view.camera].as_ref().ok_or_else(|| without_mask(&view.picture))?;
-                matting::difference_matte(&picture, &picture::decode(background)?.picture)
+                matting::difference_matte_within(&picture, &picture::decode(background)?.picture, window)
             }
-            MaskSource::Network => self.network.as_ref().ok_or_else(|| without_mask(&view.picture))?.matte(&picture)?,
+            MaskSource::Network => {
+                let network = self.network.as_ref().ok_or_else(|| without_mask(&view.picture))?;
+                match window {
+                    Some(window) => network.matte(&picture.cut_out(window))?.put_into(window, &picture),
+                    None => network.matte(&picture)?,
+                }
+            }
         };
         let expected = (picture.width, picture.height);
         if (mask.width, mask.height) != expected {
@@ -49,10 +65,34 @@ impl Scene {
             .into());
         }
         self.check_size(view.camera, &picture, &view.picture)?;
-        Ok(match &self.lenses[view.camera] {
+        Ok((picture, mask))
+    }
+
+    /// A view's picture and mask, of its camera's size, without the lens's distortion.
+    pub fn undistorted(&self, view: &View, picture: Picture, mask: Mask) -> (Picture, Mask) {
+        match &self.lenses[view.camera] {
             Some(lens) => lens.undistort(&self.cameras[view.camera], &picture, &mask),
             None => (picture, mask),
-        })
+        }
+    }
+
+    /// The box around what differs from a view's empty background, grown by a quarter of its sides: where a network has
+    /// to look. `None` without a background, and where nothing differs.
+    ///
+    /// # Errors
+    /// As [`Scene::load`].
+    pub fn box_of_difference(&self, view: &View, picture: &Picture) -> Result<Option<PixelBox>, SceneError> {
+        let Some(background) = &self.backgrounds[view.camera] else { return Ok(None) };
+        let mask = matting::difference_matte(picture, &picture::decode(background)?.picture);
+        Ok(mask.bounding_box().map(|found| {
+            let (grow_x, grow_y) = ((found.x1 - found.x0).div_ceil(4), (found.y1 - found.y0).div_ceil(4));
+            PixelBox {
+                x0: found.x0.saturating_sub(grow_x),
+                y0: found.y0.saturating_sub(grow_y),
+                x1: (found.x1 + grow_x).min(picture.width),
+                y1: (found.y1 + grow_y).min(picture.height),
+            }
+        }))
     }
 
     /// The mask of a view; cheaper than [`Scene::load`] where the mask is a file of its own.

@@ -44,6 +44,13 @@ pub struct PixelBox {
     pub y1: usize,
 }
 
+impl PixelBox {
+    /// Whether a pixel lies in it.
+    pub fn contains(&self, x: usize, y: usize) -> bool {
+        (self.x0..self.x1).contains(&x) && (self.y0..self.y1).contains(&y)
+    }
+}
+
 impl Picture {
     /// Colour of the pixel in column `x`, row `y`.
     pub fn at(&self, x: usize, y: usize) -> [f32; 3] {
@@ -64,22 +71,71 @@ impl Picture {
         Some(colour.map(|value| value.min(1.0)))
     }
 
+    /// The part in a window, which must lie inside.
+    pub(crate) fn cut_out(&self, window: PixelBox) -> Picture {
+        let row = |y: usize| &self.rgb[3 * (y * self.width + window.x0)..3 * (y * self.width + window.x1)];
+        Picture {
+            width: window.x1 - window.x0,
+            height: window.y1 - window.y0,
+            rgb: (window.y0..window.y1).flat_map(row).copied().collect(),
+        }
+    }
+
+    /// Reads a PNG or JPEG file.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] naming a file that cannot be decoded.
+    pub fn read(path: &Path) -> Result<Picture, SceneError> {
+        Ok(decode(path)?.picture)
+    }
+
     /// Writes the picture as an 8-bit PNG, whole or not at all.
     ///
     /// # Errors
     /// [`SceneError::Io`] naming the file.
     pub fn save_png(&self, path: &Path) -> Result<(), SceneError> {
         let bytes: Vec<u8> = self.rgb.iter().map(|value| (value.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
-        let (width, height) = (self.width as u32, self.height as u32);
-        gic_files::write_with(path, |out| {
-            let encoder = PngEncoder::new(out);
-            encoder.write_image(&bytes, width, height, ExtendedColorType::Rgb8).map_err(std::io::Error::other)
-        })
-        .map_err(|failed| SceneError::Io { path: failed.path, source: failed.source })
+        save_png(path, &bytes, (self.width, self.height), ExtendedColorType::Rgb8)
     }
 }
 
+/// Writes bytes as a PNG, whole or not at all.
+fn save_png(path: &Path, bytes: &[u8], size: (usize, usize), kind: ExtendedColorType) -> Result<(), SceneError> {
+    gic_files::write_with(path, |out| {
+        let encoder = PngEncoder::new(out);
+        encoder.write_image(bytes, size.0 as u32, size.1 as u32, kind).map_err(std::io::Error::other)
+    })
+    .map_err(|failed| SceneError::Io { path: failed.path, source: failed.source })
+}
+
 impl Mask {
+    /// Reads a mask file: the alpha channel where there is one that says something, else the brightness.
+    ///
+    /// # Errors
+    /// [`SceneError::Invalid`] naming a file that cannot be decoded.
+    pub fn read(path: &Path) -> Result<Mask, SceneError> {
+        Ok(decode_mask(path)?)
+    }
+
+    /// Writes the coverage as an 8-bit grey PNG, whole or not at all.
+    ///
+    /// # Errors
+    /// [`SceneError::Io`] naming the file.
+    pub fn save_png(&self, path: &Path) -> Result<(), SceneError> {
+        let bytes: Vec<u8> = self.coverage.iter().map(|value| (value.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
+        save_png(path, &bytes, (self.width, self.height), ExtendedColorType::L8)
+    }
+
+    /// A mask of the size of `picture` that is this one in a window, and empty elsewhere.
+    pub(crate) fn put_into(&self, window: PixelBox, picture: &Picture) -> Mask {
+        let mut coverage = vec![0.0; picture.width * picture.height];
+        for (y, row) in self.coverage.chunks_exact(self.width.max(1)).enumerate() {
+            let start = (window.y0 + y) * picture.width + window.x0;
+            coverage[start..start + self.width].copy_from_slice(row);
+        }
+        Mask { width: picture.width, height: picture.height, coverage }
+    }
+
     /// Coverage of the pixel in column `x`, row `y`.
     pub fn at(&self, x: usize, y: usize) -> f32 {
         self.coverage[y * self.width + x]

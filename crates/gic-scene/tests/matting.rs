@@ -24,6 +24,19 @@ fn measure(scene: &Path, every: usize) -> (f64, f64) {
     (overlaps.iter().sum::<f64>() / overlaps.len() as f64, overlaps.iter().copied().fold(1.0, f64::min))
 }
 
+/// The film of a ball in a dark laboratory: 256 dithered colours, shadows, a gripper that moves, dark surroundings.
+#[test]
+fn masks_of_a_film_overlap_the_true_ones() {
+    let film = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/film_ball/retimed"));
+    if !film.is_dir() {
+        let _ = writeln!(std::io::stderr(), "SKIPPED: {} is not there", film.display());
+        return;
+    }
+    let (mean, worst) = measure(film, 1);
+    println!("film_ball: mean {mean:.4}, worst {worst:.4}");
+    assert!(mean >= 0.955 && worst >= 0.92, "mean {mean}, worst {worst}");
+}
+
 fn scenes() -> Vec<std::path::PathBuf> {
     let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/scenes"));
     let Ok(entries) = std::fs::read_dir(folder) else {

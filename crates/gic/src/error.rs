@@ -4,6 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use gic_files::LockError;
+use gic_film::FilmError;
 use gic_grasp::GraspError;
 use gic_twin::TwinError;
 use gic_view::ViewError;
@@ -20,6 +21,9 @@ pub enum Error {
     /// Pictures, pages and recordings.
     #[error(transparent)]
     View(#[from] ViewError),
+    /// Films and masks.
+    #[error(transparent)]
+    Film(#[from] FilmError),
     /// A file could not be read.
     #[error("cannot read {}", path.display())]
     Read {
@@ -142,6 +146,7 @@ impl Error {
             Self::Twin(error) => error.hint(),
             Self::Grasp(error) => error.hint(),
             Self::View(error) => error.hint(),
+            Self::Film(error) => error.hint(),
             Self::Read { source, .. } if source.kind() == io::ErrorKind::NotFound => {
                 Some("check the path; relative paths inside a twin are relative to the twin's own folder".into())
             }
@@ -175,6 +180,7 @@ impl Error {
             Self::Twin(error) => error.is_interrupt(),
             Self::Grasp(error) => error.is_interrupt(),
             Self::View(error) => error.is_interrupt(),
+            Self::Film(error) => error.is_interrupt(),
             Self::Interrupted { .. } => true,
             _ => false,
         }
@@ -182,7 +188,10 @@ impl Error {
 
     /// Whether the command was wrong, whatever its files hold.
     pub fn is_usage(&self) -> bool {
-        matches!(self, Self::Setting { .. } | Self::Settings { .. })
+        match self {
+            Self::Film(error) => error.is_usage(),
+            _ => matches!(self, Self::Setting { .. } | Self::Settings { .. }),
+        }
     }
 
     /// An [`Error::Setting`] around another crate's error.

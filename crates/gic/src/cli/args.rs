@@ -8,7 +8,7 @@ use gic_scene::SceneSettings;
 use gic_twin::twin::Setting;
 
 use super::flags::{AppearanceFlags, Flags, ReconstructFlags, SettingsFlags};
-use super::values::{Pad, coefficient, length, positive, positive_number, refinement, size, threads};
+use super::values::{Pad, coefficient, length, positive, positive_number, refinement, seconds, size, threads};
 use gic_grasp::Gripper;
 
 /// Video in, physical digital twin out.
@@ -57,6 +57,8 @@ pub(crate) struct Global {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     Demo(DemoArgs),
+    Import(ImportArgs),
+    Masks(MasksArgs),
     Inspect(InspectArgs),
     Run(RunArgs),
     Reconstruct(ReconstructArgs),
@@ -87,6 +89,66 @@ pub(crate) struct DemoArgs {
     /// Folder for the scene and the run
     #[arg(short, long, value_name = "DIR", default_value = "gic-demo")]
     pub(crate) out: PathBuf,
+}
+
+/// Make a scene from films: pictures, times, the empty background, and cameras where they are known
+///
+/// Reads MP4, MOV, MKV, GIF, AVI and WebM by the program ffmpeg, one file a camera, or a folder of numbered pictures
+/// for each. The background comes from the film itself; objects that rest in it and their shadows are taken out. Films
+/// that do not begin together are put on one clock by a clap or a flash. Without cameras yet, run `gic calibrate` and
+/// then `gic import -o SCENE --calibration FILE`: the pictures stay as they are.
+#[derive(Debug, Args)]
+#[command(after_help = "Example: gic import films/ -o SCENE --start 1.2 --frames 30 --calibration calibration.json")]
+pub(crate) struct ImportArgs {
+    /// A folder of films, one a camera, or the films
+    #[arg(value_name = "FOLDER|FILE")]
+    pub(crate) films: Vec<PathBuf>,
+    /// The scene's folder
+    #[arg(short, long, value_name = "SCENE", required_unless_present = "thumbnails")]
+    pub(crate) out: Option<PathBuf>,
+    /// Only draw small pictures of the films with their times, to choose --start and --frames by
+    #[arg(long, value_name = "FILE.png", conflicts_with = "out", requires = "films")]
+    pub(crate) thumbnails: Option<PathBuf>,
+    /// Where to begin, on the clock of the first film [s] [default: where all films have begun]
+    #[arg(long, value_name = "SECONDS", value_parser = seconds)]
+    pub(crate) start: Option<f64>,
+    /// Number of frames [default: all]
+    #[arg(long, value_name = "N", value_parser = positive)]
+    pub(crate) frames: Option<usize>,
+    /// Take every K-th frame
+    #[arg(long, value_name = "K", default_value = "1", value_parser = positive)]
+    pub(crate) every: usize,
+    /// The cameras: a file of `gic calibrate`, a transforms.json or a scene, by the names of the films
+    #[arg(long, value_name = "FILE|SCENE")]
+    pub(crate) calibration: Option<PathBuf>,
+    /// Frames per second of numbered pictures; films keep their own times
+    #[arg(long, value_name = "HZ", value_parser = positive_number)]
+    pub(crate) frame_rate_hz: Option<f64>,
+    /// What shows the films' common clock
+    #[arg(long, value_enum, default_value = "auto")]
+    pub(crate) align: gic_film::Align,
+}
+
+/// Make the masks of a scene, and name the doubtful ones
+///
+/// From the difference to the empty background, or by a network of yours. Writes masks/ with a contact sheet, and tells
+/// for each view how well its mask agrees with the visual hull of the others. A mask that you mend goes into the folder
+/// masks_corrected/ under the same name: it wins, and is never written to.
+#[derive(Debug, Args)]
+#[command(after_help = "Example: gic masks SCENE --matting modnet.onnx --box left:120,80,400,420")]
+pub(crate) struct MasksArgs {
+    /// The scene's folder
+    #[arg(value_name = "SCENE")]
+    pub(crate) scene_path: PathBuf,
+    /// Folder for the masks [default: masks in the scene]
+    #[arg(short, long, value_name = "DIR")]
+    pub(crate) out: Option<PathBuf>,
+    /// Make the masks with this network (needs a gic built with --features onnx)
+    #[arg(long, value_name = "MODEL.onnx")]
+    pub(crate) matting: Option<PathBuf>,
+    /// Where the object is [pixels]: for all cameras, or with a camera's name; may be repeated
+    #[arg(long = "box", value_name = "[CAMERA:]x0,y0,x1,y1")]
+    pub(crate) boxes: Vec<gic_film::ObjectBox>,
 }
 
 /// Show what gic reads of a scene: cameras, frames, masks, size, ground, and what looks wrong

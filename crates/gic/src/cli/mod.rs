@@ -5,6 +5,7 @@ mod context;
 mod flags;
 mod gradcheck;
 mod grasp;
+mod import;
 mod progress;
 mod render;
 mod results;
@@ -112,6 +113,8 @@ fn dispatch(command: Command, context: &Context) -> anyhow::Result<()> {
 fn run_command(command: Command, context: &Context) -> anyhow::Result<()> {
     match command {
         Command::Demo(args) => results::demo(&args, context),
+        Command::Import(args) => import::run(&args, context),
+        Command::Masks(args) => import::masks(&args, context),
         Command::Inspect(args) => results::inspect(&args, context),
         Command::Report(args) => run::report(&args, context),
         Command::Eval(args) => results::eval(&args, context),

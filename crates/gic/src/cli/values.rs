@@ -28,6 +28,8 @@ pub(crate) enum ValueError {
     Coefficient,
     #[error("must be a whole number from 1 to {MAX_REFINEMENT}")]
     Refinement,
+    #[error("must be a number of seconds of at least 0")]
+    Seconds,
     #[error("must be a number above 0")]
     PositiveNumber,
 }
@@ -79,6 +81,10 @@ pub(crate) fn refinement(text: &str) -> Result<usize, ValueError> {
 
 pub(crate) fn positive_number(text: &str) -> Result<f64, ValueError> {
     finite(text).filter(|times| *times > 0.0).ok_or(ValueError::PositiveNumber)
+}
+
+pub(crate) fn seconds(text: &str) -> Result<f64, ValueError> {
+    finite(text).filter(|seconds| *seconds >= 0.0).ok_or(ValueError::Seconds)
 }
 
 fn finite(text: &str) -> Option<f64> {

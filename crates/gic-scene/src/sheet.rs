@@ -1,4 +1,4 @@
-//! The contact sheet: small pictures of some cameras (rows) at some frames (columns), with the masks' outlines.
+//! Contact sheets: small pictures of some cameras (rows) at some frames (columns), with the masks' outlines.
 
 use crate::picture::{Mask, Picture};
 use crate::scene::Scene;
@@ -14,7 +14,7 @@ const SHEET_COLOUR: [f32; 3] = [0.12; 3];
 
 /// Which views go on the sheet, as indices into the views of the scene: rows of columns; `None` where a view is
 /// missing.
-pub(crate) fn layout(scene: &Scene) -> Vec<Vec<Option<usize>>> {
+pub fn layout(scene: &Scene) -> Vec<Vec<Option<usize>>> {
     if scene.has_fixed_cameras() {
         let frames = evenly_spaced(scene.times.len(), MAX_COLUMNS);
         let tile = |camera: usize, frame: usize| {
@@ -28,7 +28,7 @@ pub(crate) fn layout(scene: &Scene) -> Vec<Vec<Option<usize>>> {
 }
 
 /// At most `most` of `count` indices, evenly spaced, with the first and the last.
-pub(crate) fn evenly_spaced(count: usize, most: usize) -> Vec<usize> {
+pub fn evenly_spaced(count: usize, most: usize) -> Vec<usize> {
     if count <= most {
         return (0..count).collect();
     }
@@ -36,7 +36,7 @@ pub(crate) fn evenly_spaced(count: usize, most: usize) -> Vec<usize> {
 }
 
 /// A small copy of a picture, centred in a square tile, with the outline of the mask.
-pub(crate) fn tile(picture: &Picture, mask: &Mask) -> Picture {
+pub fn tile(picture: &Picture, mask: &Mask) -> Picture {
     let scale = picture.width.max(picture.height) as f64 / TILE_SIDE as f64;
     let (width, height) = ((picture.width as f64 / scale) as usize, (picture.height as f64 / scale) as usize);
     let (left, top) = ((TILE_SIDE - width.min(TILE_SIDE)) / 2, (TILE_SIDE - height.min(TILE_SIDE)) / 2);
@@ -72,15 +72,15 @@ fn average(picture: &Picture, x: usize, y: usize, scale: f64) -> [f32; 3] {
     sum.map(|value| value / count)
 }
 
-/// Puts the tiles of a layout together.
-pub(crate) fn assemble(layout: &[Vec<Option<usize>>], tiles: &[Option<Picture>]) -> Picture {
+/// Puts rows of tiles together; `None` leaves a place free.
+pub fn assemble(rows: &[Vec<Option<Picture>>]) -> Picture {
     let gap = 4;
-    let columns = layout.iter().map(Vec::len).max().unwrap_or(0);
-    let (width, height) = (columns * (TILE_SIDE + gap) + gap, layout.len() * (TILE_SIDE + gap) + gap);
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let (width, height) = (columns * (TILE_SIDE + gap) + gap, rows.len() * (TILE_SIDE + gap) + gap);
     let mut sheet = Picture { width, height, rgb: SHEET_COLOUR.repeat(width * height) };
-    for (row, views) in layout.iter().enumerate() {
-        for (column, view) in views.iter().enumerate() {
-            let Some(tile) = view.and_then(|view| tiles[view].as_ref()) else { continue };
+    for (row, tiles) in rows.iter().enumerate() {
+        for (column, tile) in tiles.iter().enumerate() {
+            let Some(tile) = tile else { continue };
             for y in 0..TILE_SIDE {
                 let to = 3 * ((gap + row * (TILE_SIDE + gap) + y) * width + gap + column * (TILE_SIDE + gap));
                 sheet.rgb[to..to + 3 * TILE_SIDE]

@@ -1,0 +1,105 @@
+//! What can go wrong with films. Every message names the file; [`FilmError::hint`] says the way out.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use gic_scene::SceneError;
+use gic_twin::{Interrupt, TwinError};
+
+/// A failure of taking films in.
+#[derive(Debug, thiserror::Error)]
+pub enum FilmError {
+    /// A file that could not be written, or an interruption.
+    #[error(transparent)]
+    Twin(#[from] TwinError),
+    /// A scene that could not be read.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// ffmpeg or ffprobe is not there.
+    #[error("films are decoded by the program {program}, which is not to be found here")]
+    NoProgram {
+        /// The program.
+        program: &'static str,
+    },
+    /// A file that could not be read.
+    #[error("cannot read {}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// The cause.
+        source: io::Error,
+    },
+    /// A file that does not hold what it should.
+    #[error("{}: {problem}", path.display())]
+    Content {
+        /// The file or folder.
+        path: PathBuf,
+        /// What is wrong with it.
+        problem: String,
+        /// What to do about it.
+        hint: String,
+    },
+    /// Something that the caller asked for cannot be done with these films.
+    #[error("{problem}")]
+    Usage {
+        /// What.
+        problem: String,
+        /// What to do about it.
+        hint: String,
+    },
+}
+
+/// Result of taking films in.
+pub type Result<T> = std::result::Result<T, FilmError>;
+
+impl FilmError {
+    /// The way out, in one sentence, where there is one.
+    pub fn hint(&self) -> Option<String> {
+        match self {
+            Self::Twin(error) => error.hint(),
+            Self::Scene(_) => None,
+            Self::NoProgram { .. } => Some(
+                "install ffmpeg (5.1 or later; apt install ffmpeg, brew install ffmpeg, winget install ffmpeg), or \
+                 give a folder of numbered PNG or JPEG files for each camera, with --frame-rate-hz"
+                    .into(),
+            ),
+            Self::Read { .. } => Some("check the path, and that you may read the file".into()),
+            Self::Content { hint, .. } | Self::Usage { hint, .. } => Some(hint.clone()),
+        }
+    }
+
+    /// Whether the user interrupted.
+    pub fn is_interrupt(&self) -> bool {
+        matches!(self, Self::Twin(error) if error.is_interrupt())
+    }
+
+    /// Whether the command was wrong, whatever its files hold.
+    pub fn is_usage(&self) -> bool {
+        matches!(self, Self::Usage { .. })
+    }
+
+    /// A [`FilmError::Read`] for `path`.
+    pub(crate) fn read(path: &Path) -> impl FnOnce(io::Error) -> Self {
+        move |source| Self::Read { path: path.to_owned(), source }
+    }
+
+    /// A [`FilmError::Content`] for `path`.
+    pub(crate) fn content(path: &Path, problem: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self::Content { path: path.to_owned(), problem: problem.into(), hint: hint.into() }
+    }
+
+    /// A [`FilmError::Usage`].
+    pub(crate) fn usage(problem: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self::Usage { problem: problem.into(), hint: hint.into() }
+    }
+
+    /// The user interrupted after a part of the work.
+    pub(crate) fn interrupted(after: impl Into<String>) -> Self {
+        TwinError::Interrupted { after: after.into(), resume: "run the same command again".into() }.into()
+    }
+}
+
+/// Ends the work where the user has interrupted.
+pub(crate) fn stop_if(interrupt: &Interrupt) -> Result<()> {
+    if interrupt.requested() { Err(FilmError::interrupted("some pictures")) } else { Ok(()) }
+}
