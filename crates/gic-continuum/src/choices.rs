@@ -20,7 +20,7 @@ pub struct Settings {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub voxel_spacing_m: Option<f64>,
     /// Levels of refinement, the paper's n_u: each but the first halves the voxels. By default four, and fewer where the
-    /// finest voxels would be less than half a pixel wide.
+    /// finest voxels would be much smaller than a pixel.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub levels: Option<usize>,
@@ -76,14 +76,14 @@ impl Settings {
         self.for_body((1.0, 0.0), None).validate()
     }
 
-    /// The same for a body whose largest side at the first frame is `size` [m] and of which the pictures tell details of
-    /// a `pixel` [m], on `ground`, if that is known.
+    /// The same for a body whose largest side at the first frame is `size` [m] in pictures whose pixels
+    /// are `pixel` wide there [m], on `ground`, if that is known.
     pub fn for_body(&self, (size, pixel): (f64, f64), ground: Option<Plane>) -> FillSettings {
         let defaults = FillSettings::tuned(size, self.tuning.clone());
         let grid_spacing = self.voxel_spacing_m.unwrap_or(defaults.grid_spacing);
-        let told = |levels: &usize| {
-            FillSettings { grid_spacing, levels: *levels, ..defaults.clone() }.finest_spacing() >= 0.5 * pixel
-        };
+        let finest = |levels| FillSettings { grid_spacing, levels, ..defaults.clone() }.finest_spacing();
+        // As wide as a pixel, by ratio: levels halve voxels.
+        let told = |levels: &usize| finest(*levels) >= std::f64::consts::FRAC_1_SQRT_2 * pixel;
         let levels = self.levels.unwrap_or_else(|| (1..=defaults.levels).rev().find(told).unwrap_or(1));
         FillSettings {
             grid_spacing,
@@ -94,5 +94,19 @@ impl Settings {
             ground,
             ..defaults
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn voxels_are_no_finer_than_pixels_tell() {
+        let levels = |pixel: f64| Settings::default().for_body((0.4, pixel), None).levels;
+        // Four levels make voxels of 5 mm.
+        assert_eq!([0.0, 0.003, 0.007, 0.0072, 0.02, 1.0].map(levels), [4, 4, 4, 3, 2, 1]);
+        let asked = Settings { levels: Some(4), ..Settings::default() };
+        assert_eq!(asked.for_body((0.4, 0.02), None).levels, 4);
     }
 }
