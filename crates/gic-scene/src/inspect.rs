@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use crate::camera::Camera;
 use crate::error::{Problem, SceneError};
-use crate::flight::FreeFlight;
+use crate::flight::{CalibrationError, FreeFlight, Seek};
 use crate::hull::{Hull, HullSettings, HullView};
 use crate::picture::{Mask, Picture};
 use crate::scene::Scene;
@@ -106,8 +106,54 @@ pub struct FlightReport {
     /// By how much the pictures of each camera are later than those of the first one [frames]; empty where the scene's
     /// times explain the outlines.
     pub delays_frames: Vec<f64>,
+    /// What is wrong with the calibration of each camera; empty where the stated one explains the outlines.
+    pub calibration_errors: Vec<CalibrationErrorReport>,
     /// How far outlines are from touching common tangents, root mean square in pixels.
     pub miss_px: f64,
+}
+
+/// By what a camera differs from what the scene states, each with its standard deviation.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct CalibrationErrorReport {
+    /// Angle by which it is turned [degrees].
+    pub turn_deg: [f64; 2],
+    /// Distance by which it is moved [m].
+    pub shift_m: [f64; 2],
+    /// By how much its focal length is longer [per cent].
+    pub focal_percent: [f64; 2],
+    /// Coefficient of radial distortion that remained.
+    pub radial: [f64; 2],
+}
+
+impl CalibrationErrorReport {
+    fn new((error, deviation): (&CalibrationError, &CalibrationError)) -> CalibrationErrorReport {
+        let degrees = |turn: DVec3| turn.length().to_degrees();
+        CalibrationErrorReport {
+            turn_deg: [degrees(error.turn_rad), degrees(deviation.turn_rad)],
+            shift_m: [error.shift_m.length(), deviation.shift_m.length()],
+            focal_percent: [error.focal, deviation.focal].map(|share| 100.0 * share),
+            radial: [error.radial, deviation.radial],
+        }
+    }
+}
+
+impl fmt::Display for CalibrationErrorReport {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let [turn, shift, focal, radial] = [self.turn_deg, self.shift_m, self.focal_percent, self.radial];
+        write!(
+            f,
+            "turned by {:.2} +- {:.2} degrees, moved by {:.1} +- {:.1} mm, ",
+            turn[0],
+            turn[1],
+            1e3 * shift[0],
+            1e3 * shift[1]
+        )?;
+        write!(
+            f,
+            "focal length {:+.2} +- {:.2} %, distortion {:+.3} +- {:.3}",
+            focal[0], focal[1], radial[0], radial[1]
+        )
+    }
 }
 
 /// Of the unit of length, the frame rate and gravity, each one by the other two: `|a| = g rate^2 / (unit rate_0^2)`.
@@ -145,6 +191,13 @@ impl FlightReport {
         let lags: Vec<String> = late.map(lag).collect();
         (!lags.is_empty()).then(|| format!("cameras lag behind the first one: {}", lags.join(", ")))
     }
+
+    /// The cameras that are not as the scene states.
+    fn errors(&self, names: &[String]) -> Vec<String> {
+        let error =
+            |(name, error): (&String, &CalibrationErrorReport)| format!("camera {name} is not as stated: {error}");
+        names.iter().zip(&self.calibration_errors).map(error).collect()
+    }
 }
 
 /// Where knowledge about up and the ground comes from.
@@ -181,9 +234,9 @@ struct ViewCheck {
 /// [`SceneError::Invalid`] lists files that cannot be decoded and frames without any mask; empty masks of single views
 /// become warnings.
 pub fn inspect(scene: &Scene) -> Result<Inspection, SceneError> {
-    let synchronised = scene.synchronised(None, scene.times.len());
+    let corrected = scene.corrected(None, scene.times.len(), Seek { delays: true, errors: true });
     // Where a mask cannot be read, all that cannot are listed below.
-    let scene = synchronised.as_ref().unwrap_or(scene);
+    let scene = corrected.as_ref().unwrap_or(scene);
     let layout = sheet::layout(scene);
     let (hull_views, moving) = choose_hull_views(scene);
     let ground_frames = if moving { Vec::new() } else { sheet::evenly_spaced(scene.times.len(), 3) };
@@ -241,6 +294,7 @@ pub fn inspect(scene: &Scene) -> Result<Inspection, SceneError> {
     let ground = find_ground(scene, &masks, &ground_frames, hull.as_ref(), up, &mut warnings);
     let flight = scene.flight.as_ref().map(|flight| flight_report(scene, flight));
     warnings.extend(flight.as_ref().and_then(FlightReport::lags));
+    warnings.extend(flight.iter().flat_map(|flight| flight.errors(&scene.camera_names)));
     warnings.extend(scene.warnings.iter().chain(&problems).map(Problem::to_string));
 
     let place = |view: &Option<usize>| view.and_then(|view| tiles[view].clone());
@@ -307,6 +361,9 @@ fn flight_report(scene: &Scene, flight: &FreeFlight) -> FlightReport {
         acceleration_m_s2: flight.acceleration.to_array(),
         angular_velocity_rad_s: flight.angular_velocity.to_array(),
         delays_frames: scene.delays_s.iter().map(|delay| delay / flight.frame_seconds()).collect(),
+        calibration_errors: (scene.calibration_errors.iter().zip(&scene.calibration_error_deviations))
+            .map(CalibrationErrorReport::new)
+            .collect(),
         miss_px: flight.miss_px,
     }
 }

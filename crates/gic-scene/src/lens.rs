@@ -4,6 +4,7 @@ use glam::DVec2;
 use rayon::prelude::*;
 
 use crate::camera::Camera;
+use crate::flight::CalibrationError;
 use crate::picture::{Mask, Picture};
 
 /// A lens that bends rays: maps undistorted normalised image coordinates (X/Z, Y/Z) to distorted ones.
@@ -16,16 +17,25 @@ pub(crate) enum Lens {
     Fisheye { k: [f64; 4] },
     /// The field-of-view model of Devernay and Faugeras with angle omega [rad].
     FieldOfView { omega: f64 },
+    /// A lens whose camera was mended: its focal length changed, and what remained of distortion was found.
+    Mended { stated: Option<Box<Lens>>, error: CalibrationError },
 }
 
 impl Lens {
+    /// The lens of OpenCV's coefficients k1 k2 p1 p2 k3 k4 k5 k6, of which the last may be left out; `None` of more.
+    pub(crate) fn of_opencv(coefficients: &[f64]) -> Option<Lens> {
+        let c = |index: usize| coefficients.get(index).copied().unwrap_or(0.0);
+        (coefficients.len() <= 8)
+            .then(|| Lens::Perspective { k: [c(0), c(1), c(4), c(5), c(6), c(7)], p: [c(2), c(3)] })
+    }
+
     /// `None` when the lens does nothing: an ordinary pinhole.
     pub(crate) fn unless_trivial(self) -> Option<Lens> {
         let trivial = match &self {
             Lens::Perspective { k, p } => k.iter().chain(p).all(|&c| c == 0.0),
             Lens::FieldOfView { omega } => *omega == 0.0,
             // Without coefficients the equidistant projection is still no pinhole.
-            Lens::Fisheye { .. } => false,
+            Lens::Fisheye { .. } | Lens::Mended { .. } => false,
         };
         (!trivial).then_some(self)
     }
@@ -60,6 +70,11 @@ impl Lens {
                 }
                 u * ((2.0 * r * (omega / 2.0).tan()).atan() / (omega * r))
             }
+            Lens::Mended { stated, error } => match stated {
+                None => error.bent(u),
+                // The stated lens counts in units of the stated focal length.
+                Some(lens) => lens.distort(error.bent(u) * error.focal.exp()) * (-error.focal).exp(),
+            },
         }
     }
 

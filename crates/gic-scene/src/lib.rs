@@ -28,14 +28,14 @@ mod world;
 
 pub use camera::Camera;
 pub use error::{Problem, SceneError, Severity};
-pub use flight::{FlightView, FreeFlight};
+pub use flight::{CalibrationError, FlightView, FreeFlight, Seek};
 pub use format::Format;
 pub use hull::{Hull, HullSettings, HullView};
 pub use inspect::{CameraReport, FallReport, FlightReport, GroundSource, HullReport, Inspection, inspect};
 pub use matting::difference_matte;
 pub use picture::{Mask, Picture, PixelBox, touches_border};
 pub use scene::Scene;
-pub use settings::{Clocks, MaskChoice, SceneSettings};
+pub use settings::{MaskChoice, SceneSettings, Trust};
 pub use similarity::Similarity;
 pub use view::{MaskSource, Split, View};
 pub use world::{ColouredPoint, World};

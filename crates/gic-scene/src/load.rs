@@ -68,6 +68,11 @@ impl Scene {
         Ok((picture, mask))
     }
 
+    /// The cameras' lenses in words that differ where lenses do; `None` where no camera has one.
+    pub fn lenses(&self) -> Option<String> {
+        self.lenses.iter().any(Option::is_some).then(|| format!("{:?}", self.lenses))
+    }
+
     /// A view's picture and mask, of its camera's size, without the lens's distortion.
     pub fn undistorted(&self, view: &View, picture: Picture, mask: Mask) -> (Picture, Mask) {
         match &self.lenses[view.camera] {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::camera::Camera;
 use crate::error::{Problem, SceneError};
-use crate::flight::FreeFlight;
+use crate::flight::{CalibrationError, FreeFlight};
 use crate::format::Format;
 use crate::lens::Lens;
 use crate::network::Network;
@@ -33,10 +33,15 @@ pub struct Scene {
     pub camera_names: Vec<String>,
     /// Time of each frame [s], increasing; D-NeRF's times have no unit and run from 0 to 1.
     pub times: Vec<f64>,
-    /// By how much the pictures of each camera are later than those of the first one, as the free flight shows [s]; empty
-    /// where it shows that none is. The times hold them.
+    /// By how much each camera's pictures are later than the first one's, as the free flight shows [s]; empty where
+    /// none is. The times hold them.
     pub delays_s: Vec<f64>,
-    /// The free flight of the first frames, where [`Scene::synchronised`] found one.
+    /// What the free flight shows to be wrong with each camera's calibration; empty where nothing is. The cameras hold
+    /// them.
+    pub calibration_errors: Vec<CalibrationError>,
+    /// Standard deviations of the cameras' errors.
+    pub calibration_error_deviations: Vec<CalibrationError>,
+    /// The free flight of the first frames, where [`Scene::corrected`] found one.
     pub flight: Option<FreeFlight>,
     /// Frames per second, where the times are evenly spaced (within 1 %).
     pub frame_rate: Option<f64>,
@@ -110,6 +115,10 @@ impl Scene {
             camera_names: chosen.iter().map(|&c| self.camera_names[c].clone()).collect(),
             backgrounds: chosen.iter().map(|&c| self.backgrounds[c].clone()).collect(),
             lenses: chosen.iter().map(|&c| self.lenses[c].clone()).collect(),
+            calibration_errors: chosen.iter().filter_map(|&c| self.calibration_errors.get(c).copied()).collect(),
+            calibration_error_deviations: (chosen.iter())
+                .filter_map(|&c| self.calibration_error_deviations.get(c).copied())
+                .collect(),
             delays_s: chosen.iter().filter_map(|&c| self.delays_s.get(c).copied()).collect(),
             views,
             ..self.clone()

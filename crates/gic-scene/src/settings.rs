@@ -4,9 +4,11 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use crate::flight::Seek;
+
 /// Settings of reading a scene; [`Default`] is right for every scene whose folder says all that is needed.
 ///
-/// [`crate::Scene::open_with`] takes all but `path`, `clocks` and `fit_frames`, which are the caller's.
+/// [`crate::Scene::open_with`] takes all but `path`, `clocks`, `calibration` and `fit_frames`, which are the caller's.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "cli", derive(clap::Args), group(skip), command(next_help_heading = "Scene"))]
 #[serde(default, deny_unknown_fields)]
@@ -26,9 +28,12 @@ pub struct SceneSettings {
     #[cfg_attr(feature = "cli", arg(long, value_name = "HZ"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame_rate_hz: Option<f64>,
-    /// Which times to believe.
+    /// Whether to believe the stated times of pictures.
     #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
-    pub clocks: Clocks,
+    pub clocks: Trust,
+    /// Whether to believe the stated places, focal lengths and distortion of cameras.
+    #[cfg_attr(feature = "cli", arg(long, value_enum, default_value_t))]
+    pub calibration: Trust,
     /// Which of several sets in the folder, such as an object of a real capture; by default the first by name.
     #[cfg_attr(feature = "cli", arg(long = "scene-set", value_name = "NAME"))]
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -43,16 +48,23 @@ pub struct SceneSettings {
     pub fit_frames: Option<usize>,
 }
 
-/// Which times of pictures to believe.
+/// How much to believe what the scene states.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
-pub enum Clocks {
-    /// Those that the scene states, and where the free flight shows that cameras lag, what it shows.
+pub enum Trust {
+    /// As long as the free flight does not show otherwise; then what it shows.
     #[default]
     Auto,
-    /// Those that the scene states.
+    /// Whatever the pictures show.
     Stated,
+}
+
+impl SceneSettings {
+    /// What the free flight is asked about the cameras.
+    pub fn seek(&self) -> Seek {
+        Seek { delays: self.clocks == Trust::Auto, errors: self.calibration == Trust::Auto }
+    }
 }
 
 /// Where masks come from.

@@ -1,4 +1,4 @@
-//! Cameras that lag: found by the free flight, and seen through it.
+//! What the free flight tells of the cameras: that they lag, and that their calibration is off.
 
 use std::borrow::Cow;
 
@@ -6,7 +6,8 @@ use glam::DVec3;
 
 use crate::camera::Camera;
 use crate::error::SceneError;
-use crate::flight::{FlightView, FreeFlight};
+use crate::flight::{FlightView, FreeFlight, Seek};
+use crate::lens::Lens;
 use crate::picture::Mask;
 use crate::scene::Scene;
 use crate::view::View;
@@ -15,9 +16,9 @@ use crate::view::View;
 const FEWEST_FRAMES: usize = 3;
 
 impl Scene {
-    /// The free flight of the first frames, its acceleration [m/s^2] given or sought, and with the cameras' `delays`
-    /// where they are sought and needed. `None` where the outlines show none, or no camera stands still.
-    fn find_flight(&self, acceleration: Option<DVec3>, delays: bool) -> Result<Option<FreeFlight>, SceneError> {
+    /// The free flight of the first frames, its acceleration [m/s^2] given or sought, and with what is to be sought of
+    /// the cameras, where it is needed. `None` where the outlines show none, or no camera stands still.
+    fn find_flight(&self, acceleration: Option<DVec3>, seek: Seek) -> Result<Option<FreeFlight>, SceneError> {
         if self.is_static() || !self.has_fixed_cameras() {
             return Ok(None);
         }
@@ -31,23 +32,47 @@ impl Scene {
             };
             Ok::<_, SceneError>(self.views_at(frame).iter().zip(masks).map(view).collect())
         };
-        Ok(FreeFlight::find(&self.times, acceleration, delays, views)?
-            .filter(|flight| flight.frames() >= FEWEST_FRAMES))
+        Ok(FreeFlight::find(&self.times, acceleration, seek, views)?.filter(|flight| flight.frames() >= FEWEST_FRAMES))
     }
 
-    /// The same scene with the times at which its pictures were taken: where the free flight shows that cameras lag,
-    /// theirs are later by what it shows. The acceleration of the flight [m/s^2] is given, or sought. Only the first
-    /// `frames` are looked at.
+    /// The same scene with the times at which its pictures were taken and the cameras that took them: where the free
+    /// flight shows that cameras lag or are not where the scene says, they are as it shows. The acceleration of the
+    /// flight [m/s^2] is given, or sought. Only the first `frames` are looked at.
     ///
     /// # Errors
     /// Masks that cannot be read.
-    pub fn synchronised(&self, acceleration: Option<DVec3>, frames: usize) -> Result<Scene, SceneError> {
-        let flight = self.first_frames(frames).find_flight(acceleration, true)?;
-        let late = flight.as_ref().filter(|flight| flight.delays.iter().any(|delay| *delay != 0.0));
-        let Some(late) = late else { return Ok(Scene { flight, ..self.clone() }) };
-        let scene = Scene { delays_s: late.delays.clone(), ..self.delayed(&late.delays) };
-        // On the frames' new times.
-        Ok(Scene { flight: scene.first_frames(frames).find_flight(acceleration, false)?, ..scene })
+    pub fn corrected(&self, acceleration: Option<DVec3>, frames: usize, seek: Seek) -> Result<Scene, SceneError> {
+        let flight = self.first_frames(frames).find_flight(acceleration, seek)?;
+        let Some(shown) = flight.as_ref() else { return Ok(self.clone()) };
+        let (late, off) = (shown.delays.iter().any(|delay| *delay != 0.0), !shown.errors.is_empty());
+        if !late && !off {
+            return Ok(Scene { flight, ..self.clone() });
+        }
+        let mut scene = self.clone();
+        if late {
+            scene = Scene { delays_s: shown.delays.clone(), ..scene.delayed(&shown.delays) };
+        }
+        if off {
+            scene = scene.mended(shown);
+        }
+        // On the frames' new times and with the new cameras.
+        Ok(Scene { flight: scene.first_frames(frames).find_flight(acceleration, Seek::default())?, ..scene })
+    }
+
+    /// The same scene with the cameras' errors mended that a flight shows.
+    fn mended(&self, flight: &FreeFlight) -> Scene {
+        let mut scene = self.clone();
+        for (index, error) in flight.errors.iter().enumerate() {
+            let stated = &self.cameras[index];
+            scene.cameras[index] = error.mended(stated);
+            scene.lenses[index] =
+                Some(Lens::Mended { stated: self.lenses[index].clone().map(Box::new), error: *error });
+        }
+        Scene {
+            calibration_errors: flight.errors.clone(),
+            calibration_error_deviations: flight.error_deviations.clone(),
+            ..scene
+        }
     }
 
     /// A camera that sees the body at its frame's time as the view's camera saw it at the view's own: moved against the

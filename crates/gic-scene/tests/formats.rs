@@ -177,3 +177,34 @@ fn colmap_binary_and_text() {
         assert_close(a, b);
     }
 }
+
+/// Formats that know no distortion may state it as OpenCV's coefficients, where a camera's other numbers stand.
+#[test]
+fn every_format_may_state_distortion() {
+    for (format, list) in [("pac_nerf", "all_data.json"), ("spring_gaus", "camera.json")] {
+        let state = |coefficients: &[f64]| {
+            let copy = common::copy(format);
+            let path = copy.path().join(list);
+            let mut entries: Vec<serde_json::Value> =
+                serde_json::from_str(&std::fs::read_to_string(&path).expect("a list")).expect("JSON");
+            entries.iter_mut().for_each(|entry| entry["distortion"] = coefficients.into());
+            std::fs::write(&path, serde_json::to_string(&entries).expect("JSON")).expect("a list");
+            (Scene::open(copy.path()), copy)
+        };
+        let (bent, _copy) = state(&[0.1, 0.0, 0.0, 0.02]);
+        let bent = bent.unwrap_or_else(|error| panic!("{format}: {error}"));
+        let lenses = bent.lenses().expect("lenses");
+        assert!(lenses.contains("k: [0.1, 0.0, 0.0, 0.0, 0.0, 0.0], p: [0.0, 0.02]"), "{format}: {lenses}");
+        let straight = open(format);
+        assert_eq!(straight.lenses(), None);
+        let read = |scene: &Scene| scene.load_view(0, 0).expect("a picture").0.rgb;
+        assert_ne!(read(&bent), read(&straight), "{format}");
+        let refused = state(&[0.1; 9]).0.expect_err("nine").to_string();
+        assert!(refused.contains(list) && refused.contains("9 distortion coefficients"), "{refused}");
+    }
+    let copy = common::copy("blender");
+    let path = copy.path().join("transforms_train.json");
+    let text = std::fs::read_to_string(&path).expect("a list");
+    std::fs::write(&path, text.replacen('{', "{\"distortion\": [0.1],", 1)).expect("a list");
+    assert!(Scene::open(copy.path()).expect("opens").lenses().is_some());
+}

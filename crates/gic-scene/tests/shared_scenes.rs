@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::{BufReader, Write};
 use std::path::{Path, PathBuf};
 
-use gic_scene::{Camera, Format, Hull, HullSettings, HullView, Mask, Scene, inspect};
+use gic_scene::{Camera, Format, Hull, HullSettings, HullView, Mask, Scene, Seek, inspect};
 use glam::DVec3;
 
 fn shared(relative: &str) -> Option<PathBuf> {
@@ -124,6 +124,7 @@ fn outlines_tell_how_a_body_falls() {
         let (v, g) = (off(flight.velocity_m_s, "initial_velocity"), off(flight.acceleration_m_s2, "gravity"));
         println!("{name}: {} frames, {v:.4} m/s and {g:.3} m/s^2 off, {:.3} pixels", flight.frames, flight.miss_px);
         assert!(flight.frames >= 4 && v < 0.03 && g < 0.4, "{name}: {v} {g}");
+        assert!(flight.calibration_errors.is_empty(), "{name}: {:?}", flight.calibration_errors);
     }
 }
 
@@ -171,6 +172,9 @@ fn d_nerf_and_static_blender_scenes_keep_their_splits_and_times() {
 /// Delays of the four cameras of the filmed ball behind the first one [frames], as its README measured them.
 const FILMED_DELAYS: [f64; 4] = [0.0, 0.094, -0.151, -0.394];
 
+/// All that a flight tells of cameras.
+const BOTH: Seek = Seek { delays: true, errors: true };
+
 fn delays_frames(scene: &Scene) -> Vec<f64> {
     let rate = scene.frame_rate.expect("even");
     scene.delays_s.iter().map(|delay| delay * rate).collect()
@@ -196,14 +200,14 @@ fn cameras_that_film_without_a_common_clock_are_found_to_lag() {
     std::fs::write(copy.path().join("all_data.json"), serde_json::to_string(&entries).expect("JSON")).expect("a list");
     let nominal = Scene::open(copy.path()).expect("a scene");
     assert!(!nominal.has_lags());
-    let scene = nominal.synchronised(nominal.world.gravity, nominal.times.len()).expect("masks");
+    let scene = nominal.corrected(nominal.world.gravity, nominal.times.len(), BOTH).expect("masks");
     let found = delays_frames(&scene);
     println!("{found:.3?} for {FILMED_DELAYS:?}");
     assert!(found.iter().zip(FILMED_DELAYS).all(|(found, measured)| (found - measured).abs() < 0.1), "{found:?}");
     assert!(scene.has_lags() && scene.times.len() == 10 && scene.views_at(0).len() == 4);
     // With the times that were measured there is nothing to find, and the views of a frame differ as much.
     let stated = Scene::open(&root).expect("a scene");
-    let same = stated.synchronised(stated.world.gravity, stated.times.len()).expect("masks");
+    let same = stated.corrected(stated.world.gravity, stated.times.len(), BOTH).expect("masks");
     assert!(stated.has_lags() && stated.times.len() == 10 && same.delays_s.is_empty(), "{:?}", same.delays_s);
     let lag = |view: &gic_scene::View| view.time_s - scene.times[view.frame];
     for (view, other) in scene.views_at(3).iter().zip(stated.views_at(3)) {

@@ -1,6 +1,6 @@
 //! What the outlines alone tell of the motion before contact, whatever the body's shape.
 
-use gic_scene::{FlightView, FreeFlight, Mask};
+use gic_scene::{FlightView, FreeFlight, Mask, Seek};
 use glam::DVec3;
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix6};
 
@@ -18,7 +18,7 @@ pub(crate) fn motion_by_outlines(input: &Input, settings: &Settings, excluded: &
     let times: Vec<f64> = input.observations.iter().map(|observation| observation.time_s).collect();
     let views =
         |frame: usize| Ok::<_, std::convert::Infallible>(flight_views(input, &input.observations[frame], excluded));
-    let Ok(flight) = FreeFlight::find(&times, Some(input.gravity_m_s2), false, views);
+    let Ok(flight) = FreeFlight::find(&times, Some(input.gravity_m_s2), Seek::default(), views);
     flight.and_then(|flight| of_centre(input, &flight))
 }
 

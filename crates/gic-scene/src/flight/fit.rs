@@ -1,13 +1,14 @@
 //! The velocities of a flight that all outlines agree with.
 
-use gic_optimize::{Minimum, least_squares};
+use gic_optimize::least_squares;
 use glam::DVec3;
-use nalgebra::{DMatrix, DVector, Matrix6};
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::FreeFlight;
-use super::outline::Outline;
+use super::outline::{Cone, Outline};
 use super::tangency::tangency;
+use super::unknowns::{Sought, Unknowns, VELOCITIES};
 use crate::{Camera, Hull, HullSettings, HullView, Mask};
 
 /// Outlines of another frame may be so many times further from common tangents than those of one frame are, whose
@@ -17,22 +18,19 @@ const LARGEST_EXCESS: f64 = 1.5;
 /// What masks without noise leave of misses between frames [pixels], beside the misses in a frame. Fitted on: the same
 /// bodies.
 const PIXEL_NOISE_PX: f64 = 0.08;
-/// Steps of finite differences of velocity [m/s] and angular velocity [rad/s]. Derived: they move outlines by less than
-/// a tenth of a pixel.
-const VELOCITY_DIFFERENCES: [f64; 6] = [1e-3, 1e-3, 1e-3, 1e-2, 1e-2, 1e-2];
-/// The same of the acceleration [m/s^2].
-const ACCELERATION_DIFFERENCES: [f64; 3] = [1e-2; 3];
-/// The same of a camera's delay [frames].
-const DELAY_DIFFERENCE_FRAMES: f64 = 1e-3;
-
 /// Frames whose hulls the first fits start from: as many as a parabola needs. Derived.
 const PARABOLA_FRAMES: usize = 3;
 
-/// What a fit seeks besides velocity and angular velocity.
-#[derive(Clone, Copy)]
-struct Sought {
-    acceleration: bool,
-    delays: bool,
+/// Rounds of fitting with a prior, whose weight follows from the misses. Budget: these settle to a tenth.
+const PRIOR_ROUNDS: usize = 2;
+
+/// What a flight may show of the cameras.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Seek {
+    /// By how much they lag.
+    pub delays: bool,
+    /// Errors of their calibration.
+    pub errors: bool,
 }
 
 /// What a camera shows of the body in a frame.
@@ -49,11 +47,11 @@ pub struct FlightView {
 }
 
 /// An outline in a frame, by its camera's index.
-struct Moment {
+pub(super) struct Moment {
     frame: usize,
-    camera: usize,
+    pub(super) camera: usize,
     lag_s: f64,
-    outline: Outline,
+    pub(super) outline: Outline,
 }
 
 impl Moment {
@@ -73,6 +71,11 @@ struct Sightings {
 }
 
 impl Sightings {
+    /// Whether a frame's views have been taken.
+    fn have(&self, frame: usize) -> bool {
+        self.moments.last().is_some_and(|newest| frame <= newest.frame)
+    }
+
     /// Takes the views of a frame; `None` where they do not show the body as a whole.
     fn add(&mut self, frame: usize, views: &[FlightView]) -> Option<()> {
         if self.middles.len() < PARABOLA_FRAMES {
@@ -97,37 +100,52 @@ fn pairs(moments: &[Moment], wanted: impl Fn(&Moment, &Moment) -> bool) -> Vec<[
 
 impl FreeFlight {
     /// The flight of the body that `views` of each frame show, asked for frame by frame; `times` [s] are the frames'.
-    /// The acceleration is the given one [m/s^2], or sought, and so are the cameras' delays where `delays` says so.
-    /// `None` where the outlines of two frames at least do not
-    /// agree with a common flight, or where fewer than two cameras show the body as a whole.
+    /// The acceleration is the given one [m/s^2], or sought, and so is what `seek` says of the cameras. `None` where the
+    /// outlines of two frames at least do not agree with a common flight, or where fewer than two cameras show the body
+    /// as a whole.
     ///
     /// # Errors
     /// Those of `views`.
     pub fn find<E>(
         times: &[f64],
         acceleration: Option<DVec3>,
-        delays: bool,
+        seek: Seek,
         mut views: impl FnMut(usize) -> Result<Vec<FlightView>, E>,
     ) -> Result<Option<FreeFlight>, E> {
         let mut seen = Sightings::default();
-        let sought = Sought { acceleration: acceleration.is_none(), delays };
         let start = FreeFlight { acceleration: acceleration.unwrap_or_default(), ..FreeFlight::default() };
-        let mut flight = start.clone();
+        let plain = Sought { acceleration: acceleration.is_none(), delays: false, errors: false };
+        let simple = start.followed(times, &mut seen, plain, &mut views)?;
+        if seek == Seek::default() || (simple.frames() >= 2 && simple.spread_px <= LARGEST_EXCESS * PIXEL_NOISE_PX) {
+            return Ok(Some(simple).filter(|flight| flight.frames() >= 2));
+        }
+        let full = Sought { delays: seek.delays, errors: seek.errors, ..plain };
+        let flight = start.followed(times, &mut seen, full, &mut views)?;
+        Ok((flight.frames() >= 2).then(|| flight.simplest(&start, &seen, full)))
+    }
+
+    /// The flight through as many frames as outlines agree with.
+    fn followed<E>(
+        &self,
+        times: &[f64],
+        seen: &mut Sightings,
+        sought: Sought,
+        views: &mut impl FnMut(usize) -> Result<Vec<FlightView>, E>,
+    ) -> Result<FreeFlight, E> {
+        let mut flight = self.clone();
         for (frame, time) in times.iter().enumerate() {
-            let Some(()) = seen.add(frame, &views(frame)?) else { break };
-            let longer = flight.clone().longer(time - times[0], &seen, sought);
-            // Delays are not known before there are two frames.
-            let noise = if frame == 1 { &longer } else { &flight }.noise_px(&seen);
-            if frame > 0 && !noise.is_some_and(|noise| longer.miss_of_newest(&seen) <= LARGEST_EXCESS * noise) {
+            if !seen.have(frame) && seen.add(frame, &views(frame)?).is_none() {
+                break;
+            }
+            let longer = flight.clone().longer(time - times[0], seen, sought);
+            // Delays and errors of cameras are not known before there are two frames.
+            let noise = if frame == 1 { &longer } else { &flight }.noise_px(seen);
+            if frame > 0 && !noise.is_some_and(|noise| longer.miss_of_newest(seen) <= LARGEST_EXCESS * noise) {
                 break;
             }
             flight = longer;
         }
-        Ok(match flight.frames() {
-            0 | 1 => None,
-            _ if delays => Some(flight.without_idle_delays(start, &seen, sought)),
-            _ => Some(flight),
-        })
+        Ok(flight)
     }
 
     /// The flight with a frame more, at `time` [s], fitted to its first frames' outlines.
@@ -148,14 +166,41 @@ impl FreeFlight {
 
     /// The flight with the unknowns that the outlines agree with best.
     fn fitted(&self, seen: &Sightings, sought: Sought) -> FreeFlight {
+        let mut flight = self.clone();
+        for _ in 0..if sought.errors { PRIOR_ROUNDS } else { 1 } {
+            flight = flight.fitted_once(seen, sought);
+        }
+        flight
+    }
+
+    /// The same, the weight of the prior following from the misses that the last fit left.
+    fn fitted_once(&self, seen: &Sightings, sought: Sought) -> FreeFlight {
         let moments = seen.until(self.frames());
         let pairs = pairs(moments, |_, _| true);
-        let residuals = |unknowns: &DVector<f64>| self.with(unknowns, sought).misses(moments, &pairs);
-        let differences = self.differences(sought);
-        let fit = least_squares(residuals, self.unknowns(sought), &differences);
-        let miss_px = rms(&fit.residuals).unwrap_or_default();
-        let covariance = covariance(residuals, &fit, &differences, moments.len());
-        FreeFlight { miss_px, covariance, ..self.with(&fit.unknowns, sought) }
+        let unknowns = Unknowns::new(sought, self, moments);
+        let shared = moments.len().saturating_sub(1) as f64;
+        let noise = self.miss_px.hypot(PIXEL_NOISE_PX);
+        let residuals = |values: &DVector<f64>| {
+            let misses = unknowns.put(self, values).misses(moments, &pairs);
+            unknowns.with_prior(misses, values, noise * shared.sqrt())
+        };
+        let differences = unknowns.differences();
+        let fit = least_squares(residuals, unknowns.of(self), &differences);
+        let flight = unknowns.put(self, &fit.unknowns);
+        let miss_px = rms(&fit.residuals.rows(0, 2 * pairs.len()).into_owned()).unwrap_or_default();
+        let inverse = inverse(fit.curvature(residuals, &differences));
+        let told = 2.0 * moments.len() as f64 - unknowns.told(&inverse, noise * shared.sqrt());
+        let spread_px = miss_px * (2.0 * moments.len() as f64 / told.max(0.0)).sqrt();
+        // Each of the outlines takes part in as many pairs as there are others, and these share its error: together
+        // they say no more than one of them.
+        let covariance = inverse * (miss_px * miss_px * shared);
+        FreeFlight {
+            miss_px,
+            spread_px,
+            error_deviations: unknowns.error_deviations(&covariance),
+            covariance: covariance.fixed_view::<VELOCITIES, VELOCITIES>(0, 0).into_owned(),
+            ..flight
+        }
     }
 
     /// How far the outlines of the newest frame are from common tangents with all others, root mean square [pixels].
@@ -172,12 +217,14 @@ impl FreeFlight {
         rms(&self.misses(moments, &same_frame)).map(|miss| miss.hypot(PIXEL_NOISE_PX))
     }
 
-    /// The flight with common times of all cameras, fitted from the `start` on, where these explain the outlines, too.
-    fn without_idle_delays(self, start: FreeFlight, seen: &Sightings, sought: Sought) -> FreeFlight {
-        let sought = Sought { delays: false, ..sought };
-        let common = self.times.iter().fold(start, |flight, time| flight.longer(*time, seen, sought));
-        let noise = self.noise_px(seen).unwrap_or_default();
-        if common.miss_px <= LARGEST_EXCESS * noise { common } else { self }
+    /// The flight that takes least of what is sought of the cameras and explains the outlines as well as this one does,
+    /// fitted from the `start` on: common times, else delays, else errors of cameras, too.
+    fn simplest(self, start: &FreeFlight, seen: &Sightings, sought: Sought) -> FreeFlight {
+        let enough = LARGEST_EXCESS * self.spread_px.hypot(PIXEL_NOISE_PX);
+        let less = [Sought { delays: false, errors: false, ..sought }, Sought { errors: false, ..sought }];
+        let without =
+            |less: Sought| self.times.iter().fold(start.clone(), |flight, time| flight.longer(*time, seen, less));
+        less.into_iter().map(without).find(|flight| flight.spread_px <= enough).unwrap_or(self)
     }
 
     /// Mean time between frames [s].
@@ -185,84 +232,28 @@ impl FreeFlight {
         self.times.last().copied().unwrap_or_default() / (self.times.len() - 1).max(1) as f64
     }
 
-    /// Velocity and angular velocity, and where they are sought the acceleration and the delays of all cameras but the
-    /// first.
-    fn unknowns(&self, sought: Sought) -> DVector<f64> {
-        let mut unknowns = [self.velocity, self.angular_velocity].map(|v| v.to_array()).concat();
-        if sought.acceleration {
-            unknowns.extend(self.acceleration.to_array());
-        }
-        if sought.delays {
-            unknowns.extend(&self.delays[1..]);
-        }
-        DVector::from_vec(unknowns)
-    }
-
-    /// Steps of the unknowns' finite differences.
-    fn differences(&self, sought: Sought) -> Vec<f64> {
-        let mut differences = VELOCITY_DIFFERENCES.to_vec();
-        if sought.acceleration {
-            differences.extend(ACCELERATION_DIFFERENCES);
-        }
-        if sought.delays {
-            let delay = DELAY_DIFFERENCE_FRAMES * self.frame_seconds();
-            differences.extend(self.delays[1..].iter().map(|_| delay));
-        }
-        differences
-    }
-
-    /// The flight with other unknowns.
-    fn with(&self, unknowns: &DVector<f64>, sought: Sought) -> FreeFlight {
-        let vector = |k: usize| DVec3::new(unknowns[k], unknowns[k + 1], unknowns[k + 2]);
-        let mut flight = FreeFlight { velocity: vector(0), angular_velocity: vector(3), ..self.clone() };
-        let mut next = VELOCITY_DIFFERENCES.len();
-        if sought.acceleration {
-            flight.acceleration = vector(next);
-            next += ACCELERATION_DIFFERENCES.len();
-        }
-        if sought.delays {
-            flight.delays[1..].copy_from_slice(&unknowns.as_slice()[next..]);
-        }
-        flight
-    }
-
     /// How far pairs of outlines, moved to the first frame, are from common tangents [pixels]; exactly zero where they
     /// can have none.
     fn misses(&self, moments: &[Moment], pairs: &[[usize; 2]]) -> DVector<f64> {
-        let outlines: Vec<Outline> = moments.iter().map(|moment| self.outline_at_start(moment)).collect();
-        let miss = |[k, i]: &[usize; 2]| tangency(&outlines[*k], &outlines[*i], self.about).unwrap_or_default();
+        let cones: Vec<Cone> = moments.par_iter().map(|moment| self.cone_at_start(moment)).collect();
+        let miss = |[k, i]: &[usize; 2]| tangency(&cones[*k], &cones[*i], self.about).unwrap_or_default();
         let misses: Vec<[f64; 2]> = pairs.par_iter().map(miss).collect();
         DVector::from_iterator(2 * misses.len(), misses.into_iter().flatten())
     }
 
-    /// The outline that the body of the first frame has for a camera that sees it as at that moment.
-    fn outline_at_start(&self, moment: &Moment) -> Outline {
+    /// The cone of the body of the first frame for a camera that sees it as at that moment.
+    fn cone_at_start(&self, moment: &Moment) -> Cone {
         let time = self.times[moment.frame] + moment.lag_s + self.delays[moment.camera];
         let back = self.pose(time).0.transpose();
-        Outline {
-            centre: self.back(moment.outline.centre, time),
-            rays: moment.outline.rays.iter().map(|ray| back * *ray).collect(),
-            ..moment.outline
-        }
+        let cone = moment.outline.cone(&self.errors.get(moment.camera).copied().unwrap_or_default());
+        Cone { centre: self.back(cone.centre, time), rays: cone.rays.iter().map(|ray| back * *ray).collect(), ..cone }
     }
 }
 
-/// Covariance of velocity [m/s] and angular velocity [rad/s] at a minimum. Each of the outlines takes part in as many
-/// pairs as there are others, and these share its error: together they say no more than one of them.
-fn covariance(
-    residuals: impl Fn(&DVector<f64>) -> DVector<f64>,
-    fit: &Minimum,
-    differences: &[f64],
-    outlines: usize,
-) -> Matrix6<f64> {
-    let misses = rms(&fit.residuals).unwrap_or_default();
-    let shared = outlines.saturating_sub(1) as f64;
-    let curvature = fit.curvature(residuals, differences);
-    // Unknown to any extent where the outlines do not tell all.
-    let inverse = curvature
-        .try_inverse()
-        .unwrap_or_else(|| DMatrix::from_diagonal_element(differences.len(), differences.len(), f64::INFINITY));
-    inverse.fixed_view::<6, 6>(0, 0) * (misses * misses * shared)
+/// The inverse of a curvature, infinite where the outlines do not tell all.
+fn inverse(curvature: DMatrix<f64>) -> DMatrix<f64> {
+    let size = curvature.nrows();
+    curvature.try_inverse().unwrap_or_else(|| DMatrix::from_diagonal_element(size, size, f64::INFINITY))
 }
 
 /// Velocity [m/s] and acceleration [m/s^2] at the first of two or three times [s] of a point that is at `places` [m],

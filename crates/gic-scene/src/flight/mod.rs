@@ -9,19 +9,23 @@
 //!
 //! so that all outlines can, and follows the frames until they no longer can: then the body has touched something, or
 //! changed its shape. A body at rest is one that flies with v, a and w zero. Cameras that lag behind the first one are
-//! found with it: their delays are unknowns as v, a and w are.
+//! found with it: their delays are unknowns as v, a and w are. So are errors of their calibration ([`CalibrationError`]), each
+//! with a prior. The simplest of these explanations is kept that explains the outlines as well as all together do.
 
+mod calibration_error;
 mod fit;
 mod outline;
 mod tangency;
 #[cfg(test)]
 mod tests;
+mod unknowns;
 
 use glam::{DMat3, DQuat, DVec3};
 use nalgebra::Matrix6;
 
 use crate::Camera;
-pub use fit::FlightView;
+pub use calibration_error::CalibrationError;
+pub use fit::{FlightView, Seek};
 
 /// The motion of a rigid body in its first frames.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -38,10 +42,16 @@ pub struct FreeFlight {
     pub times: Vec<f64>,
     /// By how much each camera's pictures are later than the frames' times [s], by its index; the first one's are not.
     pub delays: Vec<f64>,
+    /// By what each camera differs from what the scene says, by its index; empty where none does.
+    pub errors: Vec<CalibrationError>,
+    /// Standard deviations of these errors.
+    pub error_deviations: Vec<CalibrationError>,
     /// Covariance of velocity [m/s] and angular velocity [rad/s].
     pub covariance: Matrix6<f64>,
     /// How far outlines are from touching common tangents, root mean square [pixels].
     pub miss_px: f64,
+    /// The same for each degree of freedom: what the outlines' own errors are [pixels].
+    pub spread_px: f64,
 }
 
 impl FreeFlight {

@@ -1,15 +1,25 @@
-//! The outline of a body in one picture, as rays.
+//! The outline of a body in one picture.
 
 use glam::{DVec2, DVec3};
 
+use super::calibration_error::CalibrationError;
 use crate::{Camera, Mask};
 
 /// The convex hull of an outline: all that a tangent plane can touch.
 #[derive(Clone, Debug)]
 pub(super) struct Outline {
+    /// The camera that saw it.
+    pub(super) camera: Camera,
+    /// The corners of the hull, in image coordinates [pixels].
+    corners: Vec<DVec2>,
+}
+
+/// An outline as a cone of rays.
+#[derive(Clone, Debug)]
+pub(super) struct Cone {
     /// The camera's centre [m].
     pub(super) centre: DVec3,
-    /// Unit vectors from there along the corners of the hull.
+    /// Unit vectors from there along the corners of the outline's hull.
     pub(super) rays: Vec<DVec3>,
     /// Focal length [pixels].
     pub(super) focal_px: f64,
@@ -22,13 +32,21 @@ impl Outline {
             return None;
         }
         let corners = convex_hull(crossings(mask));
-        let ray = |pixel: &DVec2| (camera.unproject(*pixel, 1.0) - camera.centre).normalize();
-        let focal_px = 0.5 * (camera.focal.x + camera.focal.y);
-        (corners.len() > 2).then(|| Outline {
+        (corners.len() > 2).then(|| Outline { camera: camera.clone(), corners })
+    }
+
+    /// Its cone where the camera is off by `error`.
+    pub(super) fn cone(&self, error: &CalibrationError) -> Cone {
+        let camera = error.mended(&self.camera);
+        let ray = |pixel: &DVec2| {
+            let seen = error.straightened((*pixel - camera.principal) / camera.focal);
+            camera.rotation * seen.extend(1.0).normalize()
+        };
+        Cone {
             centre: camera.centre,
-            rays: corners.iter().map(ray).collect(),
-            focal_px,
-        })
+            rays: self.corners.iter().map(ray).collect(),
+            focal_px: 0.5 * (camera.focal.x + camera.focal.y),
+        }
     }
 }
 

@@ -6,7 +6,7 @@
 
 use glam::DVec3;
 
-use super::outline::Outline;
+use super::outline::Cone;
 
 /// An outermost plane through the baseline.
 struct Tangent {
@@ -19,7 +19,7 @@ struct Tangent {
 /// By how much the outermost planes through both cameras' centres differ between two outlines [pixels]; `None` where
 /// the cameras are at one place, or one of them sees the other through the body, so that no plane is outermost.
 /// `middle` [m] lies within the body.
-pub(super) fn tangency(a: &Outline, b: &Outline, middle: DVec3) -> Option<[f64; 2]> {
+pub(super) fn tangency(a: &Cone, b: &Cone, middle: DVec3) -> Option<[f64; 2]> {
     let baseline = (b.centre - a.centre).try_normalize()?;
     let ahead = (middle - a.centre).reject_from_normalized(baseline).try_normalize()?;
     let beside = baseline.cross(ahead);
@@ -32,7 +32,7 @@ pub(super) fn tangency(a: &Outline, b: &Outline, middle: DVec3) -> Option<[f64; 
 }
 
 /// The lowest and the highest angle of an outline's rays about a baseline, counted from `ahead` towards `beside`.
-fn tangents(outline: &Outline, ahead: DVec3, beside: DVec3) -> Option<[Tangent; 2]> {
+fn tangents(outline: &Cone, ahead: DVec3, beside: DVec3) -> Option<[Tangent; 2]> {
     let (mut low, mut high) = ((f64::INFINITY, 0.0), (f64::NEG_INFINITY, 0.0));
     for ray in &outline.rays {
         let (along, across) = (ray.dot(ahead), ray.dot(beside));

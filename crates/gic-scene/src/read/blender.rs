@@ -1,5 +1,5 @@
 //! Blender / nerf_synthetic / D-NeRF: `transforms_{train,val,test}.json` with one picture, and perhaps a `time`, an
-//! entry.
+//! entry. A file may have `distortion`, too: OpenCV's coefficients.
 
 use std::path::Path;
 
@@ -18,6 +18,8 @@ use crate::world::World;
 #[derive(Deserialize)]
 struct Transforms {
     camera_angle_x: f64,
+    #[serde(default)]
+    distortion: Vec<f64>,
     frames: Vec<Value>,
 }
 
@@ -45,17 +47,20 @@ pub(super) fn read(root: &Path, _: &SceneSettings) -> Result<Draft, SceneError> 
 }
 
 fn read_split(root: &Path, list: &Path, split: Split, draft: &mut Draft) -> Result<(), SceneError> {
-    let Transforms { camera_angle_x, frames } = json::read(list)?;
+    let Transforms { camera_angle_x, distortion, frames } = json::read(list)?;
+    let malformed = |reason: String| SceneError::Malformed { path: list.to_owned(), reason };
+    let lens = pose::lens(&distortion).map_err(|error| malformed(error.to_string()))?;
     if !(camera_angle_x > 0.0 && camera_angle_x < std::f64::consts::PI) {
         let reason = format!("camera_angle_x = {camera_angle_x} is not an angle between 0 and pi");
-        return Err(SceneError::Malformed { path: list.to_owned(), reason });
+        return Err(malformed(reason));
     }
     for (index, value) in frames.into_iter().enumerate() {
         match draft_frame(root, list, index, value) {
             Ok((name, picture, time, (rotation, centre))) => {
                 let intrinsics = Intrinsics::HorizontalAngle(camera_angle_x);
                 draft.views.push(DraftView { camera: draft.cameras.len(), time, split, picture, mask: None });
-                draft.cameras.push(DraftCamera { name, intrinsics, rotation, centre, lens: None, background: None });
+                let lens = lens.clone();
+                draft.cameras.push(DraftCamera { name, intrinsics, rotation, centre, lens, background: None });
             }
             Err(problem) => draft.problems.push(problem),
         }

@@ -82,6 +82,8 @@ pub(crate) fn finish(mut draft: Draft, root: &Path, settings: &SceneSettings) ->
         frame_rate,
         views,
         delays_s: Vec::new(),
+        calibration_errors: Vec::new(),
+        calibration_error_deviations: Vec::new(),
         flight: None,
         world: draft.world,
         points: draft.points,

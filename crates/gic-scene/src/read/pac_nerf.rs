@@ -1,4 +1,5 @@
 //! PAC-NeRF: `all_data.json`, a list of `{file_path, time, c2w, intrinsic}`; frame -1 is the camera's empty background.
+//! An entry may have `distortion`, too: OpenCV's coefficients.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -23,6 +24,8 @@ struct Entry {
     time: f64,
     c2w: Vec<Vec<f64>>,
     intrinsic: Vec<Vec<f64>>,
+    #[serde(default)]
+    distortion: Vec<f64>,
 }
 
 pub(super) fn read(root: &Path, _: &SceneSettings) -> Result<Draft, SceneError> {
@@ -102,8 +105,9 @@ fn take_entry(
         time: entry.time,
         c2w: entry.c2w.clone(),
         intrinsic: entry.intrinsic.clone(),
+        distortion: entry.distortion.clone(),
     });
-    if known.c2w != entry.c2w || known.intrinsic != entry.intrinsic {
+    if (&known.c2w, &known.intrinsic, &known.distortion) != (&entry.c2w, &entry.intrinsic, &entry.distortion) {
         let reason = format!(
             "its pose or intrinsics differ from those of {}; the cameras of this format stand still",
             known.file_path
@@ -125,7 +129,8 @@ fn draft_camera(number: u32, entry: &Entry) -> Result<DraftCamera, CameraError> 
     let (rotation, centre) = pose::from_opengl_c2w(&entry.c2w)?;
     let (focal, principal) = pose::from_intrinsic_matrix(&entry.intrinsic)?;
     let intrinsics = Intrinsics::Pixels { focal, principal, size: None };
-    Ok(DraftCamera { name: number.to_string(), intrinsics, rotation, centre, lens: None, background: None })
+    let lens = pose::lens(&entry.distortion)?;
+    Ok(DraftCamera { name: number.to_string(), intrinsics, rotation, centre, lens, background: None })
 }
 
 /// Times must increase with the frame number of each camera.

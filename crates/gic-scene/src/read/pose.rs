@@ -3,6 +3,8 @@
 use glam::{DMat3, DVec2, DVec3};
 use thiserror::Error;
 
+use crate::lens::Lens;
+
 /// Why a camera's pose or intrinsics cannot be used.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub(super) enum CameraError {
@@ -24,6 +26,8 @@ pub(super) enum CameraError {
     IntrinsicShape,
     #[error("the focal lengths must be positive and the principal point finite")]
     Intrinsics,
+    #[error("{0} distortion coefficients; up to 8 are supported, in OpenCV's order k1 k2 p1 p2 k3 k4 k5 k6")]
+    Distortion(usize),
     #[error("skew {0} is not supported; undistort the pictures first")]
     Skew(f64),
     /// nerfstudio's keys.
@@ -78,4 +82,10 @@ pub(super) fn from_intrinsic_matrix(rows: &[Vec<f64>]) -> Result<(DVec2, DVec2),
         return Err(CameraError::Skew(rows[0][1]));
     }
     Ok((focal, principal))
+}
+
+/// The lens of distortion coefficients in OpenCV's order, which may be none.
+pub(super) fn lens(distortion: &[f64]) -> Result<Option<Lens>, CameraError> {
+    let lens = Lens::of_opencv(distortion).ok_or(CameraError::Distortion(distortion.len()))?;
+    Ok(lens.unless_trivial())
 }

@@ -60,6 +60,8 @@ fn camera_numbers(camera: &DraftCamera) -> Vec<Number> {
         Some(Lens::Perspective { k, p }) => k.iter().chain(p).copied().collect(),
         Some(Lens::Fisheye { k }) => k.to_vec(),
         Some(Lens::FieldOfView { omega }) => vec![*omega],
+        // Found and not read.
+        Some(Lens::Mended { .. }) => Vec::new(),
     };
     numbers.extend(coefficients.into_iter().map(|c| ("lens coefficient", c, COEFFICIENT)));
     numbers

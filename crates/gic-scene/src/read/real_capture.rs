@@ -134,14 +134,9 @@ fn calibrated(calibration: &BTreeMap<String, Value>, path: &Path) -> Result<Cali
         Some(value) => serde_json::from_value(value.clone()).map_err(|error| malformed(error.to_string()))?,
         None => Vec::new(),
     };
-    // OpenCV's order: k1 k2 p1 p2 k3 k4 k5 k6.
     let coefficients: Vec<f64> = distortion.into_iter().flatten().collect();
-    if coefficients.len() > 8 {
-        return Err(malformed(format!("{} distortion coefficients; up to 8 are supported", coefficients.len())));
-    }
-    let c = |index: usize| coefficients.get(index).copied().unwrap_or(0.0);
-    let lens = Lens::Perspective { k: [c(0), c(1), c(4), c(5), c(6), c(7)], p: [c(2), c(3)] };
-    Ok((pinhole, lens.unless_trivial()))
+    let lens = pose::lens(&coefficients).map_err(|error| malformed(error.to_string()))?;
+    Ok((pinhole, lens))
 }
 
 /// Rotation (columns: right, down, forward) and centre from OpenCV's world-to-camera vectors.

@@ -1,4 +1,5 @@
-//! Spring-Gaus, synthetic: `camera.json`, `frame.json`, `camera_{c}/{frame}.png` with alpha.
+//! Spring-Gaus, synthetic: `camera.json`, `frame.json`, `camera_{c}/{frame}.png` with alpha. A camera may have
+//! `distortion`, too: OpenCV's coefficients.
 
 use std::path::Path;
 
@@ -21,6 +22,8 @@ struct Entry {
     c2w: Vec<Vec<f64>>,
     #[serde(rename = "K")]
     intrinsic: Vec<Vec<f64>>,
+    #[serde(default)]
+    distortion: Vec<f64>,
 }
 
 pub(super) fn read(root: &Path, _: &SceneSettings) -> Result<Draft, SceneError> {
@@ -89,5 +92,6 @@ fn draft_camera(list: &Path, index: usize, value: Value) -> Result<DraftCamera, 
     let (focal, principal) =
         pose::from_intrinsic_matrix(&entry.intrinsic).map_err(|error| no_pose(error.to_string()))?;
     let intrinsics = Intrinsics::Pixels { focal, principal, size: None };
-    Ok(DraftCamera { name: entry.camera, intrinsics, rotation, centre, lens: None, background: None })
+    let lens = pose::lens(&entry.distortion).map_err(|error| no_pose(error.to_string()))?;
+    Ok(DraftCamera { name: entry.camera, intrinsics, rotation, centre, lens, background: None })
 }

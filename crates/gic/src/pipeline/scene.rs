@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use gic_scene::{Clocks, Scene, SceneError, World};
+use gic_scene::{Scene, SceneError, Seek, World};
 use sha2::{Digest, Sha256};
 
 use super::Stage;
@@ -44,11 +44,12 @@ pub fn open_scene(config: &Config) -> Result<Scene> {
         source: source.into(),
     })?;
     let fitted = fitted_part(&scene, config)?.times.len();
-    if config.scene.clocks == Clocks::Stated {
+    let seek = config.scene.seek();
+    if seek == Seek::default() {
         return Ok(scene);
     }
     let gravity = config.identify.gravity_m_s2.map(Into::into).or(scene.world.gravity);
-    scene.synchronised(gravity, fitted).map_err(Error::stage("reading the masks of the first frames"))
+    scene.corrected(gravity, fitted, seek).map_err(Error::stage("reading the masks of the first frames"))
 }
 
 /// The frames that everything is fitted to.
@@ -73,6 +74,9 @@ pub(super) fn hash_scene(scene: &Scene, config: &Config) -> Result<String> {
     all.update(format!("{:?} {:?} {:?} {world}", scene.format, scene.cameras, scene.times));
     if ground_deviation_m != 0.0 {
         all.update(format!("{ground_deviation_m:?}"));
+    }
+    if let Some(lenses) = scene.lenses() {
+        all.update(lenses);
     }
     if scene.has_lags() {
         all.update(format!("{:?}", scene.views.iter().map(|view| view.time_s).collect::<Vec<_>>()));
