@@ -19,8 +19,8 @@ pub struct Settings {
     #[cfg_attr(feature = "cli", arg(long, value_name = "M"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub voxel_spacing_m: Option<f64>,
-    /// Levels of refinement, the paper's n_u: each but the first halves the voxels. By default four, and fewer where the
-    /// finest voxels would be much smaller than a pixel.
+    /// Levels of refinement, the paper's n_u: each but the first halves the voxels. By default four, and fewer where
+    /// the finest voxels would be much smaller than a pixel.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub levels: Option<usize>,

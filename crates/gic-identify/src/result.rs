@@ -101,8 +101,8 @@ pub struct Estimates {
     pub splat_factor: f64,
     /// The obstacles as fitted: those of the input, with the ground where it was sought where it was found.
     pub colliders: Vec<gic_mpm::Collider>,
-    /// How much higher the ground is than given and the half-width of the 95 % interval of that [m]; `None` where it was
-    /// not sought.
+    /// How much higher the ground is than given and the half-width of the 95 % interval of that [m]; `None` where it
+    /// was not sought.
     pub ground: Option<(f64, Option<f64>)>,
     /// The body at time 0 as fitted, shifted and reshaped by what the pictures say against the input's: positions of
     /// the input's particles [m], shape [n].

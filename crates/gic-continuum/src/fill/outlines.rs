@@ -60,8 +60,8 @@ impl Filling {
     }
 }
 
-/// How far the masks' outlines lie outside of those of a body [m]: the median over all places along the outlines that lie
-/// in their pictures as a whole. `None` where there are none.
+/// How far the masks' outlines lie outside of those of a body [m]: the median over all places along the outlines that
+/// lie in their pictures as a whole. `None` where there are none.
 fn outline_gap(body: &TriangleMesh, views: &[MaskedView]) -> Option<f64> {
     let whole = |view: &&MaskedView| view.mask.is_some_and(|mask| !touches_border(mask, view.camera.width));
     let mut gaps: Vec<f64> = views.par_iter().filter(whole).flat_map_iter(|view| gaps_of(body, view)).collect();

@@ -32,7 +32,8 @@ impl Outline {
         Outline { camera: camera.clone(), distance: to_outside.into_iter().zip(to_inside).map(signed).collect() }
     }
 
-    /// How far within the outline a point [m] appears, at its own depth [m]; infinitely where this view does not see it.
+    /// How far within the outline a point [m] appears, at its own depth [m]; infinitely where this view does not see
+    /// it.
     pub(crate) fn depth(&self, point: DVec3) -> f64 {
         let focal = 0.5 * (self.camera.focal.x + self.camera.focal.y);
         f64::from(self.signed_distance_px(point)) * self.camera.to_camera(point).z / focal

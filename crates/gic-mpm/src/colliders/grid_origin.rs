@@ -1,8 +1,9 @@
 //! Where the grid's nodes lie: grounds lie on them.
 //!
 //! An obstacle holds the nodes that are inside of it, so a ground between two layers of nodes acts as if it lay on the
-//! lower one. The grid is therefore laid so that the first resting plane across each axis passes through nodes at the point it is given by: then
-//! matter meets it where it is, and a ground that is raised by a tenth of a cell raises matter by as much.
+//! lower one. The grid is therefore laid so that the first resting plane across each axis passes through nodes at the
+//! point it is given by: then matter meets it where it is, and a ground that is raised by a tenth of a cell raises
+//! matter by as much.
 
 use glam::DVec3;
 

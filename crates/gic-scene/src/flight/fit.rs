@@ -100,9 +100,9 @@ fn pairs(moments: &[Moment], wanted: impl Fn(&Moment, &Moment) -> bool) -> Vec<[
 
 impl FreeFlight {
     /// The flight of the body that `views` of each frame show, asked for frame by frame; `times` [s] are the frames'.
-    /// The acceleration is the given one [m/s^2], or sought, and so is what `seek` says of the cameras. `None` where the
-    /// outlines of two frames at least do not agree with a common flight, or where fewer than two cameras show the body
-    /// as a whole.
+    /// The acceleration is the given one [m/s^2], or sought, and so is what `seek` says of the cameras. `None` where
+    /// the outlines of two frames at least do not agree with a common flight, or where fewer than two cameras show the
+    /// body as a whole.
     ///
     /// # Errors
     /// Those of `views`.

@@ -9,8 +9,9 @@
 //!
 //! so that all outlines can, and follows the frames until they no longer can: then the body has touched something, or
 //! changed its shape. A body at rest is one that flies with v, a and w zero. Cameras that lag behind the first one are
-//! found with it: their delays are unknowns as v, a and w are. So are errors of their calibration ([`CalibrationError`]), each
-//! with a prior. The simplest of these explanations is kept that explains the outlines as well as all together do.
+//! found with it: their delays are unknowns as v, a and w are. So are errors of their calibration
+//! ([`CalibrationError`]), each with a prior. The simplest of these explanations is kept that explains the outlines as
+//! well as all together do.
 
 mod calibration_error;
 mod fit;

@@ -35,7 +35,8 @@ pub(super) fn read(root: &Path, _: &SceneSettings) -> Result<Draft, SceneError> 
 }
 
 /// What the file says of the world beyond nerfstudio's own keys: `up`, `gravity_m_s2`, `ground` with `point`, `normal`
-/// and the standard deviation `sd_m` of its height, and whether lengths are `metric`. nerfstudio's own tools turn the world so that z points up.
+/// and the standard deviation `sd_m` of its height, and whether lengths are `metric`. nerfstudio's own tools turn the
+/// world so that z points up.
 fn world_of(all: &Value) -> Result<World, String> {
     let up = direction(all, "up")?.or(Some(DVec3::Z));
     let ground_deviation_m = match all.get("ground").and_then(|ground| ground.get("sd_m")) {

@@ -5,7 +5,7 @@ use gic_scene::{Camera, Picture};
 use glam::DVec3;
 
 use super::color_scale::ColorScale;
-use super::labels::label;
+use super::labels::{Moment, label};
 use super::particle_splats::ParticleSplats;
 use super::shade::{Backdrop, Environment, compose};
 use super::shadow::FloorShadow;
@@ -49,7 +49,8 @@ impl FixedCameraRenderer {
         let shadow = FloorShadow::of(&particles.positions, self.spacing, plane);
         let environment = Environment { backdrop: Backdrop::Floor(vec![plane]), up: self.up };
         let mut picture = compose(&rendered, &self.camera, &environment, self.splats.is_lit(), shadow.as_ref());
-        label(&mut picture, self.splats.scale(), time_s);
+        let moment = time_s.map(|time_s| Moment { time_s, predicted: false });
+        label(&mut picture, self.splats.scale(), moment);
         picture
     }
 }

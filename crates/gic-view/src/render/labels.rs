@@ -14,15 +14,25 @@ const LEAST_HEIGHT_PX: usize = 160;
 /// Length of the colour bar as a share of the picture's width.
 const BAR_SHARE: f32 = 0.3;
 
-/// Writes the time [s] at the bottom and, where colours measure something, their scale at the top.
-pub(super) fn label(picture: &mut Picture, scale: Option<&ColorScale>, time_s: Option<f64>) {
+/// When a picture is of.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Moment {
+    /// Time [s].
+    pub(super) time_s: f64,
+    /// Whether nothing was fitted to the film of that time.
+    pub(super) predicted: bool,
+}
+
+/// Writes the moment at the bottom and, where colours measure something, their scale at the top.
+pub(super) fn label(picture: &mut Picture, scale: Option<&ColorScale>, moment: Option<Moment>) {
     if picture.height < LEAST_HEIGHT_PX {
         return;
     }
     let letter = (LETTER_SHARE * picture.height as f32).max(LEAST_LETTER_PX);
     let margin = 1.4 * letter;
-    if let Some(time_s) = time_s {
-        write(picture, &format!("{time_s:.3} s"), (margin, picture.height as f32 - margin - letter), letter);
+    if let Some(Moment { time_s, predicted }) = moment {
+        let text = format!("{time_s:.3} s{}", if predicted { ", predicted" } else { "" });
+        write(picture, &text, (margin, picture.height as f32 - margin - letter), letter);
     }
     if let Some((title, unit)) = scale.and_then(ColorScale::title) {
         let max_value = scale.map_or(1.0, ColorScale::max_value);
@@ -57,7 +67,8 @@ mod tests {
         let scale = ColorScale::stress(5e4);
         let grey = |height: usize| Picture { width: 320, height, rgb: vec![0.5; 3 * 320 * height] };
         let mut picture = grey(240);
-        label(&mut picture, Some(&scale), Some(0.25));
+        let moment = |predicted| Some(Moment { time_s: 0.25, predicted });
+        label(&mut picture, Some(&scale), moment(false));
         let vivid: Vec<(usize, [f32; 3])> = (0..320 * 240)
             .map(|i| (i % 320, picture.at(i % 320, i / 320)))
             .filter(|(_, c)| (c[0] - c[2]).abs() > 0.3)
@@ -65,10 +76,14 @@ mod tests {
         let (first, last) =
             (vivid.iter().min_by_key(|(x, _)| *x).unwrap(), vivid.iter().max_by_key(|(x, _)| *x).unwrap());
         assert!(first.1[2] > first.1[0] && last.1[0] > last.1[2], "{first:?} {last:?}");
-        let bright_below = (200..240).any(|y| (0..160).any(|x| picture.at(x, y)[0] > 0.95));
-        assert!(bright_below, "the time");
+        let bright_below =
+            |picture: &Picture, from: usize| (200..240).any(|y| (from..320).any(|x| picture.at(x, y)[0] > 0.95));
+        assert!(bright_below(&picture, 0) && !bright_below(&picture, 80), "the time alone");
+        let mut predicted = grey(240);
+        label(&mut predicted, Some(&scale), moment(true));
+        assert!(bright_below(&predicted, 80), "that it is predicted");
         let mut small = grey(100);
-        label(&mut small, Some(&scale), Some(0.25));
+        label(&mut small, Some(&scale), moment(true));
         assert_eq!(small, grey(100));
     }
 }

@@ -158,7 +158,7 @@ mod tests {
         let labels = [
             "von Mises stress [kPa]",
             "speed [m/s]",
-            "frame 13, 0.542 s",
+            "0.542 s, predicted",
             "1.5e-3 MPa GPa mm/s 26789",
             "10 x slower: 4 N",
         ];

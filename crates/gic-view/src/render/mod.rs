@@ -66,6 +66,9 @@ pub struct RenderRequest {
     pub film: Option<PathBuf>,
     /// How many times slower than life the film runs.
     pub slow_motion: f64,
+    /// How many frames of the film the motion was fitted to; later ones are marked as predicted. `None` of a motion
+    /// that was not.
+    pub fitted_frames: Option<usize>,
     /// Whether time and colour bar are written into the pictures.
     pub labels: bool,
 }
@@ -114,7 +117,9 @@ pub fn render(
         let shadow = environment.backdrop.first_plane().and_then(|plane| FloorShadow::of(positions, spacing, plane));
         let mut picture = shade::compose(&rendered, camera, &environment, splats.is_lit(), shadow.as_ref());
         if request.labels {
-            labels::label(&mut picture, splats.scale(), Some(motion.trajectory.frames[index].time_s));
+            let predicted = request.fitted_frames.is_some_and(|fitted| index >= fitted);
+            let moment = labels::Moment { time_s: motion.trajectory.frames[index].time_s, predicted };
+            labels::label(&mut picture, splats.scale(), Some(moment));
         }
         if request.beside_video {
             picture = beside(&view.video(motion.trajectory.frames[index].time_s)?, &picture);

@@ -7,7 +7,7 @@ use super::Context;
 use super::args::RenderArgs;
 use super::view::check_motion;
 use crate::outputs::Inputs;
-use crate::pipeline::scene_of_run;
+use crate::pipeline::{config_of_run, scene_of_run};
 
 pub(crate) fn run(args: &RenderArgs, context: &Context) -> anyhow::Result<()> {
     check_motion(&args.frames)?;
@@ -20,7 +20,15 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> anyhow::Result<()> {
     let inputs = scene.iter().fold(Inputs::default(), |inputs, scene| inputs.scene(&scene.root));
     inputs.allow_folder(&args.out, &["frame_"])?;
     args.film.iter().try_for_each(|film| inputs.allow_file(film))?;
+    let fitted_frames = match &motion.run {
+        Some(run) => {
+            let whole = motion.trajectory.twin.get("frames").and_then(|frames| frames.as_u64());
+            config_of_run(run)?.scene.fit_frames.or(whole.map(|frames| frames as usize))
+        }
+        None => None,
+    };
     let request = RenderRequest {
+        fitted_frames,
         out: args.out.clone(),
         viewpoint: args.camera,
         background: args.background,

@@ -48,6 +48,7 @@ pub(crate) use predict::{moment_file, prediction_file};
 pub use register::{PlacementRecord, RegistrationRecord};
 pub(crate) use results::is_result_name;
 pub use results::{check_results, twin_file};
+pub(crate) use scene::config_of_run;
 pub use scene::{open_scene, scene_of_run};
 pub use select::{LawRecord, Selection};
 use stamp::{Hashes, Recipe, Stamp};

@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 /// # Errors
 /// Those of [`open_scene`], unusable settings, another scene than the run's.
 pub fn scene_of_run(run: &Path, elsewhere: Option<&Path>) -> Result<Scene> {
-    let mut config = Config::resolve(vec![Layer::read(&run.join("config.toml"))?])?;
+    let mut config = config_of_run(run)?;
     if let Some(path) = elsewhere {
         config.scene.path = Some(path.to_owned());
     }
@@ -24,6 +24,11 @@ pub fn scene_of_run(run: &Path, elsewhere: Option<&Path>) -> Result<Scene> {
     let hash = hash_scene(&fitted_part(&video, &config)?, &config)?;
     check_origin(run, &video.root, &hash)?;
     Ok(video)
+}
+
+/// The settings that a run keeps.
+pub(crate) fn config_of_run(run: &Path) -> Result<Config> {
+    Config::resolve(vec![Layer::read(&run.join("config.toml"))?])
 }
 
 /// Opens the scene that a configuration names.
