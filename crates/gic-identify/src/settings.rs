@@ -101,6 +101,10 @@ pub struct Settings {
         arg(long = "density", value_name = "KG_M3", default_value_t = Settings::default().density_kg_m3)
     )]
     pub density_kg_m3: f64,
+    /// Mass of the object [kg], weighed; its density follows from the filled volume, and moduli are absolute.
+    #[cfg_attr(feature = "cli", arg(long, value_name = "KG", conflicts_with = "density_kg_m3"))]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub mass_kg: Option<f64>,
     /// Gravity [m/s^2]; by default the scene's, else 9.8 downward.
     #[cfg_attr(feature = "cli", arg(skip))]
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -167,6 +171,7 @@ impl Default for Settings {
         Settings {
             material: None,
             density_kg_m3: 1000.0,
+            mass_kg: None,
             gravity_m_s2: None,
             colliders: None,
             grid_spacing_m: None,
@@ -215,6 +220,7 @@ impl Settings {
     pub(crate) fn validate_numbers(&self) -> Result<(), IdentifyError> {
         let positive = [
             ("density_kg_m3", Some(self.density_kg_m3)),
+            ("mass_kg", self.mass_kg),
             ("grid_spacing_m", self.grid_spacing_m),
             ("substeps_per_frame", self.substeps_per_frame.map(|substeps| substeps as f64)),
             ("adam_iterations", Some(self.adam_iterations as f64)),

@@ -139,10 +139,10 @@ fn result(
     uncertainty: Option<&Uncertainty>,
 ) -> Estimates {
     let Identification { input, shape, video, comparison, .. } = identification;
-    if identification.kind != MaterialKind::Sand {
+    if identification.kind != MaterialKind::Sand && identification.settings.mass_kg.is_none() {
         session.warn([format!(
             "density is taken as {} kg/m^3: \
-             the video determines only the ratios of the moduli, stresses and viscosities to it",
+             the video determines only the ratios of the moduli, stresses and viscosities to it (--mass-kg)",
             input.density_kg_m3
         )]);
     }

@@ -41,11 +41,6 @@ impl Collider {
         self.primitive.signed_distance(pose.rotation.inverse() * (point - pose.position)).0
     }
 
-    /// The same obstacle, measured from another origin [m].
-    pub(crate) fn seen_from(&self, origin: DVec3) -> Self {
-        Self { path: self.path.seen_from(origin), ..self.clone() }
-    }
-
     /// The obstacle as it is at a time [s]; points up to `tolerance` [m] outside count as inside.
     pub(crate) fn posed(&self, time: f64, tolerance: f64) -> PosedCollider<'_> {
         let pose = self.path.pose(time);

@@ -2,6 +2,6 @@
 
 pub(crate) mod collider;
 pub(crate) mod contact;
-pub(crate) mod grid_origin;
+pub(crate) mod grid_frame;
 pub(crate) mod path;
 pub(crate) mod shape;

@@ -36,14 +36,22 @@ pub(crate) struct Pose {
 }
 
 impl ColliderPath {
-    /// The same path, measured from another origin [m].
-    pub(crate) fn seen_from(&self, origin: DVec3) -> Self {
-        let mut path = self.clone();
-        match &mut path {
-            Self::Uniform { position_m, .. } => *position_m -= origin,
-            Self::Keyframed { keys, .. } => keys.iter_mut().for_each(|(_, position)| *position -= origin),
+    /// The same path in a frame into which `turn` takes the world's axes, measured from `origin` [m] there.
+    pub(crate) fn seen_from(&self, turn: Option<DQuat>, origin: DVec3) -> Self {
+        let turned = |vector: DVec3| turn.map_or(vector, |turn| turn * vector);
+        let rotated = |rotation: DQuat| turn.map_or(rotation, |turn| turn * rotation);
+        match self {
+            Self::Uniform { position_m, rotation, velocity_m_s, angular_velocity_rad_s } => Self::Uniform {
+                position_m: turned(*position_m) - origin,
+                rotation: rotated(*rotation),
+                velocity_m_s: turned(*velocity_m_s),
+                angular_velocity_rad_s: turned(*angular_velocity_rad_s),
+            },
+            Self::Keyframed { keys, rotation } => Self::Keyframed {
+                keys: keys.iter().map(|(time, position)| (*time, turned(*position) - origin)).collect(),
+                rotation: rotated(*rotation),
+            },
         }
-        path
     }
 
     /// Whether it never moves.

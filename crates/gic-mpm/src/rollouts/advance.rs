@@ -57,7 +57,7 @@ impl<'a, E: Engine> Rollout<'a, E> {
                     return Ok(Advanced { segments, impulses });
                 }
                 Err(violation) => {
-                    let position = violation.position + self.world.grid_origin;
+                    let position = self.world.frame.point_in_world(violation.position);
                     substeps = more_substeps(Violation { position, ..violation }, frame, planned, substeps)?;
                 }
             }

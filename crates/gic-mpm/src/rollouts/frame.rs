@@ -4,6 +4,7 @@ use gic_simd::Scalar;
 use glam::DVec3;
 
 use crate::Material;
+use crate::colliders::grid_frame::GridFrame;
 use crate::laws::law::Law;
 use crate::laws::with_law;
 use crate::math::mat3::Mat3;
@@ -69,12 +70,12 @@ pub(super) fn report<R: Scalar>(
     }
     let contacts = match advanced {
         None => vec![ContactForce::default(); world.colliders.len()],
-        Some((impulses, _)) => impulses.iter().map(|i| mean_force(i, frame_seconds)).collect(),
+        Some((impulses, _)) => impulses.iter().map(|i| mean_force(&world.frame, i, frame_seconds)).collect(),
     };
     Frame {
         index,
-        positions: map_particles(parallel, 0..state.len(), |p| state.position_of(p) + world.grid_origin),
-        velocities: map_particles(parallel, 0..state.len(), |p| state.velocity_of(p)),
+        positions: map_particles(parallel, 0..state.len(), |p| world.frame.point_in_world(state.position_of(p))),
+        velocities: map_particles(parallel, 0..state.len(), |p| world.frame.vector_in_world(state.velocity_of(p))),
         von_mises_pa,
         jacobian,
         contacts,
@@ -91,9 +92,10 @@ pub(super) fn deformation<R: Scalar>(world: &PreparedWorld, state: &State<R>) ->
             let j = volume_ratio(body, &f);
             gradients.push(match body.material {
                 Material::Newtonian { .. } => Mat3::identity() * j.cbrt(),
-                _ => f,
+                _ => world.frame.tensor_in_world(f),
             });
-            cauchy_stress_pa.push(kirchhoff_stress(world, body, &c, &f) * (1.0 / j));
+            let stress = kirchhoff_stress(world, body, &c, &f) * (1.0 / j);
+            cauchy_stress_pa.push(world.frame.tensor_in_world(stress));
         }
     }
     Deformation { gradients: rows(&gradients), cauchy_stress_pa: rows(&cauchy_stress_pa) }
@@ -103,8 +105,9 @@ fn rows(matrices: &[Mat3<f64>]) -> Vec<[[f64; 3]; 3]> {
     matrices.iter().map(|m| [0, 1, 2].map(|i| [0, 1, 2].map(|j| m.at(i, j)))).collect()
 }
 
-fn mean_force(impulse: &Impulse, frame_seconds: f64) -> ContactForce {
-    ContactForce { force_n: impulse.linear / frame_seconds, torque_n_m: impulse.angular / frame_seconds }
+fn mean_force(frame: &GridFrame, impulse: &Impulse, frame_seconds: f64) -> ContactForce {
+    let mean = |impulse: DVec3| frame.vector_in_world(impulse / frame_seconds);
+    ContactForce { force_n: mean(impulse.linear), torque_n_m: mean(impulse.angular) }
 }
 
 /// Kirchhoff stress [Pa] of a particle.

@@ -164,7 +164,7 @@ pub fn gradcheck_materials() -> [Material; 6] {
         Material::Sand { friction_angle_deg: 32.0, youngs_modulus_pa: 3e5, poisson_ratio: 0.3 },
         Material::Newtonian { viscosity_pa_s: 50.0, bulk_modulus_pa: 5e4 },
         Material::NonNewtonian {
-            shear_modulus_pa: 2e4,
+            shear_modulus_pa: 2.1e4,
             bulk_modulus_pa: 1e5,
             yield_stress_pa: 500.0,
             plastic_viscosity_pa_s: 10.0,

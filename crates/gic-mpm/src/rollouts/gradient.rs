@@ -6,6 +6,7 @@ use glam::DVec3;
 use super::frame::Frame;
 use super::recording::Recording;
 use crate::World;
+use crate::colliders::grid_frame::GridFrame;
 use crate::error::SimulationError;
 use crate::laws::law::Coefficients;
 use crate::options::Options;
@@ -49,6 +50,17 @@ pub struct BodyGradient {
     pub positions: Vec<DVec3>,
     /// With respect to each particle's own initial velocity [per m/s], shape [n]; they sum to `velocity`.
     pub velocities: Vec<DVec3>,
+}
+
+impl BodyGradient {
+    /// The same with respect to the world's vectors instead of those in the axes of the grid.
+    pub(super) fn in_world(mut self, frame: &GridFrame) -> BodyGradient {
+        let all = self.positions.iter_mut().chain(&mut self.velocities);
+        for bar in all.chain([&mut self.velocity, &mut self.angular_velocity]) {
+            *bar = frame.vector_in_world(*bar);
+        }
+        self
+    }
 }
 
 /// Derivatives of a loss.

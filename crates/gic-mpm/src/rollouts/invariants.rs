@@ -101,7 +101,7 @@ fn check_rounding<R: Scalar>(
         None => Ok(()),
         Some(particle) => {
             let own = state.position_of(particle);
-            let (drift_m, position) = (per_metre * own.abs().max_element(), own + world.grid_origin);
+            let (drift_m, position) = (per_metre * own.abs().max_element(), world.frame.point_in_world(own));
             Err(SimulationError::Rounded { frame, particle, position, substeps, drift_m })
         }
     }
@@ -120,7 +120,7 @@ fn check_depth<R: Scalar>(
             return Err(SimulationError::ThroughCollider {
                 frame,
                 particle,
-                position: state.position_of(particle) + world.grid_origin,
+                position: world.frame.point_in_world(state.position_of(particle)),
                 collider,
                 depth_m: depth(particle),
             });

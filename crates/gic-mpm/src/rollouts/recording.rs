@@ -13,6 +13,7 @@ use super::checkpoints::Checkpoints;
 use super::frame::Frame;
 use super::gradient::{FrameAdjoint, Gradient, body_gradient};
 use super::timestep_bound::Timing;
+use crate::colliders::grid_frame::GridFrame;
 use crate::error::{LossGradientError, SimulationError};
 use crate::options::Options;
 use crate::substep::engine::{Bars, Engine, Segment};
@@ -147,8 +148,9 @@ impl<E: Engine> Recorded<E> {
     /// Adds the loss's derivatives of the frames that end before segment `end`.
     fn add_losses(&self, adjoints: &[FrameAdjoint], end: usize, adjoint: &mut State<E::Number>) {
         for (_, bars) in self.frame_ends.iter().zip(adjoints).filter(|(frame_end, _)| **frame_end == end) {
-            add(&mut adjoint.position, bars.positions.as_deref());
-            add(&mut adjoint.velocity, bars.velocities.as_deref());
+            let frame = &self.prepared.frame;
+            add(frame, &mut adjoint.position, bars.positions.as_deref());
+            add(frame, &mut adjoint.velocity, bars.velocities.as_deref());
         }
     }
 }
@@ -163,14 +165,16 @@ where
         let mut bars = Bars::zeros(prepared);
         let adjoint = self.backward(adjoints, &mut bars)?;
         let pairs = prepared.bodies.iter().zip(&bars.bodies);
-        let of_body = |(body, shared)| body_gradient((body, prepared.mass_unit), (shared, &bars.factors), &adjoint);
+        let of_body = |(body, shared)| {
+            body_gradient((body, prepared.mass_unit), (shared, &bars.factors), &adjoint).in_world(&prepared.frame)
+        };
         Ok(Gradient { bodies: pairs.map(of_body).collect() })
     }
 }
 
-fn add<R: Scalar>(numbers: &mut [[R; 3]], bars: Option<&[DVec3]>) {
+fn add<R: Scalar>(frame: &GridFrame, numbers: &mut [[R; 3]], bars: Option<&[DVec3]>) {
     for (number, &bar) in numbers.iter_mut().zip(bars.unwrap_or_default()) {
-        *number = vector(double(*number) + bar);
+        *number = vector(double(*number) + frame.vector(bar));
     }
 }
 

@@ -14,7 +14,7 @@ pub struct Snapshot {
     pub frame: usize,
     /// Precision of the simulator.
     pub precision: Precision,
-    /// Per particle in input order: position from the grid's node nearest to the world's origin [m], velocity [m/s],
+    /// Per particle in input order, in the frame of the grid, which lies on the ground: position [m], velocity [m/s],
     /// affine velocity gradient [1/s] and deformation gradient, matrices by rows.
     pub particles: Vec<[f64; NUMBERS_PER_PARTICLE]>,
 }

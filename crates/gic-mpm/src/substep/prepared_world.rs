@@ -13,7 +13,7 @@ use super::grid_update::GridUpdate;
 use super::state::{State, vector};
 use super::violation::Violation;
 use crate::colliders::collider::PosedCollider;
-use crate::colliders::grid_origin::grid_origin;
+use crate::colliders::grid_frame::GridFrame;
 use crate::colliders::shape::surface_tolerance;
 use crate::error::SimulationError;
 use crate::laws::law::{Coefficients, Rules};
@@ -60,8 +60,8 @@ pub(crate) struct PreparedWorld {
     pub(crate) gravity: DVec3,
     /// Grid spacing [m].
     pub(crate) spacing: f64,
-    /// The node that all positions in here are measured from [m].
-    pub(crate) grid_origin: DVec3,
+    /// The frame in which everything in here is measured.
+    pub(crate) frame: GridFrame,
     /// The unit of mass [kg].
     pub(crate) mass_unit: f64,
     /// Nodes with less mass than this [mass units] stay at rest.
@@ -75,20 +75,20 @@ impl PreparedWorld {
         world.validate()?;
         let MassRange { lightest_kg, heaviest_kg } = MassRange::of(world);
         let mass_unit = power_of_two_near(heaviest_kg);
-        let origin = grid_origin(&world.colliders, world.grid_spacing_m);
+        let frame = GridFrame::new(&world.colliders, world.gravity_m_s2, world.grid_spacing_m);
         let mut bodies = Vec::with_capacity(world.bodies.len());
         let mut start = 0;
         for body in &world.bodies {
             let range = start..start + body.positions.len();
             start = range.end;
-            bodies.push(PreparedBody::new(body, range, mass_unit, origin));
+            bodies.push(PreparedBody::new(body, range, mass_unit, &frame));
         }
         Ok(Self {
             bodies,
-            colliders: world.colliders.iter().map(|collider| collider.seen_from(origin)).collect(),
-            gravity: world.gravity_m_s2,
+            colliders: world.colliders.iter().map(|collider| frame.collider(collider)).collect(),
+            gravity: frame.vector(world.gravity_m_s2),
             spacing: world.grid_spacing_m,
-            grid_origin: origin,
+            frame,
             mass_unit,
             mass_gate: mass_gate_kg(lightest_kg, world.grid_spacing_m) / mass_unit,
             rules,
@@ -172,10 +172,10 @@ impl PreparedWorld {
 }
 
 impl PreparedBody {
-    fn new(body: &Body, range: Range<usize>, mass_unit: f64, origin: DVec3) -> Self {
+    fn new(body: &Body, range: Range<usize>, mass_unit: f64, frame: &GridFrame) -> Self {
         let count = body.positions.len();
         let factors = if body.volume_factors.is_empty() { vec![1.0; count] } else { body.volume_factors.clone() };
-        let positions: Vec<DVec3> = body.positions.iter().map(|x| *x - origin).collect();
+        let positions: Vec<DVec3> = body.positions.iter().map(|x| frame.point(*x)).collect();
         let moment = positions.iter().zip(&factors).map(|(x, w)| *x * *w).sum::<DVec3>();
         Self {
             range,
@@ -184,9 +184,9 @@ impl PreparedBody {
             mass: body.density_kg_m3 * body.particle_volume_m3 / mass_unit,
             volume: body.particle_volume_m3 / mass_unit,
             positions,
-            velocity: body.velocity_m_s,
-            angular_velocity: body.angular_velocity_rad_s,
-            own_velocities: body.own_velocities_m_s.clone(),
+            velocity: frame.vector(body.velocity_m_s),
+            angular_velocity: frame.vector(body.angular_velocity_rad_s),
+            own_velocities: body.own_velocities_m_s.iter().map(|v| frame.vector(*v)).collect(),
             centre: moment / factors.iter().sum::<f64>(),
             factors,
         }

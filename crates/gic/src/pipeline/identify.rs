@@ -83,6 +83,11 @@ pub struct EstimateRecord {
     pub resolution_shift: Option<f64>,
 }
 
+/// Density [kg/m^3] of an object that fills a volume [m^3]: of its mass, where that is known.
+fn density_of(settings: &gic_identify::Settings, volume_m3: f64) -> f64 {
+    settings.mass_kg.map_or(settings.density_kg_m3, |mass_kg| mass_kg / volume_m3)
+}
+
 /// Where the ground was found.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GroundRecord {
@@ -233,6 +238,7 @@ impl Run<'_> {
         for frame in 0..self.scene.times.len() {
             observations.extend(self.observe(frame, continuum, &clock, &mut cameras)?);
         }
+        let volume_m3 = particles.volume * particles.volume_factors.iter().map(|share| f64::from(*share)).sum::<f64>();
         Ok(Input {
             positions: particles.positions.clone(),
             particle_volume_m3: particles.volume,
@@ -245,7 +251,7 @@ impl Run<'_> {
             gravity_m_s2: surroundings.gravity_m_s2,
             colliders: surroundings.obstacles.iter().map(Obstacle::to_collider).collect(),
             ground: surroundings.ground,
-            density_kg_m3: config.density_kg_m3,
+            density_kg_m3: density_of(config, volume_m3),
             grid_spacing_m,
             substeps_per_frame: clock.substeps(substeps_per_frame),
         })
