@@ -5,6 +5,7 @@ use gic_scene::Camera;
 use glam::DVec3;
 
 use crate::IdentifyError;
+use crate::unknowns::state::GROUND_UNKNOWNS;
 
 /// The observed coverage of the object in one picture.
 #[derive(Clone, Debug)]
@@ -29,13 +30,24 @@ pub struct Observation {
     pub views: Vec<View>,
 }
 
-/// A plane at rest among the obstacles whose height is known only so well.
+/// A plane at rest among the obstacles that is known only so well: standard deviations, zero of what is known.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GroundDoubt {
     /// Index into [`Input::colliders`].
     pub collider: usize,
-    /// Standard deviation of its height below the body [m].
+    /// Of its height below the body [m].
     pub height_m: f64,
+    /// Of its tilt about each of two axes in it [rad].
+    pub tilt_rad: f64,
+    /// Of the logarithm of its friction.
+    pub log_friction: f64,
+}
+
+impl GroundDoubt {
+    /// The same in the order of the unknowns: height, tilts, friction.
+    pub(crate) fn deviations(&self) -> [f64; GROUND_UNKNOWNS] {
+        [self.height_m, self.tilt_rad, self.tilt_rad, self.log_friction]
+    }
 }
 
 /// The Gaussian-informed continuum at the first frame and the video.
@@ -121,13 +133,15 @@ impl Input {
     }
 
     fn validate_ground(&self) -> Result<(), IdentifyError> {
-        let Some(GroundDoubt { collider, height_m }) = self.ground else { return Ok(()) };
+        let Some(ground) = self.ground else { return Ok(()) };
         let is_plane = |c: &Collider| matches!(c.primitive, gic_mpm::Primitive::HalfSpace { .. });
-        if !self.colliders.get(collider).is_some_and(is_plane) {
+        if !self.colliders.get(ground.collider).is_some_and(is_plane) {
             return Err(IdentifyError::input("ground", "names no plane", "give the index of a half space"));
         }
-        if !(height_m > 0.0 && height_m.is_finite()) {
-            return Err(IdentifyError::input("ground", "is in no doubt", "give a positive standard deviation"));
+        let deviations = ground.deviations();
+        if deviations.iter().any(|deviation| !(*deviation >= 0.0 && deviation.is_finite())) || deviations == [0.0; 4] {
+            let way_out = "give standard deviations, one of them positive";
+            return Err(IdentifyError::input("ground", "is in no doubt, or in endless doubt", way_out));
         }
         Ok(())
     }

@@ -70,6 +70,24 @@ pub struct Step {
     pub seconds: f64,
 }
 
+/// How the ground differs from the given one, with half-widths of 95 % intervals; absent where one could not be
+/// measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct GroundEstimate {
+    /// How much higher it is [m].
+    pub height_m: f64,
+    /// Half-width of that [m].
+    pub height_half_width_m: Option<f64>,
+    /// Tilts about two axes in it [rad].
+    pub tilt_rad: [f64; 2],
+    /// Half-widths of these [rad].
+    pub tilt_half_width_rad: [Option<f64>; 2],
+    /// Logarithm of the factor on its friction.
+    pub log_friction: f64,
+    /// Half-width of that.
+    pub log_friction_half_width: Option<f64>,
+}
+
 /// The identified twin.
 #[derive(Clone, Debug)]
 pub struct Estimates {
@@ -101,9 +119,8 @@ pub struct Estimates {
     pub splat_factor: f64,
     /// The obstacles as fitted: those of the input, with the ground where it was sought where it was found.
     pub colliders: Vec<gic_mpm::Collider>,
-    /// How much higher the ground is than given and the half-width of the 95 % interval of that [m]; `None` where it
-    /// was not sought.
-    pub ground: Option<(f64, Option<f64>)>,
+    /// How the ground differs from the given one; `None` where it was not sought.
+    pub ground: Option<GroundEstimate>,
     /// The body at time 0 as fitted, shifted and reshaped by what the pictures say against the input's: positions of
     /// the input's particles [m], shape [n].
     pub positions: Vec<DVec3>,

@@ -62,6 +62,11 @@ fn outer(points: &[DVec3]) -> Vec<DVec3> {
 
 /// What a perfect reconstruction would see of the block made of `material`.
 fn observed(material: Material, velocity: DVec3, frames: usize) -> Input {
+    observed_on(ground(), material, velocity, frames)
+}
+
+/// The same on another floor.
+fn observed_on(floor: Collider, material: Material, velocity: DVec3, frames: usize) -> Input {
     let positions = block();
     let volume = (0.5 * SPACING).powi(3);
     let world = World {
@@ -75,7 +80,7 @@ fn observed(material: Material, velocity: DVec3, frames: usize) -> Input {
             angular_velocity_rad_s: DVec3::ZERO,
             own_velocities_m_s: Vec::new(),
         }],
-        colliders: vec![ground()],
+        colliders: vec![floor.clone()],
         gravity_m_s2: GRAVITY,
         grid_spacing_m: SPACING,
         frame_rate_hz: RATE,
@@ -103,7 +108,7 @@ fn observed(material: Material, velocity: DVec3, frames: usize) -> Input {
         observations,
         frame_rate_hz: RATE,
         gravity_m_s2: GRAVITY,
-        colliders: vec![ground()],
+        colliders: vec![floor],
         ground: None,
         density_kg_m3: 1000.0,
         grid_spacing_m: SPACING,
@@ -117,15 +122,33 @@ fn a_ground_that_is_elsewhere_is_found() {
     for off in [0.006, -0.004] {
         let mut input = observed(ELASTIC, DVec3::new(0.4, -1.5, 0.2), 8);
         input.colliders = vec![Collider::plane(DVec3::new(0.0, off, 0.0), DVec3::Y, Contact::Sticky)];
-        input.ground = Some(GroundDoubt { collider: 0, height_m: 0.02 });
+        input.ground = Some(GroundDoubt { collider: 0, height_m: 0.02, tilt_rad: 0.0, log_friction: 0.0 });
         let settings = Settings { target: Target::Surfaces, resolution_check: 0.0, ..Settings::default() };
         let found = run(&input, ELASTIC.kind(), &settings).expect("identified");
-        let (height, _) = found.ground.expect("it was sought");
+        let height = found.ground.expect("it was sought").height_m;
         let error = found.estimates[0].parameter.error(found.estimates[0].value, 1.0e5);
         println!("given {off} m off, found {height:.5} m from there; E off by {error:.4}");
         assert!((height + off).abs() < 3e-4 && error.abs() < 0.02, "{height} {error}");
         assert!((found.colliders[0].signed_distance(DVec3::ZERO, 0.0)).abs() < 3e-4);
     }
+}
+
+/// A floor that slopes and grips otherwise than was taken: what it does to a body that slides on it tells.
+#[test]
+fn a_ground_that_slopes_and_grips_otherwise_is_found() {
+    let floor = |normal: DVec3, friction: f64| Collider::plane(DVec3::ZERO, normal, Contact::Separating { friction });
+    let truth = floor(DVec3::new(0.02, 1.0, -0.015).normalize(), 0.3);
+    let mut input = observed_on(truth.clone(), ELASTIC, DVec3::new(0.9, -1.5, 0.4), 12);
+    input.colliders = vec![floor(DVec3::Y, 0.5)];
+    input.ground =
+        Some(GroundDoubt { collider: 0, height_m: 0.005, tilt_rad: 0.03, log_friction: std::f64::consts::LN_2 });
+    let settings = Settings { target: Target::Surfaces, resolution_check: 0.0, ..Settings::default() };
+    let found = run(&input, ELASTIC.kind(), &settings).expect("identified");
+    let ground = found.ground.expect("it was sought");
+    let angle = found.colliders[0].normal().expect("a plane").angle_between(truth.normal().expect("a plane"));
+    let friction = 0.5 * ground.log_friction.exp();
+    println!("{angle:.4} rad off, friction {friction:.3} for .3, {ground:?}");
+    assert!(angle < 0.004 && (friction / 0.3).ln().abs() < 0.1, "{angle} {friction}");
 }
 
 /// Identifies from `starts` random starts, two decades wide for moduli and the whole range for the others.

@@ -1,6 +1,7 @@
-//! The ground as a hypothesis: a plane that is higher or lower than it was given.
+//! The ground as a hypothesis: a plane that is higher or lower than it was given, tilted, or more or less slippery.
 
-use gic_mpm::{Collider, ColliderPath};
+use gic_mpm::{Collider, ColliderPath, Contact};
+use glam::{DQuat, DVec3};
 
 use crate::Input;
 use crate::unknowns::state::State;
@@ -9,7 +10,13 @@ use crate::unknowns::state::State;
 pub(crate) fn colliders(input: &Input, state: &State) -> Vec<Collider> {
     let mut colliders = input.colliders.clone();
     if let Some(ground) = input.ground {
-        raise(&mut colliders[ground.collider], state.ground);
+        let [height, tilt_x, tilt_y, log_friction] = state.ground;
+        let plane = &mut colliders[ground.collider];
+        if ground.tilt_rad > 0.0 {
+            turn(plane, input.centre(), [tilt_x, tilt_y]);
+        }
+        raise(plane, height);
+        scale_friction(&mut plane.contact, log_friction.exp());
     }
     colliders
 }
@@ -22,20 +29,57 @@ fn raise(plane: &mut Collider, height: f64) {
     }
 }
 
+/// Turns a plane at rest about two axes in it [rad], at the place below the point `above` [m]: there its height means
+/// most and its tilt least.
+fn turn(plane: &mut Collider, above: DVec3, tilt: [f64; 2]) {
+    let normal = plane.normal();
+    if let (Some(normal), ColliderPath::Uniform { position_m, rotation, .. }) = (normal, &mut plane.path) {
+        let (x, y) = normal.any_orthonormal_pair();
+        *position_m = above - (above - *position_m).dot(normal) * normal;
+        *rotation = DQuat::from_scaled_axis(tilt[0] * x + tilt[1] * y) * *rotation;
+    }
+}
+
+fn scale_friction(contact: &mut Contact, factor: f64) {
+    match contact {
+        Contact::Slip { friction } | Contact::Separating { friction } => *friction *= factor,
+        Contact::Sticky => {}
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use gic_mpm::Contact;
-    use glam::DVec3;
-
     use super::*;
+
+    const ABOVE: DVec3 = DVec3::new(0.4, 0.5, -0.1);
+
+    fn plane() -> Collider {
+        let normal = DVec3::new(0.3, 0.9, -0.2).normalize();
+        Collider::plane(DVec3::new(0.1, -0.3, 0.2), normal, Contact::Separating { friction: 0.5 })
+    }
 
     #[test]
     fn a_raised_plane_is_nearer_by_as_much() {
-        let normal = DVec3::new(0.3, 0.9, -0.2).normalize();
-        let mut plane = Collider::plane(DVec3::new(0.1, -0.3, 0.2), normal, Contact::Sticky);
-        let above = DVec3::new(0.4, 0.5, -0.1);
-        let was = plane.signed_distance(above, 0.0);
-        raise(&mut plane, 0.013);
-        assert!((was - plane.signed_distance(above, 0.0) - 0.013).abs() < 1e-12);
+        let (was, mut raised) = (plane(), plane());
+        raise(&mut raised, 0.013);
+        let nearer = was.signed_distance(ABOVE, 0.0) - raised.signed_distance(ABOVE, 0.0);
+        assert!((nearer - 0.013).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_tilted_plane_turns_below_the_body() {
+        let (was, mut tilted) = (plane(), plane());
+        turn(&mut tilted, ABOVE, [0.02, -0.01]);
+        let foot = ABOVE - was.signed_distance(ABOVE, 0.0) * was.normal().expect("a plane");
+        assert!(tilted.signed_distance(foot, 0.0).abs() < 1e-12);
+        let angle = was.normal().expect("a plane").angle_between(tilted.normal().expect("a plane"));
+        assert!((angle - 0.02f64.hypot(0.01)).abs() < 1e-9, "{angle}");
+    }
+
+    #[test]
+    fn friction_is_scaled() {
+        let mut plane = plane();
+        scale_friction(&mut plane.contact, 2.0);
+        assert_eq!(plane.contact, Contact::Separating { friction: 1.0 });
     }
 }

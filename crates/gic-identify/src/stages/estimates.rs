@@ -14,7 +14,7 @@ use crate::stages::identification::Identification;
 use crate::stages::intervals::{Uncertainty, flight_half_width, uncertainty};
 use crate::uncertainty::verdicts;
 use crate::unknowns::state::{State, Unknown};
-use crate::{IdentifyError, Parameter};
+use crate::{GroundEstimate, IdentifyError, Parameter};
 
 /// The result where nothing is touched.
 pub(crate) fn of_free_flight(identification: &Identification, session: &mut Session) -> Estimates {
@@ -131,6 +131,20 @@ fn estimate(
     }
 }
 
+/// The ground as it was found.
+fn ground(state: &State, uncertainty: Option<&Uncertainty>) -> GroundEstimate {
+    let half_width = |k: usize| uncertainty.and_then(|all| all.half_width(Unknown::Ground(k)));
+    let [height_m, tilt_x, tilt_y, log_friction] = state.ground;
+    GroundEstimate {
+        height_m,
+        height_half_width_m: half_width(0),
+        tilt_rad: [tilt_x, tilt_y],
+        tilt_half_width_rad: [half_width(1), half_width(2)],
+        log_friction,
+        log_friction_half_width: half_width(3),
+    }
+}
+
 fn result(
     identification: &Identification,
     session: &mut Session,
@@ -146,7 +160,6 @@ fn result(
             input.density_kg_m3
         )]);
     }
-    let ground_half_width = uncertainty.and_then(|all| all.half_width(Unknown::Ground));
     let mut seconds = session.checkpoint().seconds.clone();
     seconds.push((Stage::Intervals, session.unbooked_seconds()));
     Estimates {
@@ -164,7 +177,7 @@ fn result(
         warnings: session.warnings().to_vec(),
         splat_factor: state.splat.exp(),
         colliders: colliders(input, state),
-        ground: input.ground.map(|_| (state.ground, ground_half_width)),
+        ground: input.ground.map(|_| ground(state, uncertainty)),
         positions: placed(input, shape, state).0,
         particle_volume_m3: input.particle_volume_m3,
         volume_factors: volume_factors(input, shape, state),

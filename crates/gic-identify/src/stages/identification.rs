@@ -207,12 +207,14 @@ impl<'a> Identification<'a> {
     }
 }
 
-/// The height of the ground, as sure as it was given.
+/// The ground, as sure as it was given.
 fn ground_prior(doubt: GroundDoubt) -> Prior {
+    let unsure: Vec<(usize, f64)> = doubt.deviations().into_iter().enumerate().filter(|(_, sd)| *sd > 0.0).collect();
+    let information = DVector::from_iterator(unsure.len(), unsure.iter().map(|(_, deviation)| deviation.powi(-2)));
     Prior {
-        unknowns: vec![Unknown::Ground],
-        mean: DVector::zeros(1),
-        information: DMatrix::from_element(1, 1, doubt.height_m.powi(-2)),
+        unknowns: unsure.iter().map(|(k, _)| Unknown::Ground(*k)).collect(),
+        mean: DVector::zeros(unsure.len()),
+        information: DMatrix::from_diagonal(&information),
     }
 }
 

@@ -18,9 +18,12 @@ pub(crate) enum Unknown {
     Splat,
     /// How far the body differs from its reconstruction along a component of the shape (a nuisance).
     Shape(usize),
-    /// How much higher the ground is than given [m].
-    Ground,
+    /// What is unknown of the ground, in the order of [`State::ground`].
+    Ground(usize),
 }
+
+/// Numbers that may be unknown of the ground.
+pub(crate) const GROUND_UNKNOWNS: usize = 4;
 
 /// A point in the space of all unknowns.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -40,9 +43,9 @@ pub(crate) struct State {
     pub splat: f64,
     /// Standard deviations along each component of the shape; those that are missing are zero.
     pub shape: Vec<f64>,
-    /// How much higher the ground is than given [m].
-    #[serde(default)]
-    pub ground: f64,
+    /// How much the ground differs from the given one: higher [m], tilted about two axes in it [rad], and the logarithm
+    /// of the factor on its friction.
+    pub ground: [f64; GROUND_UNKNOWNS],
 }
 
 impl State {
@@ -55,7 +58,7 @@ impl State {
             offset: DVec3::ZERO,
             splat: 0.0,
             shape: Vec::new(),
-            ground: 0.0,
+            ground: [0.0; GROUND_UNKNOWNS],
         }
     }
 
@@ -67,7 +70,7 @@ impl State {
             Unknown::Offset(a) => self.offset[a],
             Unknown::Splat => self.splat,
             Unknown::Shape(k) => self.shape.get(k).copied().unwrap_or(0.0),
-            Unknown::Ground => self.ground,
+            Unknown::Ground(k) => self.ground[k],
         }
     }
 
@@ -78,7 +81,7 @@ impl State {
             Unknown::Angular(a) => self.angular[a] = value,
             Unknown::Offset(a) => self.offset[a] = value,
             Unknown::Splat => self.splat = value,
-            Unknown::Ground => self.ground = value,
+            Unknown::Ground(k) => self.ground[k] = value,
             Unknown::Shape(k) => {
                 if self.shape.len() <= k {
                     self.shape.resize(k + 1, 0.0);

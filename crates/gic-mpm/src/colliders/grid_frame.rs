@@ -18,8 +18,9 @@ const ALONG_AXIS: f64 = 1e-9;
 /// The frame of the grid, in which everything within a rollout is measured.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct GridFrame {
-    /// The grid's axes in the world; `None` where they are the world's.
-    world_from_grid: Option<DQuat>,
+    /// The grid's axes in the world and the point of the ground that stays where it is [m]; `None` where the axes are
+    /// the world's.
+    world_from_grid: Option<(DQuat, DVec3)>,
     /// A node within half a cell of the world's origin [m], in the grid's axes.
     origin: DVec3,
 }
@@ -35,27 +36,33 @@ impl GridFrame {
 
     /// A vector of the world in the grid's axes.
     pub(crate) fn vector(&self, world: DVec3) -> DVec3 {
-        self.world_from_grid.map_or(world, |axes| axes.inverse() * world)
+        self.world_from_grid.map_or(world, |(axes, _)| axes.inverse() * world)
     }
 
     /// A vector in the grid's axes in the world.
     pub(crate) fn vector_in_world(&self, own: DVec3) -> DVec3 {
-        self.world_from_grid.map_or(own, |axes| axes * own)
+        self.world_from_grid.map_or(own, |(axes, _)| axes * own)
     }
 
     /// A point of the world [m] as the grid has it.
     pub(crate) fn point(&self, world: DVec3) -> DVec3 {
-        self.vector(world) - self.origin
+        self.turned(world) - self.origin
+    }
+
+    /// A point of the world [m] in the grid's axes.
+    fn turned(&self, world: DVec3) -> DVec3 {
+        self.world_from_grid.map_or(world, |(axes, pivot)| pivot + axes.inverse() * (world - pivot))
     }
 
     /// A point of the grid [m] in the world.
     pub(crate) fn point_in_world(&self, own: DVec3) -> DVec3 {
-        self.vector_in_world(own + self.origin)
+        let own = own + self.origin;
+        self.world_from_grid.map_or(own, |(axes, pivot)| pivot + axes * (own - pivot))
     }
 
     /// A tensor in the grid's axes in the world: `R T R^T`.
     pub(crate) fn tensor_in_world(&self, own: Mat3<f64>) -> Mat3<f64> {
-        let Some(axes) = self.world_from_grid else { return own };
+        let Some((axes, _)) = self.world_from_grid else { return own };
         let axes = DMat3::from_quat(axes);
         let own = DMat3::from_cols_array(&own.0).transpose();
         Mat3((axes * own * axes.transpose()).transpose().to_cols_array())
@@ -63,18 +70,21 @@ impl GridFrame {
 
     /// An obstacle of the world as the grid has it.
     pub(crate) fn collider(&self, world: &Collider) -> Collider {
-        let turn = self.world_from_grid.map(|axes| axes.inverse());
-        Collider { path: world.path.seen_from(turn, self.origin), ..world.clone() }
+        let turned = |rotation: DQuat| self.world_from_grid.map_or(rotation, |(axes, _)| axes.inverse() * rotation);
+        let path = world.path.map(&|point| self.point(point), &|vector| self.vector(vector), &turned);
+        Collider { path, ..world.clone() }
     }
 }
 
-/// The turn that takes the nearest axis to the normal of the ground: of the planes at rest, the one that faces gravity.
-fn axes_of_ground(colliders: &[Collider], gravity: DVec3) -> Option<DQuat> {
-    let resting = colliders.iter().filter(|collider| collider.path.is_at_rest()).filter_map(Collider::normal);
-    let ground = resting.reduce(|a, b| if b.dot(gravity) < a.dot(gravity) { b } else { a })?;
+/// The turn that takes the nearest axis to the normal of the ground, and a point of the ground [m]. It is the one of the
+/// planes at rest that faces gravity.
+fn axes_of_ground(colliders: &[Collider], gravity: DVec3) -> Option<(DQuat, DVec3)> {
+    let resting = colliders.iter().filter(|collider| collider.path.is_at_rest());
+    let planes = resting.filter_map(|collider| Some((collider.normal()?, collider.path.pose(0.0).position)));
+    let (ground, point) = planes.reduce(|a, b| if b.0.dot(gravity) < a.0.dot(gravity) { b } else { a })?;
     let axis = DVec3::AXES[ground.abs().max_position()];
     let axis = axis * ground.dot(axis).signum();
-    (ground.distance(axis) > ALONG_AXIS).then(|| DQuat::from_rotation_arc(axis, ground))
+    (ground.distance(axis) > ALONG_AXIS).then(|| (DQuat::from_rotation_arc(axis, ground), point))
 }
 
 /// A node of the grid within half a cell of the origin [m], so that planes across its axes lie on nodes.

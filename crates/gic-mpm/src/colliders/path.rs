@@ -36,20 +36,23 @@ pub(crate) struct Pose {
 }
 
 impl ColliderPath {
-    /// The same path in a frame into which `turn` takes the world's axes, measured from `origin` [m] there.
-    pub(crate) fn seen_from(&self, turn: Option<DQuat>, origin: DVec3) -> Self {
-        let turned = |vector: DVec3| turn.map_or(vector, |turn| turn * vector);
-        let rotated = |rotation: DQuat| turn.map_or(rotation, |turn| turn * rotation);
+    /// The same path where another frame has other points, vectors and rotations.
+    pub(crate) fn map(
+        &self,
+        point: &impl Fn(DVec3) -> DVec3,
+        vector: &impl Fn(DVec3) -> DVec3,
+        turned: &impl Fn(DQuat) -> DQuat,
+    ) -> Self {
         match self {
             Self::Uniform { position_m, rotation, velocity_m_s, angular_velocity_rad_s } => Self::Uniform {
-                position_m: turned(*position_m) - origin,
-                rotation: rotated(*rotation),
-                velocity_m_s: turned(*velocity_m_s),
-                angular_velocity_rad_s: turned(*angular_velocity_rad_s),
+                position_m: point(*position_m),
+                rotation: turned(*rotation),
+                velocity_m_s: vector(*velocity_m_s),
+                angular_velocity_rad_s: vector(*angular_velocity_rad_s),
             },
             Self::Keyframed { keys, rotation } => Self::Keyframed {
-                keys: keys.iter().map(|(time, position)| (*time, turned(*position) - origin)).collect(),
-                rotation: rotated(*rotation),
+                keys: keys.iter().map(|(time, position)| (*time, point(*position))).collect(),
+                rotation: turned(*rotation),
             },
         }
     }

@@ -6,8 +6,8 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use gic_identify::{
-    Checkpoint, Estimates, Event, IdentifyError, Input, MaterialChoice, Observation, Settings, Stage as IdentifyStage,
-    Step, Target, View, identify, sought,
+    Checkpoint, Estimates, Event, GroundEstimate, IdentifyError, Input, MaterialChoice, Observation, Settings,
+    Stage as IdentifyStage, Step, Target, View, identify, sought,
 };
 use gic_mpm::MaterialKind;
 use gic_scene::Camera;
@@ -96,6 +96,35 @@ pub struct GroundRecord {
     /// Half-width of its 95 % interval [m]; absent where it could not be measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub height_interval_95_m: Option<f64>,
+    /// Tilts about two axes in it [degrees].
+    #[serde(default)]
+    pub tilt_deg: [f64; 2],
+    /// Half-widths of their 95 % intervals [degrees].
+    #[serde(default)]
+    pub tilt_interval_95_deg: [Option<f64>; 2],
+    /// Factor on its friction.
+    #[serde(default = "one")]
+    pub friction_factor: f64,
+    /// The factor that the 95 % interval of that reaches to either side.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub friction_interval_95_factor: Option<f64>,
+}
+
+fn one() -> f64 {
+    1.0
+}
+
+impl From<GroundEstimate> for GroundRecord {
+    fn from(found: GroundEstimate) -> Self {
+        GroundRecord {
+            height_m: found.height_m,
+            height_interval_95_m: found.height_half_width_m,
+            tilt_deg: found.tilt_rad.map(f64::to_degrees),
+            tilt_interval_95_deg: found.tilt_half_width_rad.map(|half| half.map(f64::to_degrees)),
+            friction_factor: found.log_friction.exp(),
+            friction_interval_95_factor: found.log_friction_half_width.map(f64::exp),
+        }
+    }
 }
 
 /// One step of identification.
@@ -405,7 +434,7 @@ fn record(model: &str, found: &Estimates) -> IdentifyRecord {
         velocity_m_s: found.velocity_m_s.into(),
         velocity_interval_95_m_s: found.velocity_interval_95.map(Into::into),
         angular_velocity_rad_s: found.angular_velocity_rad_s.into(),
-        ground: found.ground.map(|(height_m, height_interval_95_m)| GroundRecord { height_m, height_interval_95_m }),
+        ground: found.ground.map(GroundRecord::from),
         free_frames: found.free_frames,
         chamfer_m: found.loss.chamfer_m,
         mask_l1: found.loss.mask_l1,

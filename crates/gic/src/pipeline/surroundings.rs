@@ -1,7 +1,7 @@
 //! What is around the body: gravity and obstacles, given, stated by the scene, or guessed.
 
 use gic_identify::GroundDoubt;
-use gic_mpm::{Collider, ColliderPath};
+use gic_mpm::{Collider, ColliderPath, Contact};
 use gic_scene::{Format, GroundSource, Inspection};
 use gic_twin::twin::{ContactKind, Obstacle, ObstacleShape, Twin};
 use glam::DVec3;
@@ -16,6 +16,11 @@ const GRAVITY_M_S2: f64 = 9.8;
 const GUESSED_HEIGHT_SHARE: f64 = 0.1;
 /// Coulomb coefficient of a filmed floor. Judgement: most dry pairs of materials have 0.3 to 0.7.
 const FILMED_FRICTION: f64 = 0.5;
+/// Standard deviation of its logarithm. Judgement: a factor of two to either side.
+const FILMED_LOG_FRICTION: f64 = std::f64::consts::LN_2;
+/// Standard deviation of the tilt of a filmed floor about each of its axes [rad]. Judgement: floors and tables are level
+/// to a degree.
+const FILMED_TILT_RAD: f64 = 0.02;
 
 /// Gravity and obstacles of a run.
 pub(super) struct Surroundings {
@@ -44,8 +49,8 @@ impl Run<'_> {
         let (obstacles, ground) = match (self.scene.world.ground, seen) {
             (Some(plane), _) => {
                 let deviation = self.scene.world.ground_deviation_m;
-                let doubt = GroundDoubt { collider: 0, height_m: deviation };
-                (self.floor(plane.point.into(), plane.normal.into()), (deviation > 0.0).then_some(doubt))
+                let doubt = (deviation > 0.0).then(|| self.doubt(deviation));
+                (self.floor(plane.point.into(), plane.normal.into()), doubt)
             }
             (None, Some(seen)) => self.guessed_floor(&seen),
             (None, None) => (Vec::new(), None),
@@ -86,18 +91,27 @@ impl Run<'_> {
             2e3 * height_m
         );
         self.events.warn(Stage::Identify.name(), text);
-        let doubt = GroundDoubt { collider: 0, height_m };
-        (self.floor(point, normal), Some(doubt))
+        (self.floor(point, normal), Some(self.doubt(height_m)))
+    }
+
+    /// How well a floor is known whose height is known to `height_m` [m].
+    fn doubt(&self, height_m: f64) -> GroundDoubt {
+        let (tilt_rad, log_friction) = if self.is_film() { (FILMED_TILT_RAD, FILMED_LOG_FRICTION) } else { (0.0, 0.0) };
+        GroundDoubt { collider: 0, height_m, tilt_rad, log_friction }
+    }
+
+    /// Whether the scene was filmed, and not rendered by a suite whose files say what the ground is.
+    fn is_film(&self) -> bool {
+        matches!(self.scene.format, Format::Nerfstudio | Format::Colmap)
     }
 
     /// The ground: sticky in the synthetic suites, whose files say so, and one that things bounce off on film.
     fn floor(&self, point: [f64; 3], normal: [f64; 3]) -> Vec<Obstacle> {
         let shape = ObstacleShape::HalfSpace { point_m: point, normal };
-        vec![match self.scene.format {
-            Format::Nerfstudio | Format::Colmap => {
-                Obstacle { friction: Some(FILMED_FRICTION), ..Obstacle::new(shape, ContactKind::Separating) }
-            }
-            _ => Obstacle::new(shape, ContactKind::Sticky),
+        vec![if self.is_film() {
+            Obstacle { friction: Some(FILMED_FRICTION), ..Obstacle::new(shape, ContactKind::Separating) }
+        } else {
+            Obstacle::new(shape, ContactKind::Sticky)
         }]
     }
 }
@@ -105,10 +119,15 @@ impl Run<'_> {
 /// The obstacles as the fit moved them.
 pub(super) fn as_fitted(mut obstacles: Vec<Obstacle>, fitted: &[Collider]) -> Vec<Obstacle> {
     for (obstacle, collider) in obstacles.iter_mut().zip(fitted) {
-        if let (ObstacleShape::HalfSpace { point_m, .. }, ColliderPath::Uniform { position_m, .. }) =
-            (&mut obstacle.shape, &collider.path)
+        if let (ObstacleShape::HalfSpace { point_m, normal }, ColliderPath::Uniform { position_m, .. }, Some(fitted)) =
+            (&mut obstacle.shape, &collider.path, collider.normal())
         {
-            *point_m = (*position_m).into();
+            (*point_m, *normal) = ((*position_m).into(), fitted.into());
+        }
+        if let (Some(friction), Contact::Slip { friction: fitted } | Contact::Separating { friction: fitted }) =
+            (&mut obstacle.friction, collider.contact)
+        {
+            *friction = fitted;
         }
     }
     obstacles

@@ -145,6 +145,19 @@ fn remarks(found: &IdentifyRecord) -> Vec<String> {
             if ground.height_m < 0.0 { "lower" } else { "higher" },
             half.unwrap_or_default()
         ));
+        if ground.tilt_deg != [0.0; 2] {
+            let [x, y] = ground.tilt_deg;
+            let half = ground.tilt_interval_95_deg.iter().flatten().copied().fold(0.0, f64::max);
+            let factor = ground.friction_interval_95_factor.map_or(String::new(), |half| {
+                let (low, high) = (ground.friction_factor / half, ground.friction_factor * half);
+                format!(" (95 % from {low:.2} to {high:.2})")
+            });
+            remarks.push(format!(
+                "It is tilted by {:.1} degrees (95 % within {half:.1}); its friction is {:.2} times what was assumed{factor}.",
+                x.hypot(y),
+                ground.friction_factor
+            ));
+        }
     }
     remarks.push(format!("Nothing is touched in the first {} frames.", found.free_frames));
     remarks.push(format!(
