@@ -135,11 +135,9 @@ impl Pattern {
 
     /// White around a pixel, weighted by a Gaussian of `spread` pixels.
     fn blurred(&self, map: &Matrix3<f64>, [u, v]: [f64; 2], spread: f64) -> f64 {
-        /// Places across, in standard deviations, and their weights: even parts of -2 to 2.
-        const PLACES: [(f64, f64); 8] = [
-            (-1.75, 0.045), (-1.25, 0.0955), (-0.75, 0.1565), (-0.25, 0.203),
-            (0.25, 0.203), (0.75, 0.1565), (1.25, 0.0955), (1.75, 0.045),
-        ];
+        /// Places across, in standard deviations, and their weights: six even parts of -2 to 2.
+        const PLACES: [(f64, f64); 6] =
+            [(-1.667, 0.071), (-1.0, 0.1685), (-0.333, 0.2605), (0.333, 0.2605), (1.0, 0.1685), (1.667, 0.071)];
         let mut sum = 0.0;
         for (y, wy) in PLACES {
             for (x, wx) in PLACES {

@@ -13,8 +13,8 @@ use nalgebra::{DMatrix, DVector, Matrix2x3, Point3, UnitQuaternion, Vector2, Vec
 use crate::lens::LENS_UNKNOWNS;
 use crate::rig::{Rig, View};
 use crate::tuning::{
-    ASPECT_SD, CAUCHY_NOISES, CONVERGED_GAIN, FOCAL_SD, LEAST_NOISE_PX, MOST_STEPS, NOISE_ROUNDS, OUTLIER_NOISES,
-    PRINCIPAL_SD_WIDTHS, RADIAL_SD, TANGENTIAL_SD,
+    ASPECT_SD, CAUCHY_NOISES, CONVERGED_GAIN, FOCAL_SD, K1_SD, K2_SD, LEAST_NOISE_PX, MANY_VIEWS, MOST_STEPS,
+    NOISE_ROUNDS, OUTLIER_NOISES, PRINCIPAL_SD_WIDTHS, TANGENTIAL_SD, UNTOLD_SD,
 };
 
 /// Which unknowns there are.
@@ -24,6 +24,8 @@ pub(crate) struct Freedom {
     pub(crate) lenses: bool,
     /// The moment whose board is the world's frame.
     pub(crate) reference: usize,
+    /// fy / fx, which is 1 for square pixels.
+    pub(crate) pixel_aspect: f64,
 }
 
 /// A corner of a tag in a picture.
@@ -177,7 +179,10 @@ impl<'a> Bundle<'a> {
     /// Standard deviations of the unknowns, from the inverse of the normal matrix, shape [n, n].
     pub(crate) fn covariance(&self) -> Option<DMatrix<f64>> {
         let weights: Vec<f64> = self.corners.iter().map(|corner| f64::from(u8::from(corner.is_kept))).collect();
-        self.normal_equations(&weights).0.cholesky().map(|factor| factor.inverse())
+        let mut hessian = self.normal_equations(&weights).0;
+        // A board that no corner is left of has no place.
+        (0..hessian.nrows()).for_each(|i| hessian[(i, i)] += 1e-9);
+        hessian.cholesky().map(|factor| factor.inverse())
     }
 
     /// Where the unknowns of a lens begin.
@@ -213,10 +218,11 @@ impl<'a> Bundle<'a> {
         for (camera, (lens, size)) in self.rig.lenses.iter().zip(self.sizes).enumerate() {
             let Some(first) = self.lens_at(camera) else { continue };
             let [width, height] = size.map(|n| n as f64);
-            let expected = [width.ln(), 0.0, width / 2.0, height / 2.0, 0.0, 0.0, 0.0, 0.0];
+            let expected = [width.ln(), self.freedom.pixel_aspect.ln(), width / 2.0, height / 2.0, 0.0, 0.0, 0.0, 0.0];
             let middle = PRINCIPAL_SD_WIDTHS * width;
-            let [k1, k2] = RADIAL_SD;
-            let sds = [FOCAL_SD, ASPECT_SD, middle, middle, k1, k2, TANGENTIAL_SD, TANGENTIAL_SD];
+            let views = self.views.iter().filter(|view| view.camera == camera).count();
+            let [k2, p] = if views < MANY_VIEWS { [UNTOLD_SD; 2] } else { [K2_SD, TANGENTIAL_SD] };
+            let sds = [FOCAL_SD, ASPECT_SD, middle, middle, K1_SD, k2, p, p];
             priors.extend((0..LENS_UNKNOWNS).map(|k| (first + k, lens.unknowns[k] - expected[k], sds[k])));
         }
         priors
