@@ -111,8 +111,6 @@ pub(crate) struct Solution {
     pub(crate) corners: Vec<CornerReport>,
     /// Covariance of lens unknowns, shape [8, 8], where they are sought, and of the centre [m], shape [3, 3], per camera.
     pub(crate) deviations: Vec<CameraCovariance>,
-    /// Noise of a corner along each axis [pixels].
-    pub(crate) noise_px: f64,
 }
 
 /// A corner, and how far off it is.
@@ -187,6 +185,6 @@ impl Solution {
                 centre: part(bundle.camera_at(camera) + 3, 3),
             })
             .collect();
-        Solution { corners, deviations, noise_px: bundle.noise_px, rig: bundle.rig }
+        Solution { corners, deviations, rig: bundle.rig }
     }
 }
