@@ -32,7 +32,8 @@ pub(crate) fn align(picture: &Grey, tag: &Sighting) -> Option<Sighting> {
     let corners = [0, 1, 2, 3].map(|k| [found[2 * k], found[2 * k + 1]]);
     let moved = corners.iter().zip(&tag.corners).map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1])).fold(0.0, f64::max);
     let module = side / pattern.modules as f64;
-    let is_there = moved <= (MOST_SHIFT_MODULES * module).max(1.0) && pattern.fit(&pixels, &found).1 >= LEAST_CORRELATION;
+    let is_there =
+        moved <= (MOST_SHIFT_MODULES * module).max(1.0) && pattern.fit(&pixels, &found).1 >= LEAST_CORRELATION;
     is_there.then_some(Sighting { corners, ..*tag })
 }
 

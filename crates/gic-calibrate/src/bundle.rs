@@ -296,3 +296,99 @@ impl<'a> Bundle<'a> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Isometry3;
+
+    use super::*;
+    use crate::board::Board;
+    use crate::detect::Sighting;
+    use crate::lens::Lens;
+    use crate::rig::SheetPlace;
+
+    const SIZES: [[usize; 2]; 2] = [[640, 480], [640, 480]];
+
+    /// Two cameras that see two pages at two moments, tags shifted by up to `off` pixels.
+    fn scene(off: f64, distortion: [f64; 4]) -> (Rig, Vec<View>) {
+        let board: Board = "sheets:2x2,gap=0.5".parse().unwrap();
+        let camera = |x: f64| Isometry3::new(Vector3::new(x, 0.05, 0.5), Vector3::new(2.9, 0.3 * x, 0.2));
+        let sheets = vec![
+            SheetPlace { number: 0, shift: [0.0; 2], angle: 0.0 },
+            SheetPlace { number: 1, shift: [0.1, 0.05], angle: 0.4 },
+        ];
+        let lens = |f: f64| Lens::new([f, f], [321.0, 239.0], distortion);
+        let tags = Rig::tags_of(&board, &sheets, 0.03);
+        let moved = Isometry3::new(Vector3::new(0.02, -0.03, 0.05), Vector3::new(0.2, -0.1, 0.3));
+        let rig = Rig {
+            lenses: vec![lens(500.0), lens(520.0)],
+            world_from_camera: vec![camera(-0.1), camera(0.15)],
+            world_from_board: vec![moved, Isometry3::identity()],
+            sheets,
+            tags,
+            side_m: 0.03,
+        };
+        let mut views = Vec::new();
+        for (camera, moment) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            let sighting = |tag: usize| {
+                let shift = off * (1.7 * tag as f64 + camera as f64).sin();
+                let corners = rig.predict(camera, moment, tag)?.map(|[u, v]| [u + shift, v - shift]);
+                Some(Sighting { id: rig.tags[tag].1.id, corners, border: 1 })
+            };
+            views.push(View { camera, moment, tags: (0..rig.tags.len()).filter_map(sighting).collect() });
+        }
+        assert!(views.iter().all(|view| view.tags.len() == 8), "all tags are seen");
+        (rig, views)
+    }
+
+    fn freedom() -> Freedom {
+        Freedom { lenses: true, reference: 1, pixel_aspect: 1.0 }
+    }
+
+    #[test]
+    fn derivatives_of_all_unknowns_are_those_of_differences() {
+        let (rig, views) = scene(0.3, [-0.1, 0.02, 0.001, 0.0]);
+        let bundle = Bundle::new(rig.clone(), &views, &SIZES, freedom());
+        let (count, h) = (bundle.unknowns(), 1e-6);
+        assert_eq!(count, 2 * 14 + 6 + 3);
+        let moved = |k: usize, by: f64| {
+            let mut step = DVector::zeros(count);
+            step[k] = by;
+            let mut bundle = Bundle::new(rig.clone(), &views, &SIZES, freedom());
+            bundle.move_by(&step);
+            bundle
+        };
+        let mut told = vec![false; count];
+        for k in 0..count {
+            let (up, down) = (moved(k, h), moved(k, -h));
+            for n in 0..bundle.corners.len() {
+                // The residual falls where the prediction rises.
+                let difference = (down.residual(n) - up.residual(n)) / (2.0 * h);
+                let (_, columns) = bundle.row(n).unwrap();
+                let own = columns.iter().find(|(i, _)| *i == k).map_or(Vector2::zeros(), |(_, column)| *column);
+                assert!((difference - own).norm() < 1e-5 * (1.0 + own.norm()), "unknown {k}: {difference} {own}");
+                told[k] |= own.norm() > 0.0;
+            }
+        }
+        assert!(told.iter().all(|told| *told));
+    }
+
+    #[test]
+    fn the_adjustment_finds_back_and_leaves_out_a_wrong_corner() {
+        let (rig, mut views) = scene(0.0, [-0.1, 0.0, 0.0, 0.0]);
+        views[2].tags[3].corners[1][0] += 8.0;
+        let mut start = rig.clone();
+        start.world_from_camera[1].translation.vector.x += 0.02;
+        start.sheets[1].shift[0] += 0.005;
+        start.lenses[0].unknowns[0] += 0.05;
+        let mut bundle = Bundle::new(start, &views, &SIZES, freedom());
+        bundle.adjust();
+        let off =
+            (bundle.rig.world_from_camera[1].translation.vector - rig.world_from_camera[1].translation.vector).norm();
+        // The priors hold what is not noise here: distortion is zero to them.
+        assert!(off < 1e-3, "{off} m");
+        assert!((bundle.rig.lenses[0].unknowns[0] - rig.lenses[0].unknowns[0]).abs() < 5e-3);
+        assert_eq!(bundle.corners.iter().filter(|corner| !corner.is_kept).count(), 1);
+        assert!(bundle.covariance().is_some_and(|all| all.diagonal().iter().all(|variance| *variance > 0.0)));
+    }
+}

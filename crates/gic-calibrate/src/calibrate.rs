@@ -11,6 +11,7 @@ use crate::error::{CalibrateError, Result};
 use crate::lens::Lens;
 use crate::output::{Calibrated, known_lenses, write};
 use crate::report;
+use crate::rig::Rig;
 use crate::sightings::Sightings;
 use crate::start::{Known, start};
 use crate::tuning::GUIDED_ROUNDS;
@@ -61,15 +62,15 @@ pub struct CalibrateRequest {
     pub out: PathBuf,
 }
 
-/// Calibrates cameras and writes `calibration.json` (or `intrinsics.json`), `report.html` and `residuals/CAMERA.png`.
+/// Calibrates cameras; writes `calibration.json` (or `intrinsics.json`), `report.html` and `residuals/CAMERA.png`.
 ///
 /// The world is the board's frame: x to the right and y up on the first page that is seen, z out of the paper towards
 /// the cameras, origin in the page's middle, lengths in metres by the tags' size. Where the board moves, it is that of
 /// the last moment.
 ///
 /// # Errors
-/// [`CalibrateError::Usage`] for a request that cannot be met, [`CalibrateError::Pictures`] for pictures that do not tell
-/// the cameras, with their names.
+/// [`CalibrateError::Usage`] for a request that cannot be met, [`CalibrateError::Pictures`] for pictures that do not
+/// tell the cameras, with their names.
 pub fn calibrate(request: &CalibrateRequest, events: &Events, interrupt: &Interrupt) -> Result<Calibrated> {
     if !(request.tag_size_m > 0.0 && request.tag_size_m.is_finite()) {
         return Err(CalibrateError::usage(
@@ -106,10 +107,11 @@ fn tags(sightings: &Sightings) -> usize {
 
 /// An adjusted bundle, without the sightings that it borrows.
 pub(crate) struct Solution {
-    pub(crate) rig: crate::rig::Rig,
+    /// Where everything is.
+    pub(crate) rig: Rig,
     /// Per corner: number of the view, where it is seen, seen minus predicted [pixels], whether it counts.
     pub(crate) corners: Vec<CornerReport>,
-    /// Covariance of lens unknowns, shape [8, 8], where they are sought, and of the centre [m], shape [3, 3], per camera.
+    /// Per camera.
     pub(crate) deviations: Vec<CameraCovariance>,
 }
 
@@ -125,7 +127,9 @@ pub(crate) struct CornerReport {
 /// What a camera's part of the covariance says.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct CameraCovariance {
+    /// Of the lens's unknowns, shape [8, 8]; `None` for a known lens.
     pub(crate) lens: Option<nalgebra::DMatrix<f64>>,
+    /// Of the centre [m], shape [3, 3].
     pub(crate) centre: Option<nalgebra::DMatrix<f64>>,
 }
 

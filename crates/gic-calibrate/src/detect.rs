@@ -99,8 +99,8 @@ fn find(picture: &Grey, families: &[Family], wrong_bits: u32) -> Vec<Sighting> {
     let mut bytes = enlarged(picture, factor);
     let (width, height) = ((picture.width * factor) as c_int, (picture.height * factor) as c_int);
     let mut found = Vec::new();
-    // SAFETY: the picture's bytes and the families outlive the detector, which only reads them; lists and detections are
-    // freed as the library demands, the detector after its families are taken from it.
+    // SAFETY: the picture's bytes and the families outlive the detector, which only reads them; lists and detections
+    // are freed as the library demands, the detector after its families are taken from it.
     unsafe {
         let detector = c::apriltag_detector_create();
         for family in families {

@@ -100,10 +100,49 @@ impl Lens {
         for _ in 0..20 {
             let r2 = x * x + y * y;
             let d = 1.0 + k1 * r2 + k2 * r2 * r2;
-            let (tx, ty) =
-                (2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y);
+            let (tx, ty) = (2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x), p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y);
             (x, y) = ((bx - tx) / d, (by - ty) / d);
         }
         Vector3::new(x, y, 1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn lens() -> Lens {
+        Lens::new([500.0, 505.0], [322.0, 238.0], [-0.25, 0.08, 0.002, -0.001])
+    }
+
+    #[test]
+    fn derivatives_of_a_lens_are_those_of_differences() {
+        let (lens, point, h) = (lens(), Vector3::new(0.3, -0.2, 0.9), 1e-6);
+        let (_, by_point, by_unknowns) = lens.project_with_derivatives(&point).unwrap();
+        for k in 0..3 {
+            let mut step = Vector3::zeros();
+            step[k] = h;
+            let difference =
+                (lens.project(&(point + step)).unwrap() - lens.project(&(point - step)).unwrap()) / (2.0 * h);
+            assert!((difference - by_point.column(k)).norm() < 1e-6 * by_point.norm(), "point {k}");
+        }
+        for k in 0..LENS_UNKNOWNS {
+            let moved = |by: f64| {
+                let mut moved = lens;
+                moved.unknowns[k] += by;
+                moved.project(&point).unwrap()
+            };
+            let difference = (moved(h) - moved(-h)) / (2.0 * h);
+            assert!((difference - by_unknowns.column(k)).norm() < 1e-6 * by_unknowns.norm(), "unknown {k}");
+        }
+    }
+
+    #[test]
+    fn a_pixels_direction_is_seen_there() {
+        for pixel in [[10.0, 20.0], [322.0, 238.0], [600.0, 400.0]] {
+            let seen = lens().project(&lens().direction(pixel)).unwrap();
+            assert!((seen - Vector2::from(pixel)).norm() < 1e-6, "{seen}");
+        }
+        assert_eq!(lens().project(&Vector3::new(0.0, 0.0, -1.0)), None);
     }
 }

@@ -1,8 +1,8 @@
 //! Cameras from pictures of printed boards.
 //!
-//! [`print_board`] makes the board; [`calibrate`] reads films of it: `detect` finds tags, `align` lays their patterns over
-//! the pictures, `start` guesses lenses and places, `bundle` adjusts all of them together, and what the cameras then
-//! should see is searched for once more. `output` writes `calibration.json`, `report` pictures of the residuals.
+//! [`print_board`] makes the board; [`calibrate`] reads films of it: `detect` finds tags, `align` lays their patterns
+//! over the pictures, `start` guesses lenses and places, `bundle` adjusts all of them together, and what the cameras
+//! then should see is searched for once more. `output` writes `calibration.json`, `report` pictures of the residuals.
 
 mod align;
 mod board;

@@ -105,9 +105,8 @@ impl CalibratedCamera {
     /// A row of the report: name, tags, discarded corners, rms, focal length, distortion, centre and its deviation.
     pub fn cells(&self) -> [String; 8] {
         let sd = |sd: Option<f64>, digits: usize| sd.map_or("known".to_owned(), |sd| format!("± {sd:.digits$}"));
-        let centre = self.world_from_camera.map_or("-".to_owned(), |place| {
-            place.map(|row| format!("{:.4}", row[3])).join(" ")
-        });
+        let centre =
+            self.world_from_camera.map_or("-".to_owned(), |place| place.map(|row| format!("{:.4}", row[3])).join(" "));
         [
             self.name.clone(),
             self.tags.to_string(),

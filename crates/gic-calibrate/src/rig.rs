@@ -56,7 +56,8 @@ pub(crate) struct Rig {
 impl Rig {
     /// All tags of pages.
     pub(crate) fn tags_of(board: &Board, sheets: &[SheetPlace], side_m: f64) -> Vec<(usize, TagPlace)> {
-        let of_sheet = |(n, sheet): (usize, &SheetPlace)| board.tags(sheet.number, side_m).into_iter().map(move |t| (n, t));
+        let of_sheet =
+            |(n, sheet): (usize, &SheetPlace)| board.tags(sheet.number, side_m).into_iter().map(move |t| (n, t));
         let mut tags: Vec<_> = sheets.iter().enumerate().flat_map(of_sheet).collect();
         tags.sort_by_key(|(_, tag)| tag.id);
         tags

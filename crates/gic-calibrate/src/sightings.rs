@@ -1,6 +1,5 @@
 //! From films to views: pictures, the tags in them, and their aligned corners.
 
-
 use gic_film::{Film, Selection, open_films};
 use gic_twin::Interrupt;
 use rayon::prelude::*;
@@ -54,7 +53,8 @@ impl Sightings {
             check_tags(&films[camera].name, &pictures, request.board)?;
             for (moment, picture, tags) in pictures {
                 let is_own = |tag: &Sighting| request.board.sheet_of(tag.id).is_some();
-                let aligned: Vec<Sighting> = tags.iter().filter(|t| is_own(t)).filter_map(|t| align(&picture, t)).collect();
+                let aligned: Vec<Sighting> =
+                    tags.iter().filter(|t| is_own(t)).filter_map(|t| align(&picture, t)).collect();
                 if !aligned.is_empty() {
                     all.views.push(View { camera, moment, tags: aligned });
                     all.pictures.push(picture);
@@ -216,4 +216,3 @@ fn no_tag(name: &str, why: &str) -> CalibrateError {
          the camera out",
     )
 }
-

@@ -1,6 +1,6 @@
 //! Where the bundle adjustment starts: each view alone tells the board's plane and the pages on it, for a focal length.
-//! The focal length is the one with which the tags fit their pages best. Views are then laid onto each other by the pages
-//! that they share.
+//! The focal length is the one with which the tags fit their pages best. Views are then laid onto each other by the
+//! pages that they share.
 
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
@@ -37,7 +37,8 @@ pub(crate) fn start(views: &mut [View], known: &Known) -> Result<Rig> {
     };
     let quarters = turn_of_tags(views, &lenses, known);
     views.iter_mut().flat_map(|view| &mut view.tags).for_each(|tag| tag.corners.rotate_left(quarters));
-    let planes: Vec<Option<PlaneView>> = views.iter().map(|view| plane_view(&lenses[view.camera], view, known)).collect();
+    let planes: Vec<Option<PlaneView>> =
+        views.iter().map(|view| plane_view(&lenses[view.camera], view, known)).collect();
     let (sheets, boards) = lay_together(&planes, known);
     let camera_from_board = |n: usize| Some(planes[n].as_ref()?.camera_from_plane * boards[n]?);
     let poses: Vec<Option<Isometry3<f64>>> = (0..views.len()).map(camera_from_board).collect();
@@ -157,7 +158,7 @@ fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
-/// The place (of page 0) that brings the first of each pair nearest to the second, and the sum of squared distances left.
+/// The place (of page 0) that brings the first of each pair nearest to the second, and the squared distances left.
 fn fit_move(pairs: &[([f64; 2], [f64; 2])]) -> (SheetPlace, f64) {
     let count = pairs.len().max(1) as f64;
     let (mut from, mut to) = ([0.0; 2], [0.0; 2]);
@@ -196,7 +197,8 @@ fn shared(from: &[SheetPlace], to: &[SheetPlace], known: &Known) -> Vec<([f64; 2
     let mut pairs = Vec::new();
     for sheet in from {
         if let Some(other) = to.iter().find(|other| other.number == sheet.number) {
-            let corners = known.board.tags(sheet.number, known.side_m).into_iter().flat_map(|t| t.corners(known.side_m));
+            let corners =
+                known.board.tags(sheet.number, known.side_m).into_iter().flat_map(|t| t.corners(known.side_m));
             pairs.extend(corners.map(|corner| (sheet.apply(corner), other.apply(corner))));
         }
     }

@@ -38,7 +38,7 @@ pub(crate) const MOST_SHIFT_MODULES: f64 = 1.0;
 
 // Start.
 
-/// Focal lengths that are tried, in widths of the picture, lowest and highest. Derived: angles of view 110 to 17 degrees.
+/// Focal lengths that are tried, in widths of the picture, lowest and highest. Derived: views of 110 to 17 degrees.
 pub(crate) const FOCAL_RANGE_WIDTHS: [f64; 2] = [0.35, 3.5];
 /// Focal lengths that are tried. Derived: a tenth apart.
 pub(crate) const FOCAL_TRIALS: usize = 25;

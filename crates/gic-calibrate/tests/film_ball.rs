@@ -64,7 +64,13 @@ fn the_tags_under_the_ball_tell_its_four_cameras() {
     let tags: usize = found.cameras.iter().map(|camera| camera.tags).sum();
     for (n, camera) in found.cameras.iter().enumerate() {
         let focal = truth(n)["intrinsic"][0][0].as_f64().unwrap();
-        eprintln!("{} {} tags, {:.3} px, fx {:+.2} %", camera.name, camera.tags, camera.rms_px, 100.0 * (camera.fx_px / focal - 1.0));
+        eprintln!(
+            "{} {} tags, {:.3} px, fx {:+.2} %",
+            camera.name,
+            camera.tags,
+            camera.rms_px,
+            100.0 * (camera.fx_px / focal - 1.0)
+        );
         assert!((camera.fx_px / focal - 1.0).abs() < 0.0075, "{}: {} instead of {focal}", camera.name, camera.fx_px);
         squares += camera.tags as f64 * camera.rms_px.powi(2);
         centres.push(Vector3::from(camera.world_from_camera.unwrap().map(|row| row[3])));

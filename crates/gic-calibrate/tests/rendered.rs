@@ -5,9 +5,7 @@ mod common;
 use std::path::{Path, PathBuf};
 
 use common::{Camera, Page, on_floor};
-use gic_calibrate::{
-    Board, BoardOn, CalibrateRequest, Calibrated, CalibratedCamera, Lens, Motion, calibrate,
-};
+use gic_calibrate::{Board, BoardOn, CalibrateRequest, Calibrated, CalibratedCamera, Lens, Motion, calibrate};
 use gic_twin::Interrupt;
 use gic_twin::events::Events;
 use nalgebra::{Isometry3, Matrix3, UnitQuaternion, Vector3};
@@ -113,14 +111,20 @@ fn moving_board(board: &str, poses: usize) -> (Calibrated, Vec<Camera>, Isometry
         // Held upright before the cameras, tilted and moved; in the end on the floor.
         let t = pose as f64;
         let upright = UnitQuaternion::from_euler_angles(1.2 + 0.3 * (1.7 * t).sin(), 0.0, 0.0);
-        let tilt = UnitQuaternion::from_euler_angles(0.3 * (2.1 * t).cos(), 0.5 * (1.3 * t).sin(), 0.4 * (0.9 * t).sin());
+        let tilt =
+            UnitQuaternion::from_euler_angles(0.3 * (2.1 * t).cos(), 0.5 * (1.3 * t).sin(), 0.4 * (0.9 * t).sin());
         let turn = if pose + 1 == poses { UnitQuaternion::from_euler_angles(0.5, 0.0, 0.1) } else { upright * tilt };
         let shift = Vector3::new(0.08 * (1.1 * t).sin(), 0.05 * (0.7 * t).cos(), 0.1 + 0.05 * (1.9 * t).sin());
         last = Isometry3::from_parts(shift.into(), turn);
         for (n, camera) in cameras.iter().enumerate() {
             let film = folder.path().join(format!("films/camera{n}"));
             std::fs::create_dir_all(&film).unwrap();
-            camera.draw(&[Page::new(last, &board.black(0, SIDE_M))], 2.0, pose as u64, &film.join(format!("{pose:03}.png")));
+            camera.draw(
+                &[Page::new(last, &board.black(0, SIDE_M))],
+                2.0,
+                pose as u64,
+                &film.join(format!("{pose:03}.png")),
+            );
         }
     }
     let films = vec![folder.path().join("films")];

@@ -55,7 +55,11 @@ impl Camera {
         let right = forward.cross(&Vector3::z()).normalize();
         let axes = Matrix3::from_columns(&[right, forward.cross(&right), forward]);
         let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
-        Camera { lens, size, world_from_camera: Isometry3::from_parts(Translation3::from(Vector3::from(eye)), rotation) }
+        Camera {
+            lens,
+            size,
+            world_from_camera: Isometry3::from_parts(Translation3::from(Vector3::from(eye)), rotation),
+        }
     }
 
     /// The direction that a pixel shows: Newton's method on the lens, with differences.
@@ -84,7 +88,8 @@ impl Camera {
             image::Luma([(white + noise * random).round().clamp(0.0, 255.0) as u8])
         };
         let pixels: Vec<image::Luma<u8>> = (0..width * height).into_par_iter().map(pixel).collect();
-        let picture = image::GrayImage::from_fn(width as u32, height as u32, |x, y| pixels[y as usize * width + x as usize]);
+        let picture =
+            image::GrayImage::from_fn(width as u32, height as u32, |x, y| pixels[y as usize * width + x as usize]);
         image::DynamicImage::ImageLuma8(picture).into_rgb8().save(file).expect("written");
     }
 
@@ -100,8 +105,10 @@ impl Camera {
             }
             let [x, y] = [eye.x + depth * ray.x, eye.y + depth * ray.y];
             let inside = |b: &Black, around: f64| {
-                x > b.corner[0] - around && x < b.corner[0] + b.sides[0] + around
-                    && y > b.corner[1] - around && y < b.corner[1] + b.sides[1] + around
+                x > b.corner[0] - around
+                    && x < b.corner[0] + b.sides[0] + around
+                    && y > b.corner[1] - around
+                    && y < b.corner[1] + b.sides[1] + around
             };
             let Some(black) = cells.get(&[cell(x), cell(y)]) else { continue };
             if black.iter().any(|b| inside(b, 0.0)) {

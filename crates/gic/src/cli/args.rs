@@ -134,11 +134,13 @@ pub(crate) struct ImportArgs {
 ///
 /// First print a board (--print), measure a tag, and lay the pages flat on the floor where the object will fall. Then
 /// film them with all cameras at rest, or take a picture with each: every camera has to see a page that another one
-/// sees, too. Films are given as in `gic import`; their names are the cameras'. --moving is for a board that is shown to
-/// all cameras in several places. Writes calibration.json for `gic import --calibration`, report.html, and pictures of
-/// what is left over. The floor is the board's plane, z points up from it.
+/// sees, too. Films are given as in `gic import`; their names are the cameras'. --moving is for a board that is shown
+/// to all cameras in several places. Writes calibration.json for `gic import --calibration`, report.html, and pictures
+/// of what is left over. The floor is the board's plane, z points up from it.
 #[derive(Debug, Args)]
-#[command(after_help = "Example: gic calibrate --print board.pdf && gic calibrate films/ -o calibration --tag-size-m 0.032")]
+#[command(
+    after_help = "Example: gic calibrate --print board.pdf && gic calibrate films/ -o calibration --tag-size-m 0.032"
+)]
 pub(crate) struct CalibrateArgs {
     /// A folder of films, one a camera, or the films; folders of numbered pictures, and single pictures, do as well
     #[arg(value_name = "FOLDER|FILE")]

@@ -33,8 +33,7 @@ pub(crate) fn run(args: &CalibrateArgs, context: &Context) -> anyhow::Result<()>
         frame_rate_hz: args.frame_rate_hz,
         out: args.out.clone(),
     };
-    let calibrated =
-        gic_calibrate::calibrate(&request, &context.events, &context.interrupt).map_err(Error::from)?;
+    let calibrated = gic_calibrate::calibrate(&request, &context.events, &context.interrupt).map_err(Error::from)?;
     context.print("camera           tags  discarded  rms [px]  focal length [px]   k1                  centre [m]")?;
     for camera in &calibrated.cameras {
         context.print(line(camera))?;
