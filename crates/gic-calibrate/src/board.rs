@@ -13,8 +13,8 @@ pub(crate) const FAMILY_TAGS: usize = 587;
 
 /// A board of AprilTags 36h11, as `--board` names it.
 ///
-/// `sheets:4x6,gap=0.5`: pages of columns and rows of tags, `gap` tags apart, that lie anywhere on one plane (where,
-/// is measured). Page n begins with tag 24 n in its upper left corner. `tags` are pages of one tag.
+/// `sheets:4x6,gap=0.5`: pages of columns and rows of tags, `gap` tags apart, that lie anywhere on one plane; their
+/// places are measured. Page n begins with tag 24 n in its upper left corner. `tags` are pages of one tag.
 /// `kalibr:6x6,gap=0.3`: Kalibr's grid, numbered by rows from the lower left, with black squares between the tags.
 /// `charuco:8x6,tag=0.75`: a chessboard with tags in its white squares, `tag` of a square wide (OpenCV 4.6 and later).
 #[derive(Clone, Copy, Debug, PartialEq)]

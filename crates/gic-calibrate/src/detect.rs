@@ -6,6 +6,7 @@ use std::ptr;
 use apriltag_sys as c;
 use image::{ImageBuffer, Luma, imageops};
 
+use crate::align::shortest_side;
 use crate::grey::Grey;
 use crate::tuning::{LARGEST_ENLARGED_PX, LEAST_DECISION_MARGIN, MOST_ENLARGED, MOST_WRONG_BITS};
 
@@ -78,7 +79,25 @@ pub(crate) fn dark_modules(id: u32) -> Option<[[bool; DATA_MODULES]; DATA_MODULE
 
 /// Finds tags of 36h11, with borders of one or two modules, each number once: one that is seen twice is left out.
 pub fn find_tags(picture: &Grey) -> Vec<Sighting> {
-    find(picture, &[Family::tag36h11(1), Family::tag36h11(2)], MOST_WRONG_BITS)
+    let mut tags = find(picture, &[Family::tag36h11(1)], MOST_WRONG_BITS);
+    // Kalibr's tags touch the squares between them: a pixel more of white parts them, and is given back to their corners.
+    let kalibr = find(&picture.with_more_white(), &[Family::tag36h11(2)], MOST_WRONG_BITS);
+    tags.extend(kalibr.into_iter().map(|tag| tag.wider(1.0)));
+    tags.sort_by_key(|tag| tag.id);
+    tags.dedup_by_key(|tag| tag.id);
+    tags
+}
+
+impl Sighting {
+    /// The same with all sides moved outwards [pixels].
+    fn wider(mut self, by: f64) -> Sighting {
+        let middle = [0, 1].map(|axis| self.corners.iter().map(|corner| corner[axis]).sum::<f64>() / 4.0);
+        let scale = 1.0 + 2.0 * by / shortest_side(&self.corners).max(1.0);
+        for corner in &mut self.corners {
+            (0..2).for_each(|axis| corner[axis] = middle[axis] + scale * (corner[axis] - middle[axis]));
+        }
+        self
+    }
 }
 
 /// The name of another family whose tags are in the picture.

@@ -34,16 +34,14 @@ impl Grey {
         Some(Grey { values: (0..first.values.len()).map(middle).collect(), ..*first })
     }
 
-    /// Brightness at a place [pixels], bilinear, the border's beyond it.
-    pub fn sample(&self, x: f64, y: f64) -> f64 {
-        let place = |value: f64, size: usize| {
-            let value = (value - 0.5).clamp(0.0, (size - 1) as f64);
-            let low = (value as usize).min(size.saturating_sub(2));
-            (low, (low + 1).min(size - 1), value - low as f64)
+    /// The same with each pixel as bright as the brightest around it.
+    pub(crate) fn with_more_white(&self) -> Grey {
+        let (width, height) = (self.width, self.height);
+        let around = |n: usize, size: usize| n.saturating_sub(1)..(n + 2).min(size);
+        let brightest = |n: usize| {
+            let rows = around(n / width, height).flat_map(|y| around(n % width, width).map(move |x| y * width + x));
+            rows.map(|at| self.values[at]).fold(0.0, f32::max)
         };
-        let ((x0, x1, fx), (y0, y1, fy)) = (place(x, self.width), place(y, self.height));
-        let at = |x: usize, y: usize| f64::from(self.values[y * self.width + x]);
-        let row = |y: usize| at(x0, y) * (1.0 - fx) + at(x1, y) * fx;
-        row(y0) * (1.0 - fy) + row(y1) * fy
+        Grey { width, height, values: (0..width * height).map(brightest).collect() }
     }
 }
