@@ -12,7 +12,7 @@ use crate::grey::Grey;
 use crate::homography::homography;
 use crate::tuning::{
     ALIGN_DIFFERENCE_PX, ALIGN_MARGIN_MODULES, ALIGN_MOST_PIXELS, BLUR_DIFFERENCE_PX, FIRST_BLUR_PX, LEAST_CORRELATION,
-    LEAST_SIDE_PX, MOST_SHIFT_MODULES,
+    LEAST_SIDE_PX, MOST_SHIFT_MODULES, SEARCH_STEPS,
 };
 
 /// The tag's corners where its pattern fits best; `None` where it fits badly, or far from where it was looked for.
@@ -35,6 +35,26 @@ pub(crate) fn align(picture: &Grey, tag: &Sighting) -> Option<Sighting> {
     let is_there =
         moved <= (MOST_SHIFT_MODULES * module).max(1.0) && pattern.fit(&pixels, &found).1 >= LEAST_CORRELATION;
     is_there.then_some(Sighting { corners, ..*tag })
+}
+
+/// A tag where it is guessed to be, shifted by up to some modules to where its pattern correlates best with the picture.
+pub(crate) fn shifted(picture: &Grey, tag: &Sighting) -> Option<Sighting> {
+    let pattern = Pattern::of(tag)?;
+    let pixels = pattern.pixels(picture, &tag.corners)?;
+    let step = 0.5 * shortest_side(&tag.corners) / pattern.modules as f64;
+    let at = |n: i32| {
+        let across = 2 * SEARCH_STEPS + 1;
+        let shift = [n % across, n / across].map(|k| f64::from(k - SEARCH_STEPS) * step);
+        tag.corners.map(|[x, y]| [x + shift[0], y + shift[1]])
+    };
+    let correlation = |corners: &[[f64; 2]; 4]| {
+        let mut unknowns = DVector::from_element(9, 0.0);
+        unknowns.as_mut_slice()[..8].copy_from_slice(corners.as_flattened());
+        pattern.fit(&pixels, &unknowns).1
+    };
+    let trials = (0..(2 * SEARCH_STEPS + 1).pow(2)).map(at).map(|corners| (correlation(&corners), corners));
+    let (_, corners) = trials.max_by(|a, b| a.0.total_cmp(&b.0))?;
+    Some(Sighting { corners, ..*tag })
 }
 
 /// The shortest side of a tag [pixels].
@@ -118,9 +138,14 @@ impl Pattern {
         let Some(map) = self.modules_from_picture(&corners) else {
             return (DVector::from_element(pixels.len(), f64::INFINITY), 0.0);
         };
-        // Two deviations across a pixel's own box and the blur.
-        let spread = (unknowns[8] * unknowns[8] + 1.0 / 12.0).sqrt();
-        let white: Vec<f64> = pixels.iter().map(|(place, _)| self.blurred(&map, *place, spread)).collect();
+        let white: Vec<f64> = if unknowns[8] == 0.0 {
+            let sharp = |place: &[f64; 2]| mapped(&map, *place);
+            pixels.iter().map(|(place, _)| sharp(place)).map(|[x, y]| self.white(x, y)).collect()
+        } else {
+            // A pixel's own box and the blur.
+            let spread = (unknowns[8] * unknowns[8] + 1.0 / 12.0).sqrt();
+            pixels.iter().map(|(place, _)| self.blurred(&map, *place, spread)).collect()
+        };
         let count = pixels.len() as f64;
         let means = (white.iter().sum::<f64>() / count, pixels.iter().map(|pixel| pixel.1).sum::<f64>() / count);
         let (mut xx, mut xy, mut yy) = (1e-12, 0.0, 1e-12);

@@ -152,7 +152,6 @@ fn solve(
         reference,
     };
     let freedom = Freedom { lenses: lenses.is_none(), reference, pixel_aspect: request.pixel_aspect };
-    let border = sightings.views.iter().flat_map(|view| &view.tags).map(|tag| tag.border).max().unwrap_or(1);
     let mut rig = start(&mut sightings.views, &known)?;
     for round in 0.. {
         if interrupt.requested() {
@@ -162,7 +161,7 @@ fn solve(
         bundle.adjust();
         let solution = Solution::of(bundle);
         // Tags that other programs print turned are found by detection alone.
-        if round == GUIDED_ROUNDS || sightings.search(&solution.rig, border) == 0 {
+        if round == GUIDED_ROUNDS || sightings.search(&solution.rig, request.board.border()) == 0 {
             return Ok(solution);
         }
         rig = solution.rig;

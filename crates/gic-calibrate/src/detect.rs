@@ -77,15 +77,16 @@ pub(crate) fn dark_modules(id: u32) -> Option<[[bool; DATA_MODULES]; DATA_MODULE
     Some(dark)
 }
 
-/// Finds tags of 36h11, with borders of one or two modules, each number once: one that is seen twice is left out.
-pub fn find_tags(picture: &Grey) -> Vec<Sighting> {
-    let mut tags = find(picture, &[Family::tag36h11(1)], MOST_WRONG_BITS);
-    // Kalibr's tags touch the squares between them: a pixel more of white parts them, and is given back to their corners.
-    let kalibr = find(&picture.with_more_white(), &[Family::tag36h11(2)], MOST_WRONG_BITS);
-    tags.extend(kalibr.into_iter().map(|tag| tag.wider(1.0)));
-    tags.sort_by_key(|tag| tag.id);
-    tags.dedup_by_key(|tag| tag.id);
-    tags
+/// Finds tags of 36h11 with a black border of one module, or of two as Kalibr has them; a number that is seen twice is
+/// left out.
+pub fn find_tags(picture: &Grey, border: usize) -> Vec<Sighting> {
+    let family = Family::tag36h11(border as u32);
+    if border == 1 {
+        return find(picture, &[family], MOST_WRONG_BITS);
+    }
+    // Kalibr's tags touch the squares between them: a pixel more of white parts them, and is given back to the corners.
+    let parted = find(&picture.with_more_white(), &[family], MOST_WRONG_BITS);
+    parted.into_iter().map(|tag| tag.wider(1.0)).collect()
 }
 
 impl Sighting {

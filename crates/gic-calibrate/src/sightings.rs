@@ -4,7 +4,7 @@ use gic_film::{Film, Selection, open_films};
 use gic_twin::Interrupt;
 use rayon::prelude::*;
 
-use crate::align::align;
+use crate::align::{align, shifted};
 use crate::board::Board;
 use crate::calibrate::{CalibrateRequest, Motion};
 use crate::detect::{Sighting, find_tags, other_family};
@@ -34,12 +34,17 @@ impl Sightings {
         let films = open_films(&request.films, Some(request.frame_rate_hz.unwrap_or(1.0)))?;
         let seen: Vec<Vec<(usize, Grey, Vec<Sighting>)>> = match request.motion {
             Motion::Still => {
-                let one = |film: &Film| still_view(film, interrupt).map(|(picture, tags)| vec![(0, picture, tags)]);
+                let one = |film: &Film| {
+                    still_view(film, request.board.border(), interrupt).map(|(picture, tags)| vec![(0, picture, tags)])
+                };
                 films.par_iter().map(one).collect::<Result<_>>()?
             }
             Motion::Moving => {
                 let moments = moments(&films);
-                films.par_iter().map(|film| moving_views(film, &moments, interrupt)).collect::<Result<_>>()?
+                films
+                    .par_iter()
+                    .map(|film| moving_views(film, &moments, request.board.border(), interrupt))
+                    .collect::<Result<_>>()?
             }
         };
         let mut all = Sightings {
@@ -99,7 +104,7 @@ impl Sightings {
             let is_new = |tag: &usize| view.tags.iter().all(|seen| seen.id != rig.tags[*tag].1.id);
             let guess = |tag: usize| {
                 let corners = rig.predict(view.camera, view.moment, tag)?;
-                align(picture, &Sighting { id: rig.tags[tag].1.id, corners, border })
+                align(picture, &shifted(picture, &Sighting { id: rig.tags[tag].1.id, corners, border })?)
             };
             (0..rig.tags.len()).filter(is_new).filter_map(guess).collect()
         };
@@ -127,14 +132,14 @@ fn frames(film: &Film, numbers: &[usize], interrupt: &Interrupt) -> Result<Vec<G
 }
 
 /// What a still camera sees of a still board.
-fn still_view(film: &Film, interrupt: &Interrupt) -> Result<(Grey, Vec<Sighting>)> {
+fn still_view(film: &Film, border: usize, interrupt: &Interrupt) -> Result<(Grey, Vec<Sighting>)> {
     let numbers = gic_scene::sheet::evenly_spaced(film.times_s.len(), STILL_FRAMES);
     let frames = frames(film, &numbers, interrupt)?;
     if let (Some(first), Some(last)) = (frames.first(), frames.last()) {
-        check_still(&film.name, &find_tags(first), &find_tags(last))?;
+        check_still(&film.name, &find_tags(first, border), &find_tags(last, border))?;
     }
     let picture = Grey::still(&frames).ok_or_else(|| no_tag(&film.name, "its film has no frame"))?;
-    let tags = find_tags(&picture);
+    let tags = find_tags(&picture, border);
     Ok((picture, tags))
 }
 
@@ -167,7 +172,12 @@ fn length_s(film: &Film) -> f64 {
     film.times_s.last().copied().unwrap_or_default()
 }
 
-fn moving_views(film: &Film, moments: &[f64], interrupt: &Interrupt) -> Result<Vec<(usize, Grey, Vec<Sighting>)>> {
+fn moving_views(
+    film: &Film,
+    moments: &[f64],
+    border: usize,
+    interrupt: &Interrupt,
+) -> Result<Vec<(usize, Grey, Vec<Sighting>)>> {
     let nearest = |moment: &f64| {
         let distance = |n: &usize| (film.times_s[*n] - moment).abs();
         (0..film.times_s.len()).min_by(|a, b| f64::total_cmp(&distance(a), &distance(b))).unwrap_or_default()
@@ -182,7 +192,7 @@ fn moving_views(film: &Film, moments: &[f64], interrupt: &Interrupt) -> Result<V
             return Err(CalibrateError::interrupted());
         }
         let moment = wanted.iter().position(|n| *n == number).unwrap_or_default();
-        let tags = find_tags(&picture);
+        let tags = find_tags(&picture, border);
         views.push((moment, picture, tags));
     }
     Ok(views)

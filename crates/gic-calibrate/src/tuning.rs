@@ -36,6 +36,9 @@ pub(crate) const LEAST_CORRELATION: f64 = 0.75;
 /// Corners are found within so many modules. Derived: beyond a module the bits' pattern is ambiguous.
 pub(crate) const MOST_SHIFT_MODULES: f64 = 1.0;
 
+/// Guessed tags are looked for within so many half modules. Fitted on: film_ball, whose second camera begins with two.
+pub(crate) const SEARCH_STEPS: i32 = 5;
+
 // Start.
 
 /// Focal lengths that are tried, in widths of the picture, lowest and highest. Derived: views of 110 to 17 degrees.
