@@ -6,7 +6,6 @@ use std::ptr;
 use apriltag_sys as c;
 use image::{ImageBuffer, Luma, imageops};
 
-use crate::align::shortest_side;
 use crate::grey::Grey;
 use crate::tuning::{LARGEST_ENLARGED_PX, LEAST_DECISION_MARGIN, MOST_ENLARGED, MOST_WRONG_BITS};
 
@@ -80,43 +79,42 @@ pub(crate) fn dark_modules(id: u32) -> Option<[[bool; DATA_MODULES]; DATA_MODULE
 /// Finds tags of 36h11 with a black border of one module, or of two as Kalibr has them; a number that is seen twice is
 /// left out.
 pub fn find_tags(picture: &Grey, border: usize) -> Vec<Sighting> {
-    let family = Family::tag36h11(border as u32);
-    if border == 1 {
-        return find(picture, &[family], MOST_WRONG_BITS);
+    let families = [Family::tag36h11(border as u32)];
+    // Tags of another border look like some of these with a wrong bit.
+    let wrong_bits = if border == 1 { MOST_WRONG_BITS } else { 0 };
+    let mut tags = find(picture, &families, wrong_bits, false);
+    if border > 1 {
+        // Kalibr's tags touch the squares between them; a little more white parts them.
+        let parted = find(picture, &families, wrong_bits, true);
+        let new = parted.into_iter().filter(|tag| tags.iter().all(|other| other.id != tag.id));
+        let new: Vec<Sighting> = new.collect();
+        tags.extend(new);
+        tags.sort_by_key(|tag| tag.id);
     }
-    // Kalibr's tags touch the squares between them: a pixel more of white parts them, and is given back to the corners.
-    let parted = find(&picture.with_more_white(), &[family], MOST_WRONG_BITS);
-    parted.into_iter().map(|tag| tag.wider(1.0)).collect()
-}
-
-impl Sighting {
-    /// The same with all sides moved outwards [pixels].
-    fn wider(mut self, by: f64) -> Sighting {
-        let middle = [0, 1].map(|axis| self.corners.iter().map(|corner| corner[axis]).sum::<f64>() / 4.0);
-        let scale = 1.0 + 2.0 * by / shortest_side(&self.corners).max(1.0);
-        for corner in &mut self.corners {
-            (0..2).for_each(|axis| corner[axis] = middle[axis] + scale * (corner[axis] - middle[axis]));
-        }
-        self
-    }
+    tags
 }
 
 /// The name of another family whose tags are in the picture.
-pub(crate) fn other_family(picture: &Grey) -> Option<&'static str> {
+pub(crate) fn other_family(picture: &Grey, border: usize) -> Option<&'static str> {
     // SAFETY: creators have no conditions.
     let others = unsafe {
         [
+            ("36h11 with a black border of another width", Family::tag36h11(3 - border as u32)),
             ("25h9", Family { pointer: c::tag25h9_create(), free: c::tag25h9_destroy }),
             ("Standard41h12", Family { pointer: c::tagStandard41h12_create(), free: c::tagStandard41h12_destroy }),
         ]
     };
-    let found = others.into_iter().find(|(_, family)| !find(picture, std::slice::from_ref(family), 0).is_empty());
+    let found =
+        others.into_iter().find(|(_, family)| !find(picture, std::slice::from_ref(family), 0, false).is_empty());
     found.map(|(name, _)| name)
 }
 
-fn find(picture: &Grey, families: &[Family], wrong_bits: u32) -> Vec<Sighting> {
+fn find(picture: &Grey, families: &[Family], wrong_bits: u32, has_more_white: bool) -> Vec<Sighting> {
     let factor = (LARGEST_ENLARGED_PX / picture.width.max(picture.height)).clamp(1, MOST_ENLARGED);
     let mut bytes = enlarged(picture, factor);
+    if has_more_white {
+        bytes = with_more_white(&bytes, picture.width * factor);
+    }
     let (width, height) = ((picture.width * factor) as c_int, (picture.height * factor) as c_int);
     let mut found = Vec::new();
     // SAFETY: the picture's bytes and the families outlive the detector, which only reads them; lists and detections
@@ -163,4 +161,15 @@ fn enlarged(picture: &Grey, factor: usize) -> Vec<u8> {
         _ => imageops::resize(&grey, width * factor as u32, height * factor as u32, imageops::FilterType::Lanczos3),
     };
     larger.into_raw().into_iter().map(|value| (value * 255.0).round().clamp(0.0, 255.0) as u8).collect()
+}
+
+/// Each pixel as bright as the brightest around it.
+fn with_more_white(bytes: &[u8], width: usize) -> Vec<u8> {
+    let height = bytes.len() / width;
+    let around = |n: usize, size: usize| n.saturating_sub(1)..(n + 2).min(size);
+    let brightest = |n: usize| {
+        let rows = around(n / width, height).flat_map(|y| around(n % width, width).map(move |x| y * width + x));
+        rows.map(|at| bytes[at]).max().unwrap_or_default()
+    };
+    (0..bytes.len()).map(brightest).collect()
 }

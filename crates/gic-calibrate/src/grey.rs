@@ -33,15 +33,4 @@ impl Grey {
         };
         Some(Grey { values: (0..first.values.len()).map(middle).collect(), ..*first })
     }
-
-    /// The same with each pixel as bright as the brightest around it.
-    pub(crate) fn with_more_white(&self) -> Grey {
-        let (width, height) = (self.width, self.height);
-        let around = |n: usize, size: usize| n.saturating_sub(1)..(n + 2).min(size);
-        let brightest = |n: usize| {
-            let rows = around(n / width, height).flat_map(|y| around(n % width, width).map(move |x| y * width + x));
-            rows.map(|at| self.values[at]).fold(0.0, f32::max)
-        };
-        Grey { width, height, values: (0..width * height).map(brightest).collect() }
-    }
 }

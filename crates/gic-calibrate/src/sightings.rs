@@ -210,10 +210,10 @@ fn check_tags(name: &str, pictures: &[(usize, Grey, Vec<Sighting>)], board: Boar
             "name the board that was printed with --board; tags alone are `--board tags`",
         ));
     }
-    match pictures.iter().find_map(|(_, picture, _)| other_family(picture)) {
+    match pictures.iter().find_map(|(_, picture, _)| other_family(picture, board.border())) {
         Some(family) => Err(CalibrateError::pictures(
-            format!("camera {name} sees tags of the family {family}; those of 36h11 are read"),
-            "print a board with `gic calibrate --print board.pdf`",
+            format!("camera {name} sees tags of {family}, none of the board {board}"),
+            "name the board that was printed with --board, or print one with `gic calibrate --print board.pdf`",
         )),
         None => Err(no_tag(name, "no tag of the family 36h11 is found in its pictures")),
     }
