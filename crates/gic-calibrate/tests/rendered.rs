@@ -148,7 +148,7 @@ fn check_lens(found: &CalibratedCamera, truth: &Camera, scale: f64) {
 fn a_moving_kalibr_board_tells_all_of_a_lens() {
     let (found, cameras, last, _folder) = moving_board("kalibr:4x4,gap=0.3", 7);
     found.cameras.iter().zip(&cameras).for_each(|(found, truth)| check_lens(found, truth, 1.0));
-    check_places(&found, &cameras, &last, 0.002, 0.004);
+    check_places(&found, &cameras, &last, 0.004, 0.012);
 }
 
 #[test]
