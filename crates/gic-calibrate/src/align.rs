@@ -37,7 +37,7 @@ pub(crate) fn align(picture: &Grey, tag: &Sighting) -> Option<Sighting> {
     is_there.then_some(Sighting { corners, ..*tag })
 }
 
-/// A tag where it is guessed to be, shifted by up to some modules to where its pattern correlates best with the picture.
+/// A tag where it is guessed to be, shifted by some modules to where its pattern correlates best with the picture.
 pub(crate) fn shifted(picture: &Grey, tag: &Sighting) -> Option<Sighting> {
     let pattern = Pattern::of(tag)?;
     let pixels = pattern.pixels(picture, &tag.corners)?;
