@@ -18,7 +18,7 @@ use crate::tuning::{
 /// The tag's corners where its pattern fits best; `None` where it fits badly, or far from where it was looked for.
 pub(crate) fn align(picture: &Grey, tag: &Sighting) -> Option<Sighting> {
     let side = shortest_side(&tag.corners);
-    if !(side >= LEAST_SIDE_PX) {
+    if side.is_nan() || side < LEAST_SIDE_PX {
         return None;
     }
     let pattern = Pattern::of(tag)?;

@@ -131,7 +131,7 @@ impl<'a> Bundle<'a> {
             } else {
                 self.rig = there;
                 damping *= 10.0;
-                if !(damping < 1e9) {
+                if damping >= 1e9 {
                     break;
                 }
             }

@@ -60,7 +60,8 @@ impl Lens {
         &self,
         point: &Vector3<f64>,
     ) -> Option<(Vector2<f64>, Matrix2x3<f64>, LensJacobian)> {
-        if !(point.z > 0.0) {
+        let is_before = point.z > 0.0;
+        if !is_before {
             return None;
         }
         let [k1, k2, p1, p2] = self.distortion();

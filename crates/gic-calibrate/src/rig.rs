@@ -82,7 +82,8 @@ impl Rig {
         let camera_from_board = self.world_from_camera[camera].inverse() * self.world_from_board[moment];
         let normal = camera_from_board.rotation * nalgebra::Vector3::z();
         let corners = self.corners(tag).map(|corner| camera_from_board * corner);
-        if !(normal.dot(&corners[0].coords) < 0.0) {
+        let is_seen_from_front = normal.dot(&corners[0].coords) < 0.0;
+        if !is_seen_from_front {
             return None;
         }
         let mut pixels = [[0.0; 2]; 4];

@@ -232,12 +232,11 @@ fn lay_together(planes: &[Option<PlaneView>], known: &Known) -> (Vec<SheetPlace>
     (sheets, boards)
 }
 
+/// Where cameras or boards are in the world.
+type Places = Vec<Isometry3<f64>>;
+
 /// Places of cameras and boards in the world, from one view to the next that shares a camera or a moment with it.
-fn link(
-    views: &[View],
-    camera_from_board: &[Option<Isometry3<f64>>],
-    known: &Known,
-) -> Result<(Vec<Isometry3<f64>>, Vec<Isometry3<f64>>)> {
+fn link(views: &[View], camera_from_board: &[Option<Isometry3<f64>>], known: &Known) -> Result<(Places, Places)> {
     let mut cameras: Vec<Option<Isometry3<f64>>> = vec![None; known.names.len()];
     let mut boards: Vec<Option<Isometry3<f64>>> = vec![None; known.moments];
     boards[known.reference] = Some(Isometry3::identity());
