@@ -100,7 +100,7 @@ impl Camera {
         for Page { world_from_page, cells } in pages {
             let (ray, eye) = (world_from_page.inverse() * ray, world_from_page.inverse() * Point3::from(eye));
             let depth = -eye.z / ray.z;
-            if !(depth > 0.0) {
+            if depth.is_nan() || depth <= 0.0 {
                 continue;
             }
             let [x, y] = [eye.x + depth * ray.x, eye.y + depth * ray.y];
