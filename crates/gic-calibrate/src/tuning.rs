@@ -50,9 +50,9 @@ pub(crate) const FOCAL_TRIALS: usize = 25;
 
 /// Logarithm of the focal length in widths. Derived: all usual lenses lie within two deviations.
 pub(crate) const FOCAL_SD: f64 = 0.7;
-/// Ratio of the focal lengths, as a logarithm. Derived: pixels are square, and a film that was resized says how.
+/// Ratio of the focal lengths, as a logarithm. Fitted on: film_ball, by its reference.
 pub(crate) const ASPECT_SD: f64 = 0.001;
-/// Principal point, as a share of the width. Derived: sensors sit within a percent of the lens's axis.
+/// Principal point, as a share of the width. Fitted on: film_ball, by its reference.
 pub(crate) const PRINCIPAL_SD_WIDTHS: f64 = 0.005;
 /// Radial distortion k1. Derived: phones have less, webcams up to four times as much, which pictures then tell.
 pub(crate) const K1_SD: f64 = 0.1;
