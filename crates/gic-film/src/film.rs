@@ -59,13 +59,16 @@ pub fn open_films(paths: &[PathBuf], frame_rate_hz: Option<f64>) -> Result<Vec<F
 }
 
 impl Film {
-    /// Opens a film file, or a folder of numbered pictures that were taken at `frame_rate_hz`.
+    /// Opens a film file, a folder of numbered pictures that were taken at `frame_rate_hz`, or a single picture.
     ///
     /// # Errors
     /// As [`open_films`].
     pub fn open(path: &Path, frame_rate_hz: Option<f64>) -> Result<Film> {
         if path.is_dir() {
-            return Film::of_pictures(path, frame_rate_hz);
+            return Film::of_pictures(path, numbered_pictures(path)?, frame_rate_hz);
+        }
+        if has_ending(path, &PICTURE_ENDINGS) {
+            return Film::of_pictures(path, vec![path.to_owned()], frame_rate_hz);
         }
         gic_files::input::open(path).map_err(FilmError::read(path))?;
         let content = ffmpeg::probe(path)?;
@@ -82,8 +85,8 @@ impl Film {
         })
     }
 
-    fn of_pictures(folder: &Path, frame_rate_hz: Option<f64>) -> Result<Film> {
-        let pictures = numbered_pictures(folder)?;
+    /// A film of the pictures that are a folder's, or a single picture.
+    fn of_pictures(folder: &Path, pictures: Vec<PathBuf>, frame_rate_hz: Option<f64>) -> Result<Film> {
         let Some(first) = pictures.first() else {
             return Err(FilmError::content(
                 folder,

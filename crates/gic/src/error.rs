@@ -3,6 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use gic_calibrate::CalibrateError;
 use gic_files::LockError;
 use gic_film::FilmError;
 use gic_grasp::GraspError;
@@ -24,6 +25,9 @@ pub enum Error {
     /// Films and masks.
     #[error(transparent)]
     Film(#[from] FilmError),
+    /// Calibration.
+    #[error(transparent)]
+    Calibrate(#[from] CalibrateError),
     /// A file could not be read.
     #[error("cannot read {}", path.display())]
     Read {
@@ -147,6 +151,7 @@ impl Error {
             Self::Grasp(error) => error.hint(),
             Self::View(error) => error.hint(),
             Self::Film(error) => error.hint(),
+            Self::Calibrate(error) => error.hint(),
             Self::Read { source, .. } if source.kind() == io::ErrorKind::NotFound => {
                 Some("check the path; relative paths inside a twin are relative to the twin's own folder".into())
             }
@@ -181,6 +186,7 @@ impl Error {
             Self::Grasp(error) => error.is_interrupt(),
             Self::View(error) => error.is_interrupt(),
             Self::Film(error) => error.is_interrupt(),
+            Self::Calibrate(error) => error.is_interrupt(),
             Self::Interrupted { .. } => true,
             _ => false,
         }
@@ -190,6 +196,7 @@ impl Error {
     pub fn is_usage(&self) -> bool {
         match self {
             Self::Film(error) => error.is_usage(),
+            Self::Calibrate(error) => error.is_usage(),
             _ => matches!(self, Self::Setting { .. } | Self::Settings { .. }),
         }
     }

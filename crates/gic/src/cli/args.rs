@@ -58,6 +58,7 @@ pub(crate) struct Global {
 pub(crate) enum Command {
     Demo(DemoArgs),
     Import(ImportArgs),
+    Calibrate(CalibrateArgs),
     Masks(MasksArgs),
     Inspect(InspectArgs),
     Run(RunArgs),
@@ -127,6 +128,94 @@ pub(crate) struct ImportArgs {
     /// What shows the films' common clock
     #[arg(long, value_enum, default_value = "auto")]
     pub(crate) align: gic_film::Align,
+}
+
+/// Calibrate cameras with a printed board: lenses, places, the floor, the scale
+///
+/// First print a board (--print), measure a tag, and lay the pages flat on the floor where the object will fall. Then
+/// film them with all cameras at rest, or take a picture with each: every camera has to see a page that another one
+/// sees, too. Films are given as in `gic import`; their names are the cameras'. --moving is for a board that is shown
+/// to all cameras in several places. Writes calibration.json for `gic import --calibration`, report.html, and pictures
+/// of what is left over. The floor is the board's plane, z points up from it.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Example: gic calibrate --print board.pdf && gic calibrate films/ -o calibration --tag-size-m 0.032"
+)]
+pub(crate) struct CalibrateArgs {
+    /// A folder of films, one a camera, or the films; folders of numbered pictures, and single pictures, do as well
+    #[arg(value_name = "FOLDER|FILE")]
+    pub(crate) films: Vec<PathBuf>,
+    /// Folder for the results
+    #[arg(short, long, value_name = "DIR", default_value = "calibration")]
+    pub(crate) out: PathBuf,
+    /// The board: pages of tags, sheets:COLUMNSxROWS,gap=SHARE of a tag, lying anywhere on one plane; tags, for single
+    /// tags; kalibr:COLUMNSxROWS,gap=SHARE; or charuco:COLUMNSxROWS,tag=SHARE of a square. All of AprilTags 36h11
+    #[arg(long, value_name = "BOARD", default_value = "sheets:4x6")]
+    pub(crate) board: gic_calibrate::Board,
+    /// Side of a tag's black square, as measured on the paper [m]
+    #[arg(long, value_name = "M", value_parser = length)]
+    pub(crate) tag_size_m: Option<f64>,
+    /// Only make the board, as a PDF at its true size
+    #[arg(long, value_name = "FILE.pdf")]
+    pub(crate) print: Option<PathBuf>,
+    /// The paper to print on
+    #[arg(long, value_enum, default_value = "a4")]
+    pub(crate) paper: Paper,
+    /// Number of pages to print
+    #[arg(long, value_name = "N", default_value = "4", value_parser = positive)]
+    pub(crate) pages: usize,
+    /// The board moves: it is shown in several places, to all cameras at the same moments (films begin together)
+    #[arg(long)]
+    pub(crate) moving: bool,
+    /// Lenses alone, each camera for itself, from a board that moves before it: writes intrinsics.json
+    #[arg(long)]
+    pub(crate) intrinsics: bool,
+    /// Take the lenses from here (intrinsics.json or calibration.json), seek the places only
+    #[arg(long, value_name = "FILE")]
+    pub(crate) lenses: Option<PathBuf>,
+    /// Focal length along y over that along x: 1 for square pixels, another for films that were resized unevenly
+    #[arg(long, value_name = "RATIO", default_value = "1", value_parser = positive_number)]
+    pub(crate) pixel_aspect: f64,
+    /// What the board lies on; a moving board at its end
+    #[arg(long, value_enum, default_value = "floor")]
+    pub(crate) board_on: BoardOn,
+    /// Frames per second of numbered pictures; matters with --moving, where cameras differ
+    #[arg(long, value_name = "HZ", value_parser = positive_number)]
+    pub(crate) frame_rate_hz: Option<f64>,
+}
+
+/// Sizes of paper.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+pub(crate) enum Paper {
+    A4,
+    A3,
+    Letter,
+}
+
+impl From<Paper> for gic_calibrate::Paper {
+    fn from(paper: Paper) -> Self {
+        match paper {
+            Paper::A4 => Self::A4,
+            Paper::A3 => Self::A3,
+            Paper::Letter => Self::Letter,
+        }
+    }
+}
+
+/// What a board lies on.
+#[derive(Clone, Copy, Debug, clap::ValueEnum)]
+pub(crate) enum BoardOn {
+    Floor,
+    Nothing,
+}
+
+impl From<BoardOn> for gic_calibrate::BoardOn {
+    fn from(place: BoardOn) -> Self {
+        match place {
+            BoardOn::Floor => Self::Floor,
+            BoardOn::Nothing => Self::Nothing,
+        }
+    }
 }
 
 /// Make the masks of a scene, and name the doubtful ones

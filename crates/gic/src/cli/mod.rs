@@ -1,6 +1,7 @@
 //! The terminal's side: parse first, resolve once, run, report.
 
 mod args;
+mod calibrate;
 mod context;
 mod flags;
 mod gradcheck;
@@ -114,6 +115,7 @@ fn run_command(command: Command, context: &Context) -> anyhow::Result<()> {
     match command {
         Command::Demo(args) => results::demo(&args, context),
         Command::Import(args) => import::run(&args, context),
+        Command::Calibrate(args) => calibrate::run(&args, context),
         Command::Masks(args) => import::masks(&args, context),
         Command::Inspect(args) => results::inspect(&args, context),
         Command::Report(args) => run::report(&args, context),

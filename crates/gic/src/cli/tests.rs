@@ -34,10 +34,11 @@ fn example(arg: &Arg) -> String {
     let value = match name {
         "N" | "N|orbit" => "7",
         "CAMERA" => "2,3",
-        "M" | "MU" | "HEIGHT" | "TIMES" | "W,..." => "0.0125",
+        "M" | "MU" | "HEIGHT" | "RATIO" | "TIMES" | "W,..." => "0.0125",
         "HZ" | "KG_M3" | "HOURS" | "GB" => "850.5",
         "NAME=VALUE" => "poisson_ratio=0.25",
         "KEY=VALUE" => "reconstruct.loss.scale=0.5",
+        "BOARD" => "kalibr:6x6",
         "X,Y,Z" => "1,2,-3",
         "TWIN@X,Y,Z" => "twin.json@1,2,-3",
         "WIDTHxHEIGHT" => "320x200",
