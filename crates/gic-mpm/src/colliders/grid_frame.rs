@@ -1,9 +1,10 @@
 //! Where the grid's nodes lie: on the ground.
 //!
 //! An obstacle holds the nodes that are inside of it, so a plane between two layers of nodes acts as if it lay on the
-//! lower one, and a tilted one as a staircase. The grid is therefore laid on the ground: an axis is the ground's normal,
-//! and the first resting plane across each axis passes through nodes at the point it is given by. Then matter meets the
-//! ground where it is, and a ground that is raised by a tenth of a cell, or tilted by a degree, moves matter by as much.
+//! lower one, and a tilted one as a staircase. The grid is therefore laid on the ground: an axis is the ground's
+//! normal, and the first resting plane across each axis passes through nodes at the point it is given by. Then matter
+//! meets the ground where it is, and a ground that is raised by a tenth of a cell, or tilted by a degree, moves matter
+//! by as much.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -76,8 +77,8 @@ impl GridFrame {
     }
 }
 
-/// The turn that takes the nearest axis to the normal of the ground, and a point of the ground [m]. It is the one of the
-/// planes at rest that faces gravity.
+/// The turn that takes the nearest axis to the normal of the ground, and a point of the ground [m]. It is the one of
+/// the planes at rest that faces gravity.
 fn axes_of_ground(colliders: &[Collider], gravity: DVec3) -> Option<(DQuat, DVec3)> {
     let resting = colliders.iter().filter(|collider| collider.path.is_at_rest());
     let planes = resting.filter_map(|collider| Some((collider.normal()?, collider.path.pose(0.0).position)));

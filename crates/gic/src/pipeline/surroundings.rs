@@ -18,8 +18,8 @@ const GUESSED_HEIGHT_SHARE: f64 = 0.1;
 const FILMED_FRICTION: f64 = 0.5;
 /// Standard deviation of its logarithm. Judgement: a factor of two to either side.
 const FILMED_LOG_FRICTION: f64 = std::f64::consts::LN_2;
-/// Standard deviation of the tilt of a filmed floor about each of its axes [rad]. Judgement: floors and tables are level
-/// to a degree.
+/// Standard deviation of the tilt of a filmed floor about each of its axes [rad]. Judgement: floors and tables are
+/// level to a degree.
 const FILMED_TILT_RAD: f64 = 0.02;
 
 /// Gravity and obstacles of a run.
