@@ -53,7 +53,7 @@ impl Module {
 
 /// Room for so many numbers of a world.
 #[unsafe(no_mangle)]
-pub extern "C" fn gic_reserve(count: usize) -> *mut f64 {
+extern "C" fn gic_reserve(count: usize) -> *mut f64 {
     with(|module| {
         module.numbers = vec![0.0; count];
         module.numbers.as_mut_ptr()
@@ -62,7 +62,7 @@ pub extern "C" fn gic_reserve(count: usize) -> *mut f64 {
 
 /// Sets up the world of the numbers; returns its particles.
 #[unsafe(no_mangle)]
-pub extern "C" fn gic_start() -> usize {
+extern "C" fn gic_start() -> usize {
     with(|module| {
         module.simulation = None;
         let Some(world) = decode(&module.numbers) else {
@@ -80,7 +80,7 @@ pub extern "C" fn gic_start() -> usize {
 
 /// Computes the next frame.
 #[unsafe(no_mangle)]
-pub extern "C" fn gic_advance() -> bool {
+extern "C" fn gic_advance() -> bool {
     with(|module| {
         let went_well = module.attempt(LiveSimulation::advance);
         module.lists();
@@ -90,7 +90,7 @@ pub extern "C" fn gic_advance() -> bool {
 
 /// Back to the start.
 #[unsafe(no_mangle)]
-pub extern "C" fn gic_restart() -> bool {
+extern "C" fn gic_restart() -> bool {
     with(|module| {
         let went_well = module.attempt(LiveSimulation::restart);
         module.lists();
@@ -100,7 +100,7 @@ pub extern "C" fn gic_restart() -> bool {
 
 /// Changes a parameter of the law.
 #[unsafe(no_mangle)]
-pub extern "C" fn gic_set_parameter(index: usize, value: f64) -> bool {
+extern "C" fn gic_set_parameter(index: usize, value: f64) -> bool {
     with(|module| {
         module.attempt(|simulation| simulation.set_parameter(index, value))
             && module.attempt(LiveSimulation::apply_changes)
@@ -109,7 +109,7 @@ pub extern "C" fn gic_set_parameter(index: usize, value: f64) -> bool {
 
 /// Changes gravity [m/s^2].
 #[unsafe(no_mangle)]
-pub extern "C" fn gic_set_gravity(x: f64, y: f64, z: f64) -> bool {
+extern "C" fn gic_set_gravity(x: f64, y: f64, z: f64) -> bool {
     with(|module| {
         module.attempt(|simulation| {
             simulation.set_gravity(DVec3::new(x, y, z));
@@ -120,7 +120,7 @@ pub extern "C" fn gic_set_gravity(x: f64, y: f64, z: f64) -> bool {
 
 /// Grabs what the ray from (x, y, z) along the unit vector (dx, dy, dz) meets first; [`gic_held`] says where.
 #[unsafe(no_mangle)]
-pub extern "C" fn gic_grab(x: f64, y: f64, z: f64, dx: f64, dy: f64, dz: f64) -> bool {
+extern "C" fn gic_grab(x: f64, y: f64, z: f64, dx: f64, dy: f64, dz: f64) -> bool {
     with(|module| {
         let simulation = module.simulation.as_mut();
         let held = simulation.and_then(|simulation| simulation.grab(DVec3::new(x, y, z), DVec3::new(dx, dy, dz)));
@@ -131,72 +131,72 @@ pub extern "C" fn gic_grab(x: f64, y: f64, z: f64, dx: f64, dy: f64, dz: f64) ->
 
 /// Pulls what is held to a place [m].
 #[unsafe(no_mangle)]
-pub extern "C" fn gic_pull(x: f64, y: f64, z: f64) {
+extern "C" fn gic_pull(x: f64, y: f64, z: f64) {
     with(|module| module.simulation.iter_mut().for_each(|simulation| simulation.pull(DVec3::new(x, y, z))));
 }
 
 /// Lets go.
 #[unsafe(no_mangle)]
-pub extern "C" fn gic_release() {
+extern "C" fn gic_release() {
     with(|module| module.simulation.iter_mut().for_each(LiveSimulation::release));
 }
 
 /// Where the grabbed matter was held [m]: 3 f64.
 #[unsafe(no_mangle)]
-pub extern "C" fn gic_held() -> *const f64 {
+extern "C" fn gic_held() -> *const f64 {
     with(|module| module.held.as_ptr())
 }
 
 /// Positions [m]: f32, shape [n, 3].
 #[unsafe(no_mangle)]
-pub extern "C" fn gic_positions() -> *const f32 {
+extern "C" fn gic_positions() -> *const f32 {
     with(|module| module.positions.as_ptr())
 }
 
 /// Speeds [m/s]: f32, shape [n].
 #[unsafe(no_mangle)]
-pub extern "C" fn gic_speeds() -> *const f32 {
+extern "C" fn gic_speeds() -> *const f32 {
     with(|module| module.speeds.as_ptr())
 }
 
 /// Von Mises stresses [Pa]: f32, shape [n].
 #[unsafe(no_mangle)]
-pub extern "C" fn gic_stresses() -> *const f32 {
+extern "C" fn gic_stresses() -> *const f32 {
     with(|module| module.stresses.as_ptr())
 }
 
 /// Outward directions: f32, shape [n, 3].
 #[unsafe(no_mangle)]
-pub extern "C" fn gic_outward() -> *const f32 {
+extern "C" fn gic_outward() -> *const f32 {
     with(|module| module.outward.as_ptr().cast())
 }
 
 /// Substeps of the last frame.
 #[unsafe(no_mangle)]
-pub extern "C" fn gic_substeps() -> usize {
+extern "C" fn gic_substeps() -> usize {
     with(|module| module.simulation.as_ref().map_or(0, |simulation| simulation.frame().substeps))
 }
 
 /// Time since the start [s].
 #[unsafe(no_mangle)]
-pub extern "C" fn gic_time() -> f64 {
+extern "C" fn gic_time() -> f64 {
     with(|module| module.simulation.as_ref().map_or(0.0, LiveSimulation::time_s))
 }
 
 /// A coordinate of the centre of mass [m].
 #[unsafe(no_mangle)]
-pub extern "C" fn gic_centre(axis: usize) -> f64 {
+extern "C" fn gic_centre(axis: usize) -> f64 {
     with(|module| module.simulation.as_ref().map_or(f64::NAN, |simulation| simulation.centre_of_mass()[axis.min(2)]))
 }
 
 /// Why the last call failed: UTF-8 of [`gic_message_length`] bytes.
 #[unsafe(no_mangle)]
-pub extern "C" fn gic_message() -> *const u8 {
+extern "C" fn gic_message() -> *const u8 {
     with(|module| module.message.as_ptr())
 }
 
 /// Bytes of [`gic_message`].
 #[unsafe(no_mangle)]
-pub extern "C" fn gic_message_length() -> usize {
+extern "C" fn gic_message_length() -> usize {
     with(|module| module.message.len())
 }

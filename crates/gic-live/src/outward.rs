@@ -62,8 +62,7 @@ impl CountGrid {
         let at = |node: IVec3| self.counts[self.index(node)];
         corners()
             .map(|corner| {
-                let (share, node) =
-                    ((DVec3::ONE - within - corner.as_dvec3()).abs().element_product(), base + corner);
+                let (share, node) = ((DVec3::ONE - within - corner.as_dvec3()).abs().element_product(), base + corner);
                 let along = |axis: IVec3| 0.5 * (at(node + axis) - at(node - axis));
                 share * DVec3::new(along(IVec3::X), along(IVec3::Y), along(IVec3::Z))
             })

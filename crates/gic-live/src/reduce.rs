@@ -70,7 +70,9 @@ mod tests {
             .collect();
         body.volume_factors = (0..body.positions.len()).map(|p| 1.0 + 0.3 * (p as f64).sin()).collect();
         let small = reduced(&world);
-        assert!(small.bodies[0].positions.len() <= MAX_PARTICLES && small.bodies[0].positions.len() > MAX_PARTICLES / 2);
+        assert!(
+            small.bodies[0].positions.len() <= MAX_PARTICLES && small.bodies[0].positions.len() > MAX_PARTICLES / 2
+        );
         let moments = |world: &World| {
             let masses = world.bodies[0].masses_kg();
             let mass: f64 = masses.iter().sum();
