@@ -4,8 +4,8 @@
     python3 scripts/check_blender.py RUN/prediction surface.ply surface.obj particles.ply twin.glb twin.usda
 
 (PyPI's bpy wants the Python version that Blender has: pip names it.) The first argument is the folder with gic's
-trajectory.json. Wanted of every file: vertices, and where the file has a motion, as many frames; in every frame the same
-bounds to 20 mm, in gic's axes.
+trajectory.json. Wanted of every file: vertices, and where the file has a motion, as many frames; in every frame the
+same bounds to 20 mm, in gic's axes.
 """
 
 import json
