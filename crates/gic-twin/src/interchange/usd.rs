@@ -130,7 +130,8 @@ fn newton_parameters(material: &Material) -> Vec<(&'static str, f64)> {
         }
         Material::Newtonian { viscosity_pa_s, .. } => {
             parameters.extend([("youngsModulus", young), ("poissonsRatio", 0.3)]);
-            parameters.extend(never);
+            // Newton's fluids end in NaN where they bear tension: these tear.
+            parameters.extend([("yieldPressure", never_pa), ("tensileYieldRatio", 0.0)]);
             parameters.extend([("internalFriction", 0.0), ("yieldStress", 0.0), ("viscosity", viscosity_pa_s)]);
         }
         // gic's bound on |s| is sqrt(2/3) of the yield stress.
