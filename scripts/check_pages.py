@@ -1,9 +1,11 @@
 """Opens a report and a viewer's page in headless Chromium, works their controls, and looks at what they show.
 
-    apt-get install chromium; pip install playwright pillow
+    apt-get install chromium; pip install playwright pillow numpy
     gic demo -o out/demo && gic view out/demo/run -o out/view.html
     python3 scripts/check_pages.py --report out/demo/run/report.html --view out/view.html --pictures out/pages
     python3 scripts/check_pages.py --speed out/view.html
+    gic view --live out/demo/run -o out/live.html
+    python3 scripts/check_pages.py --live out/live.html out/demo/run/twin.json --gic target/release/gic
 
 Without a network: any request but for the page itself fails the check. `--pictures` keeps the screenshots, in light, in
 dark and as printed. `--speed` turns the view, sorts and draws, and prints the time that a picture takes and the part of
@@ -13,9 +15,13 @@ the script in it; CHROMIUM names another browser, CHROMIUM_FLAGS other flags (fo
 import argparse
 import functools
 import io
+import json
 import os
 import pathlib
+import subprocess
+import tempfile
 
+import numpy
 from PIL import Image, ImageChops
 from playwright.sync_api import sync_playwright
 
@@ -217,6 +223,83 @@ def check_outline(page):
     check(overlap > 0.85, f"the splats lie beside the film: overlap {overlap:.3f}")
 
 
+def simulate_here(page, twin_file, gic, frames):
+    """The centres of mass [m] that gic itself finds for the particles of a live page, at the page's frames."""
+    numbers = page.evaluate("""() => {
+      const text = atob(document.getElementById("live-numbers").textContent);
+      return [...new Float64Array(Uint8Array.from(text, (c) => c.charCodeAt(0)).buffer)]; }""")
+    twin = json.loads(pathlib.Path(twin_file).read_text())
+    count = int(numbers[1])
+    density, volume, cell, rate = numbers[2 + count : 6 + count]
+    particles = page.evaluate("viewer.simulation.particles")
+    rows = numpy.array(numbers[-4 * particles :]).reshape(-1, 4)
+    with tempfile.TemporaryDirectory() as folder:
+        folder = pathlib.Path(folder)
+        names = "".join(f"property double {name}\n" for name in ["x", "y", "z", "volume_factor"])
+        head = f"ply\nformat binary_little_endian 1.0\nelement vertex {particles}\n{names}end_header\n"
+        (folder / "body.ply").write_bytes(head.encode() + rows.astype("<f8").tobytes())
+        twin |= {"continuum": "body.ply", "frame_rate_hz": rate, "grid_spacing_m": cell, "particle_spacing_m": volume ** (1 / 3)}
+        twin.pop("substeps_per_frame", None)
+        (folder / "twin.json").write_text(json.dumps(twin))
+        subprocess.run([gic, "simulate", folder / "twin.json", "-o", folder / "out", "--frames", str(frames + 1)], check=True, capture_output=True)
+        written = json.loads((folder / "out/trajectory.json").read_text())["frames"]
+    return numpy.array([frame["centre_of_mass_m"] for frame in written])
+
+
+def check_live(browser, path, twin, gic, pictures):
+    page = open_page(browser, path, size=(1100, 720))
+    page.evaluate("viewer.ready")
+    page.evaluate("viewer.stop(); viewer.restart()")
+    # Frames without drawing, and the centre of mass after each.
+    run = lambda frames: numpy.array(page.evaluate("""(frames) => { const list = [viewer.simulation.centre];
+      for (let i = 0; i < frames; i++) { viewer.simulation.call("gic_advance"); list.push(viewer.simulation.centre); }
+      viewer.showMoment(); return list; }""", frames))
+    down = numpy.array(page.evaluate("viewer.head.up"))
+    free = run(90)
+    height = free @ down
+    low = int(height.argmin())
+    check(height[0] - height[low] > 0.02, f"the body does not fall: {height}")
+    rebound = height[low:].max() - height[low]
+    if gic:
+        ours = simulate_here(page, twin, gic, 90)
+        drop = height[0] - height[low]
+        difference = numpy.linalg.norm(free - ours, axis=1).max()
+        print(f"{path}: falls {drop:.4f} m, rises {rebound:.4f} m; centre of mass within {1e6 * difference:.2f} um of gic simulate, {difference / drop:.1e} of the drop")
+        check(difference < 1e-3 * drop, "the page does not simulate what gic does")
+    page.evaluate("viewer.restart()")
+    slider = page.locator(".parameters [type=range]").first
+    slider.evaluate("slider => { slider.value = slider.max; slider.dispatchEvent(new Event('input')); }")
+    changed = run(90)
+    check(abs(changed - free).max() > 1e-3, "another first parameter changes nothing")
+    slider.dispatch_event("dblclick")
+    page.evaluate("viewer.restart()")
+    check(abs(run(90) - free).max() == 0.0, "a double click does not bring the twin's own value back")
+    page.select_option(".mode", "stress")
+    page.wait_for_timeout(300)
+    box = page.locator("#viewer canvas").bounding_box()
+    x, y = page.evaluate("""() => { const { canvas, camera, simulation } = viewer, view = camera.view(canvas.width, canvas.height);
+      const p = simulation.centre.map((c, i) => c - view.eye[i]), on = view.rows.map((row) => row[0] * p[0] + row[1] * p[1] + row[2] * p[2]);
+      const ratio = window.devicePixelRatio; return [0, 1].map((i) => (view.focal[i] * on[i] / on[2] + view.principal[i]) / ratio); }""")
+    before = page.evaluate("viewer.simulation.centre")
+    page.mouse.move(box["x"] + x, box["y"] + y)
+    page.mouse.down()
+    page.mouse.move(box["x"] + x + 60, box["y"] + y - 120, steps=8)
+    page.wait_for_timeout(2500)
+    lifted = page.evaluate("viewer.simulation.centre")
+    if pictures:
+        page.screenshot(path=pictures / "live.png")
+    page.mouse.up()
+    moved = float((numpy.array(lifted) - before) @ down)
+    check(moved > 0.02, f"a pull does not lift: {moved}")
+    page.wait_for_timeout(1500)
+    check(vivid_share(page.locator("#viewer canvas")) > 0.005, "nothing is drawn")
+    pace = page.evaluate("viewer.rate")
+    page.evaluate("viewer.stop(); viewer.restart()")
+    rate = page.evaluate("viewer.measureSimulation(90)")
+    count = page.evaluate("viewer.simulation.particles")
+    print(f"{path}: {count} particles, {rate:.0f} frames/s of the simulation alone, {pace:.2f} x true speed while it is drawn; a pull lifts it {moved:.3f} m")
+
+
 def measure(browser, path):
     page = open_page(browser, path, size=(1280, 720))
     renderer = page.evaluate("""() => { const { gl } = viewer.renderer, info = gl.getExtension("WEBGL_debug_renderer_info");
@@ -240,6 +323,8 @@ def main():
     parser.add_argument("--report", action="append", default=[])
     parser.add_argument("--view", action="append", default=[])
     parser.add_argument("--speed", action="append", default=[])
+    parser.add_argument("--live", nargs=2, action="append", default=[], metavar=("PAGE", "TWIN"))
+    parser.add_argument("--gic", help="the program whose simulation live pages are compared with")
     parser.add_argument("--pictures", type=pathlib.Path)
     arguments = parser.parse_args()
     if arguments.pictures:
@@ -251,6 +336,8 @@ def main():
             check_report(browser, path, arguments.pictures)
         for path in arguments.view:
             check_view(browser, path, arguments.pictures)
+        for path, twin in arguments.live:
+            check_live(browser, path, twin, arguments.gic, arguments.pictures)
         for path in arguments.speed:
             measure(browser, path)
         browser.close()

@@ -23,6 +23,7 @@ mod lanes;
 mod level;
 mod packed;
 mod plain;
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod polynomial;
 mod prefetch;
 mod real;

@@ -12,8 +12,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Result, ViewError};
 
-/// The files that hold the colours, inside a run folder.
-pub const FILES: [&str; 2] = ["appearance/gaussians.ply", "appearance/light.json"];
+/// The files of the colours, inside a run folder: albedos of all Gaussians, the light on them, and what both make of
+/// those that can be seen where the body starts, for splat viewers. gic reads the first two.
+pub const FILES: [&str; 3] = ["appearance/albedo.ply", "appearance/light.json", "appearance/gaussians.ply"];
 const SCHEMA: &str = "gic.light/1";
 /// Least length of the outward normal of a Gaussian that can be seen. Shorter ones lie almost two spacings deep, behind
 /// nearly opaque Gaussians.
@@ -46,9 +47,13 @@ impl SkinnedGaussians {
     /// # Errors
     /// An unwritable folder.
     pub fn save(lit: &LitGaussians, spacing: f64, run: &Path) -> Result<()> {
-        let [ply, light] = FILES.map(|file| run.join(file));
+        let [albedo, light, seen] = FILES.map(|file| run.join(file));
         atomic::create_folder(&run.join("appearance"))?;
-        gic_splat::write_ply(&ply, &lit.gaussians).map_err(ViewError::stage("writing the twin's colours"))?;
+        let write = |path: &Path, gaussians: &Gaussians| {
+            gic_splat::write_ply(path, gaussians).map_err(ViewError::stage("writing the twin's colours"))
+        };
+        write(&albedo, &lit.gaussians)?;
+        write(&seen, &visible(lit, &lit.gaussians.positions, spacing))?;
         let file = LightFile { schema: SCHEMA.into(), point_spacing_m: spacing, light: lit.light };
         Ok(atomic::write_json(&light, &file)?)
     }
@@ -56,7 +61,7 @@ impl SkinnedGaussians {
     /// Whether there are colours beside a file of matter.
     pub(crate) fn beside(matter: &Path) -> bool {
         let run = matter.parent().unwrap_or(Path::new(""));
-        FILES.iter().all(|file| run.join(file).exists())
+        FILES[..2].iter().all(|file| run.join(file).exists())
     }
 
     /// Reads the colours of a run and skins them to the particles `rest` [m] that its simulations start from; `None`
@@ -65,8 +70,8 @@ impl SkinnedGaussians {
     /// # Errors
     /// Damaged files.
     pub fn load(run: &Path, rest: &[DVec3]) -> Result<Option<Self>> {
-        let [ply, light] = FILES.map(|file| run.join(file));
-        if !ply.exists() || !light.exists() {
+        let [albedo, light, _] = FILES.map(|file| run.join(file));
+        if !albedo.exists() || !light.exists() {
             return Ok(None);
         }
         let file: LightFile = atomic::read_json(&light)?;
@@ -78,7 +83,7 @@ impl SkinnedGaussians {
             }
             .into());
         }
-        let gaussians = gic_splat::read_ply(&ply).map_err(ViewError::stage("reading the twin's colours"))?.gaussians;
+        let gaussians = gic_splat::read_ply(&albedo).map_err(ViewError::stage("reading the twin's colours"))?.gaussians;
         let lit = LitGaussians { gaussians, light: file.light };
         Ok(Some(Self::skinned_to(lit, file.point_spacing_m, rest)))
     }
@@ -129,11 +134,7 @@ impl SkinnedGaussians {
 
     /// Those of [`SkinnedGaussians::at`] that can be seen: without the ones that have matter all around.
     pub fn visible(&self, moved: &[DVec3]) -> Gaussians {
-        let positions = self.positions(moved);
-        let normals = outward_normals(&positions, self.spacing);
-        let seen = outside(&normals);
-        let lit = LitGaussians { gaussians: self.lit.gaussians.select(&seen), light: self.lit.light };
-        lit.at(seen.iter().map(|&i| positions[i]).collect(), &seen.iter().map(|&i| normals[i]).collect::<Vec<_>>())
+        visible(&self.lit, &self.positions(moved), self.spacing)
     }
 
     /// Which of [`SkinnedGaussians::at`] can be seen, ascending.
@@ -145,6 +146,14 @@ impl SkinnedGaussians {
         let position = |(&i, &offset): (&u32, &DVec3)| (moved[i as usize] + offset).as_vec3().to_array();
         self.parents.iter().zip(&self.offsets).map(position).collect()
     }
+}
+
+/// Those of some Gaussians at `positions` [m], `spacing` [m] apart, that can be seen, in the light.
+fn visible(lit: &LitGaussians, positions: &[[f32; 3]], spacing: f64) -> Gaussians {
+    let normals = outward_normals(positions, spacing);
+    let seen = outside(&normals);
+    let lit = LitGaussians { gaussians: lit.gaussians.select(&seen), light: lit.light };
+    lit.at(seen.iter().map(|&i| positions[i]).collect(), &seen.iter().map(|&i| normals[i]).collect::<Vec<_>>())
 }
 
 /// Which normals are those of points near the outside.
@@ -179,6 +188,12 @@ mod tests {
         assert!(SkinnedGaussians::load(folder.path(), &rest).unwrap().is_none());
         SkinnedGaussians::save(&LitGaussians { gaussians, light }, 0.01, folder.path()).unwrap();
         let skin = SkinnedGaussians::load(folder.path(), &rest).unwrap().unwrap();
+        let shown = gic_splat::read_ply(&folder.path().join("appearance/gaussians.ply")).unwrap().gaussians;
+        let visible = skin.visible(&rest);
+        // All but the one in the middle, and not their albedos.
+        assert_eq!((shown.positions.len(), shown.positions), (26, visible.positions));
+        assert_eq!(shown.sh, visible.sh);
+        assert!(shown.sh.iter().any(|sh| (sh[0] - 0.3).abs() > 0.1));
         let shift = DVec3::new(1.0, 2.0, 3.0);
         let drawn = skin.at(&rest.iter().map(|p| *p + shift).collect::<Vec<_>>());
         for (moved, point) in drawn.positions.iter().zip(&points) {

@@ -12,7 +12,7 @@ def load(path=pathlib.Path(__file__).with_name("NAME.npz"), steps_per_frame=10):
     arrays = np.load(path)
     twin = json.loads(path.with_suffix(".particles.json").read_text())
     material, rho, n = twin["material"], twin["density_kg_m3"], twin["particles"]
-    # Of a fluid only the bulk modulus E / (3 (1 - 2 nu)) is felt.
+    # Of a fluid only lam + 2 / 3 mu is felt as bulk modulus; E and nu are there to be positive.
     fluid = {"youngs_modulus_pa": 1.2 * material.get("bulk_modulus_pa", 1e5), "poisson_ratio": 0.3}
     moduli = twin["elasticity"] or fluid
     elastic = {"E": moduli["youngs_modulus_pa"], "nu": moduli["poisson_ratio"], "rho": rho, "sampler": "regular"}
@@ -22,7 +22,10 @@ def load(path=pathlib.Path(__file__).with_name("NAME.npz"), steps_per_frame=10):
             von_mises_yield_stress=material["yield_stress_pa"], **elastic
         ),
         "sand": lambda: gs.materials.MPM.Sand(friction_angle=material["friction_angle_deg"], **elastic),
-        "newtonian": lambda: gs.materials.MPM.Liquid(viscous=True, mu=material["viscosity_pa_s"], **elastic),
+        "newtonian": lambda: gs.materials.MPM.Liquid(
+            viscous=True, mu=material["viscosity_pa_s"],
+            lam=material["bulk_modulus_pa"] - 2 / 3 * material["viscosity_pa_s"], **elastic
+        ),
     }
     if material["model"] not in laws:
         raise ValueError(f"Genesis has no law for {material['model']}")

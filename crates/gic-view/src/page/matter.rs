@@ -56,21 +56,21 @@ struct MatterFrame {
 /// What the script needs to read the bytes.
 #[derive(Serialize)]
 pub(super) struct MatterHeader {
-    particles: usize,
+    pub(super) particles: usize,
     pub(super) splats: usize,
     pub(super) frames: usize,
     /// Box of all particles in all frames [m]; positions are fractions of it.
-    low_m: [f64; 3],
-    high_m: [f64; 3],
+    pub(super) low_m: [f64; 3],
+    pub(super) high_m: [f64; 3],
     /// Largest component of an offset [m], size of a splat [m], stress [Pa], speed [m/s].
-    max_offset_m: f64,
-    max_scale_m: f64,
-    max_stress_pa: f64,
-    max_speed_m_s: f64,
+    pub(super) max_offset_m: f64,
+    pub(super) max_scale_m: f64,
+    pub(super) max_stress_pa: f64,
+    pub(super) max_speed_m_s: f64,
     /// Distance of neighbouring splats [m].
-    spacing_m: f64,
+    pub(super) spacing_m: f64,
     /// Per body, nine RGB coefficients of the light by the normal; null where colours are the program's own.
-    lights: Option<Vec<Vec<[f32; 3]>>>,
+    pub(super) lights: Option<Vec<Vec<[f32; 3]>>>,
 }
 
 impl PageMatter {

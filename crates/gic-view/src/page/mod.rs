@@ -3,6 +3,7 @@
 //!
 //! [`Viewer`] is the part that the report embeds, too.
 
+mod live;
 mod matter;
 mod obstacles;
 
@@ -24,6 +25,8 @@ use crate::render::simulated_motion::SimulatedMotion;
 use crate::template::{self, Template};
 use crate::units::Unit;
 use crate::video::Video;
+pub use live::view_live;
+use live::{Live, LiveHeader};
 use matter::{MatterHeader, PageMatter};
 use obstacles::{PageObstacle, obstacles};
 
@@ -31,7 +34,7 @@ const STAGE: &str = "view";
 
 /// The parts of the viewer, for pages that include `viewer.html` and `viewer.css`. Their context needs `viewer`, a
 /// [`Viewer`], and `video`, a [`Video`] as JSON or `null`.
-pub const VIEWER_TEMPLATES: [Template; 10] = [
+pub const VIEWER_TEMPLATES: [Template; 11] = [
     ("viewer.html", include_str!("viewer/viewer.html")),
     ("viewer.css", include_str!("viewer/viewer.css")),
     ("math.js", include_str!("viewer/math.js")),
@@ -42,6 +45,7 @@ pub const VIEWER_TEMPLATES: [Template; 10] = [
     ("camera.js", include_str!("viewer/camera.js")),
     ("controls.js", include_str!("viewer/controls.js")),
     ("viewer.js", include_str!("viewer/viewer.js")),
+    ("live.js", include_str!("live/live.js")),
 ];
 
 /// What to show, and where to.
@@ -73,6 +77,8 @@ pub struct Viewer {
     pub splats: usize,
     /// Frames.
     pub frames: usize,
+    /// The simulator, where the page simulates.
+    live: Option<Live>,
 }
 
 /// The content of `head`.
@@ -85,6 +91,7 @@ struct ViewerHeader {
     bodies: Vec<PageBody>,
     obstacles: Vec<PageObstacle>,
     meanings: Vec<Meaning>,
+    live: Option<LiveHeader>,
 }
 
 /// A body: its name, and how many of the splats are its own.
@@ -128,9 +135,10 @@ impl Viewer {
             bodies: names.zip(matter.bodies()).map(|(name, &splats)| PageBody { name, splats }).collect(),
             obstacles: obstacles(&motion.trajectory)?,
             meanings: meanings(motion, matter.has_colors(), matter.bodies().len()),
+            live: None,
         };
         let (splats, data) = (head.matter.splats, STANDARD.encode(matter.encode()));
-        Ok(Self { head: template::script_json(&head)?, data, splats, frames })
+        Ok(Self { head: template::script_json(&head)?, data, splats, frames, live: None })
     }
 }
 
@@ -172,11 +180,17 @@ pub fn view(
     let video = scene.map(|scene| film(scene, events, interrupt)).transpose()?;
     let video = template::script_json(&video)?;
     let model = motion.trajectory.twin.pointer("/material/model").and_then(|m| m.as_str()).unwrap_or("digital");
-    let (splats, context) = (viewer.splats, Page { title: format!("{model} twin"), viewer, video });
-    let templates = [&[("page.html", include_str!("viewer/page.html"))], &VIEWER_TEMPLATES[..]].concat();
-    let page = template::fill(&templates, &context)?;
-    atomic::write(&request.page, page.as_bytes())?;
+    let outcome = write_page(request, format!("{model} twin"), viewer, video)?;
     events.send(&meter.done(STAGE));
+    Ok(outcome)
+}
+
+/// Fills in the page and writes it; `video` is a [`Video`] as JSON.
+fn write_page(request: &PageRequest, title: String, viewer: Viewer, video: String) -> Result<PageOutcome> {
+    let (splats, frames) = (viewer.splats, viewer.frames);
+    let templates = [&[("page.html", include_str!("viewer/page.html"))], &VIEWER_TEMPLATES[..]].concat();
+    let page = template::fill(&templates, &Page { title, viewer, video })?;
+    atomic::write(&request.page, page.as_bytes())?;
     Ok(PageOutcome { splats, frames, bytes: page.len() })
 }
 

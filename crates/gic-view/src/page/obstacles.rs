@@ -33,7 +33,8 @@ pub(super) fn obstacles(trajectory: &Trajectory) -> Result<Vec<PageObstacle>> {
     Ok(obstacles.iter().enumerate().map(|(i, obstacle)| posed(obstacle, i, &times)).collect())
 }
 
-fn posed(obstacle: &Obstacle, index: usize, times: &[f64]) -> PageObstacle {
+/// An obstacle with its poses at some times [s].
+pub(super) fn posed(obstacle: &Obstacle, index: usize, times: &[f64]) -> PageObstacle {
     let mut normal = [0.0; 3];
     let (shape, half_size_m) = match obstacle.shape {
         ObstacleShape::HalfSpace { normal: outward, .. } => {

@@ -610,14 +610,18 @@ pub(crate) struct RenderArgs {
 ///
 /// One HTML file that needs nothing installed and no network: splats or points, stress and speed on a colour bar whose
 /// range can be set, obstacles, and with a scene the film or its masks behind the twin through the scene's cameras.
-/// FILE.html#frame=7&colour=stress&draw=points&camera=0 opens it there.
+/// FILE.html#frame=7&colour=stress&draw=points&camera=0 opens it there. With --live the page simulates: pull the body,
+/// change its law's parameters and gravity, and watch.
 #[derive(Debug, Args)]
-#[command(after_help = "Example: gic view RUN -o twin.html")]
+#[command(after_help = "Example: gic view RUN -o twin.html, gic view --live RUN -o live.html")]
 pub(crate) struct ViewArgs {
-    /// A folder of simulated frames, or a run folder
-    #[arg(value_name = "FRAMES|RUN")]
+    /// A folder of simulated frames, or a run folder; with --live a twin (schema gic.twin/1), or a run folder
+    #[arg(value_name = "FRAMES|RUN|TWIN.json")]
     pub(crate) frames: PathBuf,
-    /// The page [default: view.html in the folder]
+    /// Simulate the twin in the page, with at most 3,000 particles
+    #[arg(long, conflicts_with_all = ["scene", "rerun"])]
+    pub(crate) live: bool,
+    /// The page [default: view.html in the folder, live.html beside the twin]
     #[arg(short, long, value_name = "FILE.html")]
     pub(crate) out: Option<PathBuf>,
     /// The scene whose film stands behind the twin; a run knows its own

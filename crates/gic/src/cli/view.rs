@@ -4,16 +4,21 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 
 use gic_scene::Scene;
-use gic_view::page::{PageRequest, default_page, view};
+use gic_twin::twin::Twin;
+use gic_view::page::{PageRequest, default_page, view, view_live};
 use gic_view::render::SimulatedMotion;
 
 use super::Context;
 use super::args::ViewArgs;
+use super::simulate::inputs_of;
 use crate::outputs::Inputs;
-use crate::pipeline::{Stage, check_results, scene_of_run};
+use crate::pipeline::{Stage, check_results, scene_of_run, twin_file};
 use crate::recording::record;
 
 pub(crate) fn run(args: &ViewArgs, context: &Context) -> anyhow::Result<()> {
+    if args.live {
+        return live(args, context);
+    }
     check_motion(&args.frames)?;
     if let Some(file) = &args.rerun {
         Inputs::default().allow_file(file)?;
@@ -32,6 +37,18 @@ pub(crate) fn run(args: &ViewArgs, context: &Context) -> anyhow::Result<()> {
         outcome.frames,
         page.display()
     ))?;
+    Ok(())
+}
+
+/// Writes the page that simulates.
+fn live(args: &ViewArgs, context: &Context) -> anyhow::Result<()> {
+    let file = twin_file(&args.frames)?;
+    let page = args.out.clone().unwrap_or_else(|| file.with_file_name("live.html"));
+    inputs_of(std::iter::once(&file)).allow_file(&page)?;
+    let outcome = view_live(&PageRequest { page: page.clone() }, &Twin::read(&file, &[])?)?;
+    let megabytes = outcome.bytes as f64 / 1e6;
+    let (particles, page) = (outcome.splats, page.display());
+    context.print(format!("{particles} particles, {megabytes:.1} MB: open {page} in a browser"))?;
     Ok(())
 }
 

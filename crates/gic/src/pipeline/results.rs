@@ -87,7 +87,9 @@ pub(super) fn missing_result(run: &Path, stage: Stage, stamp: &Stamp) -> Result<
             });
         }
     }
-    Ok(missing)
+    // What the gic that wrote the stamp did not write yet.
+    let unwritten = stage.outputs().iter().find(|output| !run.join(output).exists());
+    Ok(missing.or_else(|| unwritten.map(|output| (*output).to_owned())))
 }
 
 /// Checks, for reading, the results of stages that are finished: every file is there as it was written, and each stage

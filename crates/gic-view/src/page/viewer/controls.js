@@ -1,19 +1,32 @@
-// What a hand does on the picture: turn, move, nearer; one or two fingers.
-function watchPointers(canvas, { turn, move, zoom }) {
+// What a hand does on the picture: turn, move, nearer; one or two fingers. `hand`, if any, is asked whether it takes hold
+// of what is under the first finger, and then pulls and lets go.
+function watchPointers(canvas, { turn, move, zoom, hand }) {
   const touches = new Map();
+  let holding = null;
   const spread = () => { const [a, b] = [...touches.values()]; return Math.hypot(a[0] - b[0], a[1] - b[1]); };
   canvas.addEventListener("contextmenu", (event) => event.preventDefault());
   canvas.addEventListener("pointerdown", (event) => {
     touches.set(event.pointerId, [event.clientX, event.clientY]);
     canvas.setPointerCapture(event.pointerId);
+    const isPlain = event.button === 0 && !event.shiftKey && touches.size === 1;
+    if (hand && isPlain && hand.grab(event.offsetX, event.offsetY)) holding = event.pointerId;
   });
-  for (const end of ["pointerup", "pointercancel"]) canvas.addEventListener(end, (event) => touches.delete(event.pointerId));
+  for (const end of ["pointerup", "pointercancel"]) {
+    canvas.addEventListener(end, (event) => {
+      touches.delete(event.pointerId);
+      if (event.pointerId !== holding) return;
+      holding = null;
+      hand.release();
+    });
+  }
   canvas.addEventListener("pointermove", (event) => {
     const last = touches.get(event.pointerId);
     if (!last) return;
     const before = touches.size === 2 ? spread() : 0, dx = event.clientX - last[0], dy = event.clientY - last[1];
     touches.set(event.pointerId, [event.clientX, event.clientY]);
-    if (touches.size === 2) {
+    if (holding !== null) {
+      if (event.pointerId === holding) hand.pull(event.offsetX, event.offsetY);
+    } else if (touches.size === 2) {
       zoom(before / Math.max(spread(), 1));
       move(dx / 2, dy / 2);
     } else if (event.shiftKey || event.buttons & 6) move(dx, dy);

@@ -1,8 +1,13 @@
+function bytesOf(base64) {
+  const text = atob(base64), bytes = new Uint8Array(text.length);
+  for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
+  return bytes;
+}
+
 // The matter of the page: splats, each carried by a particle. The layout of the bytes is that of matter.rs.
 class Matter {
   constructor(head, base64) {
-    const text = atob(base64), bytes = new Uint8Array(text.length);
-    for (let i = 0; i < text.length; i++) bytes[i] = text.charCodeAt(i);
+    const bytes = bytesOf(base64);
     Object.assign(this, head);
     this.bytes = bytes;
     const { particles: n, splats: m } = head;
@@ -12,6 +17,11 @@ class Matter {
     this.frameBytes = 10 * n + 3 * m;
     this.centres = new Float32Array(3 * m);
     this.current = -1;
+  }
+
+  // The box that positions are shares of [m].
+  get codedBox() {
+    return [this.low_m, this.high_m];
   }
 
   // The lists of a frame: positions with stress, speeds, normals.

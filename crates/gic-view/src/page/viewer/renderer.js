@@ -156,8 +156,9 @@ class Renderer {
     const behind = view.frame && this.hasPicture && look.behind > 0;
     if (behind) this.drawPicture(view, look.behind);
     const ends = head.bodies.map(({ splats }) => splats).reduce((list, count) => [...list, (list.at(-1) ?? 0) + count], []);
+    const [low, high] = matter.codedBox;
     const splat = {
-      low: matter.low_m, size: subtract(matter.high_m, matter.low_m), maxOffset: matter.max_offset_m, maxScale: matter.max_scale_m,
+      low, size: subtract(high, low), maxOffset: matter.max_offset_m, maxScale: matter.max_scale_m,
       mode: look.mode, range: look.range, hidden: look.hidden, opacity: look.opacity, spacing: matter.spacing_m,
       bodyEnds: [0, 1, 2, 3].map((i) => ends[i] ?? 2 ** 30), isLit: Boolean(matter.lights),
       light: (matter.lights ?? []).slice(0, 4).flat(2).concat(Array(108).fill(0)).slice(0, 108),

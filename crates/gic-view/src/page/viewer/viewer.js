@@ -6,7 +6,7 @@ class Viewer {
     this.head = JSON.parse(text("viewer-head"));
     this.video = JSON.parse(text("video-data"));
     this.canvas = this.part("canvas");
-    this.matter = new Matter(this.head.matter, text("viewer-data"));
+    this.matter = this.readMatter(text("viewer-data"));
     this.orbit = new Orbit(this.head, this.matter);
     this.images = new Map();
     this.listeners = [];
@@ -23,6 +23,10 @@ class Viewer {
     this.readAddress();
     new ResizeObserver(() => this.refresh()).observe(this.canvas);
     this.refresh();
+  }
+
+  readMatter(text) {
+    return new Matter(this.head.matter, text);
   }
 
   part(selector) {
@@ -98,7 +102,13 @@ class Viewer {
       turn: (dx, dy) => { this.part(".camera").value = ""; this.orbit.rotate(dx, dy); this.refresh(); },
       move: (dx, dy) => { this.camera.pan(dx * ratio(), dy * ratio(), Math.min(this.canvas.height, this.canvas.width)); this.refresh(); },
       zoom: (factor) => { this.camera.zoom(factor); this.refresh(); },
+      hand: this.hand,
     });
+  }
+
+  // What answers a press on the picture before the view does: nothing.
+  get hand() {
+    return null;
   }
 
   // page.html#frame=7&colour=stress&draw=points&camera=0 opens there.
