@@ -174,7 +174,7 @@ mod tests {
     fn volume(error: f64) -> f64 {
         const RADIUS: f64 = 0.1;
         let cameras = cameras();
-        let shift = |k: usize| error * direction(k, cameras.len()) * if k % 2 == 0 { 1.0 } else { -1.0 };
+        let shift = |k: usize| error * direction(k, cameras.len()) * if k.is_multiple_of(2) { 1.0 } else { -1.0 };
         let seen = |(k, camera): (usize, &Camera)| mask(camera, &|p| p.distance(CENTRE + shift(k)) - RADIUS);
         let masks: Vec<Vec<f32>> = cameras.iter().enumerate().map(seen).collect();
         let planes =

@@ -105,10 +105,10 @@ pub(crate) struct ImportArgs {
     #[arg(value_name = "FOLDER|FILE")]
     pub(crate) films: Vec<PathBuf>,
     /// The scene's folder
-    #[arg(short, long, value_name = "SCENE", required_unless_present = "thumbnails")]
-    pub(crate) out: Option<PathBuf>,
+    #[arg(short, long, value_name = "SCENE", default_value = "scene")]
+    pub(crate) out: PathBuf,
     /// Only draw small pictures of the films with their times, to choose --start and --frames by
-    #[arg(long, value_name = "FILE.png", conflicts_with = "out", requires = "films")]
+    #[arg(long, value_name = "FILE.png", conflicts_with = "out")]
     pub(crate) thumbnails: Option<PathBuf>,
     /// Where to begin, on the clock of the first film [s] [default: where all films have begun]
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]

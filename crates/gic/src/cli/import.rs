@@ -12,6 +12,10 @@ use crate::outputs::Inputs;
 pub(crate) fn run(args: &ImportArgs, context: &Context) -> anyhow::Result<()> {
     let inputs = args.films.iter().fold(Inputs::default(), |inputs, film| inputs.file(film));
     if let Some(sheet) = &args.thumbnails {
+        if args.films.is_empty() {
+            let hint = Some("name them: gic import FILMS --thumbnails FILE.png".into());
+            return Err(Error::Usage { problem: "there are no films to draw".into(), hint }.into());
+        }
         inputs.allow_file(sheet)?;
         let films = gic_film::open_films(&args.films, args.frame_rate_hz).map_err(Error::from)?;
         gic_film::thumbnails(&films, &context.interrupt).map_err(Error::from)?.save_png(sheet)?;
@@ -22,7 +26,7 @@ pub(crate) fn run(args: &ImportArgs, context: &Context) -> anyhow::Result<()> {
         context.print(format!("small pictures with their times [s] in {}", sheet.display()))?;
         return Ok(());
     }
-    let scene = args.out.clone().unwrap_or_default();
+    let scene = args.out.clone();
     inputs.allow_folder(&scene, &["transforms.json", "import.json", "contact.png"])?;
     let request = ImportRequest {
         films: args.films.clone(),

@@ -124,7 +124,9 @@ impl Run<'_> {
         recipe.write(&begun)?;
 
         let frames = self.scene.times.len();
-        let held_back = ((HELD_BACK_SHARE * frames as f64).round() as usize).max(1);
+        // Flight shows nothing of the material: what is held back is a share of the frames behind it.
+        let touched = frames - self.scene.flight.as_ref().map_or(0, |flight| flight.frames().min(frames));
+        let held_back = ((HELD_BACK_SHARE * touched as f64).round() as usize).max(1);
         let fitted = frames.saturating_sub(held_back);
         let continuum = self.continuum()?;
         let input = self.identify_input(&continuum, &self.surroundings()?)?;
