@@ -54,9 +54,9 @@ pub(crate) const FOCAL_SD: f64 = 0.7;
 pub(crate) const ASPECT_SD: f64 = 0.001;
 /// Principal point, as a share of the width. Fitted on: film_ball, by its reference.
 pub(crate) const PRINCIPAL_SD_WIDTHS: f64 = 0.005;
-/// Radial distortion k1. Derived: phones have less, webcams up to four times as much, which pictures then tell.
+/// Radial distortion k1. Fitted on: the filmed ball; phones have less, webcams up to four times as much.
 pub(crate) const K1_SD: f64 = 0.1;
-/// Radial distortion k2, with many views. Derived: as k1.
+/// Radial distortion k2, with many views. Fitted on: as k1.
 pub(crate) const K2_SD: f64 = 0.1;
 /// Tangential distortion p1 and p2, with many views. Derived: lenses are centred.
 pub(crate) const TANGENTIAL_SD: f64 = 1e-3;
@@ -84,7 +84,7 @@ pub(crate) const GUIDED_ROUNDS: usize = 10;
 
 // Report.
 
-/// Above this a camera is warned of [pixels]. Derived: twice what a film of 400 x 304 pixels reaches.
+/// Above this a camera is warned of [pixels]. Fitted on: the filmed ball, of which half is left over.
 pub(crate) const HIGH_RMS_PX: f64 = 0.5;
 /// Residuals are drawn so many times as long. Derived: a quarter of a pixel is seen.
 pub(crate) const ARROW_TIMES: f64 = 40.0;

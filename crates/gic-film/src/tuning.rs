@@ -15,9 +15,9 @@ pub(crate) const MIN_NOISE: f32 = 1.0 / 255.0;
 pub(crate) const NOISE_SHARE: f64 = 0.95;
 /// Colours within this many standard deviations are the same. Derived: one in 370 pixels is further off.
 pub(crate) const SAME_COLOUR_NOISES: f32 = 3.0;
-/// A pixel has changed by this many standard deviations. Derived: one in 370 pixels by chance, and no region.
+/// A pixel has changed by this many standard deviations. Fitted on: the filmed ball, as GIF and as H.264.
 pub(crate) const CHANGE_NOISES: f32 = 3.0;
-/// Least change of a pixel [1]. Derived: more than a codec's pictures drift, less than a shadow that would show.
+/// Least change of a pixel [1]. Fitted on: the filmed ball as H.264, whose still pixels drift by less.
 pub(crate) const LEAST_CHANGE: f32 = 6.0 / 255.0;
 /// Smallest region that an object can have left [pixels]. Derived: less is noise.
 pub(crate) const LEAST_REGION_PX: usize = 16;
@@ -26,14 +26,14 @@ pub(crate) const OUTLINE_REACH_PX: usize = 3;
 /// The first and the last of so many parts of the film show what rests in them. Derived: long enough for a colour that
 /// frames share, short enough to be over before the object rests.
 pub(crate) const SHARING_PART: usize = 4;
-/// What rests in a part of the film has its colour in this share of the part's frames. Derived: all but stray ones.
+/// What rests in a part of the film has its colour in this share of the part's frames. Fitted on: the filmed ball.
 pub(crate) const RESTING_SHARE: f32 = 0.75;
 /// Fewest frames in such a part. Derived: two could agree by chance.
 pub(crate) const FEWEST_SHARING: usize = 3;
 /// Outlines are weaker below this share of the others. Derived: half-way between none and alike.
 pub(crate) const CLEARER_OUTLINE: f64 = 0.7;
-/// A region is a soft shadow where the contrast of its outline is below this share of its change. Derived: half of the
-/// change lies within the outline's reach where the edge is as wide as that.
+/// A region is a soft shadow where the contrast of its outline is below this share of its change. Fitted on: the
+/// filmed ball's shadows.
 pub(crate) const SOFT_OUTLINE: f64 = 0.5;
 /// In films of fewer frames each is looked at alone. Derived: in longer ones something moves on within a part.
 pub(crate) const SHORT_FILM: usize = 16;

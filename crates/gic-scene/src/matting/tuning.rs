@@ -6,15 +6,14 @@ pub(super) const MIN_NOISE: f32 = 0.5 / 255.0;
 pub(super) const MAX_SHADOW_DEPTH: f32 = 0.7;
 /// Most that the background grows brighter, as a depth. Derived: light that the object throws on the floor.
 pub(super) const MIN_SHADOW_DEPTH: f32 = -0.05;
-/// Pixels of the background in shadow. Derived: an object and its shadow are of like size, both a fraction of the
-/// picture; that it is .2 or .05 is 1.4 of the 20 or more that a pixel's colour tells.
+/// Share of the background's pixels in shadow. Fitted on: the filmed ball and torus; .05 and .2 give nearly the same.
 pub(super) const SHADOW_SHARE: f32 = 0.1;
 /// Spread of a shadow's tint over the picture, as a share of what the shadow takes, where too few pixels tell it.
 /// Fitted on: film_ball, bear_sand, torus, elastic_0.
 pub(super) const USUAL_TINT_SPREAD: f32 = 0.04;
 /// Pixels in shadow that tell the spread. Derived: their median is then known to a tenth.
 pub(super) const FEWEST_SHADOW_PIXELS: usize = 100;
-/// The least spread. Derived: no shadow takes all colours alike.
+/// The least spread. Fitted on: the filmed ball and torus.
 pub(super) const MIN_TINT_SPREAD: f32 = 0.02;
 /// The spread before the tint is known, and the largest. Derived: daylight and lamps differ by some tenths between
 /// channels.
