@@ -32,6 +32,9 @@ pub(super) fn label(picture: &mut Picture, scale: Option<&ColorScale>, moment: O
     let margin = 1.4 * letter;
     if let Some(Moment { time_s, predicted }) = moment {
         let text = format!("{time_s:.3} s{}", if predicted { ", predicted" } else { "" });
+        // Narrow pictures have smaller letters.
+        let room = picture.width as f32 - 2.0 * margin;
+        let letter = letter.min(letter * room / width_of(&text, letter));
         write(picture, &text, (margin, picture.height as f32 - margin - letter), letter);
     }
     if let Some((title, unit)) = scale.and_then(ColorScale::title) {
