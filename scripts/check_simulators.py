@@ -8,7 +8,7 @@
 The first argument is the folder with gic's trajectory.json. Prints mass, the parameters that the program holds after it
 has loaded the file, in gic's conventions, and how far the centre of mass is from gic's over all frames, in shares of
 the drop, vertically and in all; `--json FILE` also writes it. Mass and parameters must be gic's to 1 permille, and the
-fall within 12 % vertically; else the exit code is 1. Another material than elastic is no elastic body in MuJoCo:
+fall within 10 % (Newton: 12 %) vertically; else the exit code is 1. Another material than elastic is no elastic body in MuJoCo:
 compare it in the others. `--newton-steps N` takes N steps a frame in Newton instead of those of the file.
 
     cargo run --release -p gic-twin --example write_interchange -- FOLDER
@@ -26,8 +26,10 @@ import xml.etree.ElementTree as tree
 
 import numpy
 
-# Share of the drop that the centre of mass may be off vertically.
-TOLERANCE = 0.12
+# Share of the drop that the centre of mass may be off vertically. Newton's steps are implicit and of first order: the 64
+# a frame that the file asks for lose that much of a bounce.
+TOLERANCE = 0.1
+NEWTON_TOLERANCE = 0.12
 # Shares of a parameter that a program may be off.
 PARAMETER_TOLERANCE = 1e-3
 FAILURES = []
@@ -56,7 +58,7 @@ class Reference:
                 FAILURES.append(f"{path}: {key} is {theirs}, gic has {ours}")
         print(f"{path}: " + ", ".join(f"{key} {value:.6g}" for key, value in held.items()))
 
-    def compare(self, path, centres, mass):
+    def compare(self, path, centres, mass, tolerance=TOLERANCE):
         if not abs(mass / self.mass - 1) < 1e-3:
             FAILURES.append(f"{path}: {mass} kg, gic has {self.mass}")
         error = numpy.array(centres) - self.centres
@@ -65,7 +67,7 @@ class Reference:
         rising = numpy.diff(self.centres[:, self.down]) > 0
         impact = rising.argmax() if rising.any() else len(error) - 1
         apex, ours = (numpy.array(all)[impact:, self.down].max() for all in (centres, self.centres))
-        if not vertical < TOLERANCE:
+        if not vertical < tolerance:
             FAILURES.append(f"{path}: the centre of mass is off by {100 * vertical:.1f} % of the drop")
         return {"mass_kg": mass, "vertical": vertical, "all": whole, "apex_m": apex, "gic_apex_m": ours}
 
@@ -182,7 +184,8 @@ def check_newton(path, reference, steps):
             solver.step(now, then, None, None, step / steps)
             now, then = then, now
         centres.append(centre())
-    return f"Newton {newton.__version__}, {steps} steps a frame", reference.compare(path, centres, masses.sum())
+    compared = reference.compare(path, centres, masses.sum(), NEWTON_TOLERANCE)
+    return f"Newton {newton.__version__}, {steps} steps a frame", compared
 
 
 def genesis_material(material, substep_s, law):

@@ -221,6 +221,18 @@ const MIN_GOOD_IOU: f64 = 0.9;
 const HULL_SETTINGS: HullSettings = HullSettings { resolution: 96, tolerated_misses: 0 };
 const COARSE_HULL_SETTINGS: HullSettings = HullSettings { resolution: 48, tolerated_misses: 0 };
 
+impl Scene {
+    /// What the free flight showed to be otherwise than the scene states, a sentence each; empty where nothing is.
+    pub fn corrections(&self) -> Vec<String> {
+        let Some(flight) = self.flight.as_ref().map(|flight| flight_report(self, flight)) else { return Vec::new() };
+        let mut found: Vec<String> = flight.lags().into_iter().chain(flight.errors(&self.camera_names)).collect();
+        if !found.is_empty() {
+            found.push(format!("with that, outlines of the flight agree to {:.2} pixels", flight.miss_px));
+        }
+        found
+    }
+}
+
 /// What is kept of a view after its pixels were read.
 struct ViewCheck {
     area: Result<f64, SceneError>,
@@ -293,8 +305,7 @@ pub fn inspect(scene: &Scene) -> Result<Inspection, SceneError> {
     let fall = scene.flight.as_ref().zip(up).and_then(|(flight, (up, _))| FallReport::of(scene, flight, up));
     let ground = find_ground(scene, &masks, &ground_frames, hull.as_ref(), up, &mut warnings);
     let flight = scene.flight.as_ref().map(|flight| flight_report(scene, flight));
-    warnings.extend(flight.as_ref().and_then(FlightReport::lags));
-    warnings.extend(flight.iter().flat_map(|flight| flight.errors(&scene.camera_names)));
+    warnings.extend(scene.corrections());
     warnings.extend(scene.warnings.iter().chain(&problems).map(Problem::to_string));
 
     let place = |view: &Option<usize>| view.and_then(|view| tiles[view].clone());

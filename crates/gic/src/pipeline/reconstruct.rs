@@ -13,6 +13,9 @@ const EVENT_EVERY: usize = 25;
 
 impl Run<'_> {
     pub(super) fn reconstruct(&self, recipe: &Recipe) -> Result<()> {
+        for found in self.scene.corrections() {
+            self.events.note(Stage::Reconstruct.name(), found);
+        }
         let folder = self.path("gaussians");
         // A state that was saved for other settings or another scene must not be continued.
         let begun = self.path("stamps/reconstruct.begun.json");

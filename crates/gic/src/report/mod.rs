@@ -106,7 +106,7 @@ fn report(run: &Run, found: &IdentifyRecord, events: &Events) -> Result<Report> 
         warnings: found.warnings.iter().cloned().chain(history.warnings(&found.warnings)).map(sentence).collect(),
         rows: estimate::rows(found, truth.as_ref()),
         has_truth: truth.is_some(),
-        remarks: remarks(found),
+        remarks: remarks(found).into_iter().chain(run.video().corrections().into_iter().map(sentence)).collect(),
         selection: run.selection_if_any()?.map(|selection| ranking(&selection)),
         fitted_frames: run.fitted_frames(),
         frames: run.video().times.len(),
