@@ -16,7 +16,7 @@ pub struct Sighting {
     pub id: u32,
     /// The corners of its black square [pixels], from its lower left one against the clock.
     pub corners: [[f64; 2]; 4],
-    /// Width of its black border [modules].
+    /// Width of its black border, in modules.
     pub border: usize,
 }
 

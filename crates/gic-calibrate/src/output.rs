@@ -47,7 +47,7 @@ pub struct CalibratedCamera {
     pub cy_px: f64,
     /// Distortion by Brown's model, as OpenCV has it.
     pub distortion: Distortion,
-    /// Camera to world, x right, y down, z forward; shape [3][4]. Missing where lenses alone were sought.
+    /// Camera to world, x right, y down, z forward, by rows. Missing where lenses alone were sought.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub world_from_camera: Option<[[f64; 4]; 3]>,
     /// Number of tags that it sees, over all its views.
