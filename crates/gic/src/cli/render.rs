@@ -21,11 +21,12 @@ pub(crate) fn run(args: &RenderArgs, context: &Context) -> anyhow::Result<()> {
     inputs.allow_folder(&args.out, &["frame_"])?;
     args.film.iter().try_for_each(|film| inputs.allow_file(film))?;
     let fitted_frames = match &motion.run {
-        Some(run) => {
+        // A run without its settings can be drawn, too.
+        Some(run) if run.join("config.toml").exists() => {
             let whole = motion.trajectory.twin.get("frames").and_then(|frames| frames.as_u64());
             config_of_run(run)?.scene.fit_frames.or(whole.map(|frames| frames as usize))
         }
-        None => None,
+        _ => None,
     };
     let request = RenderRequest {
         fitted_frames,
