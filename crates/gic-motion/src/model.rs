@@ -15,7 +15,7 @@ pub struct Domain {
     pub centre: [f64; 3],
     /// Length [m] of one unit of the network's positions and displacements.
     pub extent: f64,
-    /// Time [s] that the network sees as 0.
+    /// Time [s] that the network sees as 0, and all before it, too: the end of the flight, where there is one.
     pub start: f64,
     /// Time [s] from there that the network sees as 1.
     pub duration: f64,
@@ -30,7 +30,7 @@ impl Domain {
 
     /// A time [s] in the network's unit.
     pub fn normalised_time(&self, time: f64) -> f32 {
-        ((time - self.start) / self.duration) as f32
+        ((time - self.start) / self.duration).max(0.0) as f32
     }
 
     /// The network's residuals in metres; the fourth, which is added to the logarithm of the scale, has no unit.

@@ -8,7 +8,8 @@
 //! another. Twelve numbers per frame carry what a body does as a whole (fall, turn, stretch), a lattice how it bends;
 //! the network adds the rest.
 
-use glam::{DMat3, DVec3};
+use gic_scene::FreeFlight;
+use glam::{DMat3, DVec3, Vec3};
 use serde::{Deserialize, Serialize};
 
 use crate::Lattice;
@@ -75,6 +76,23 @@ impl BaseMotion {
         let bends = vec![vec![[0.0; 3]; lattice.nodes()]];
         let shades = bends.clone();
         BaseMotion { origin: origin.to_array(), times, maps: vec![Affine::IDENTITY], lattice, bends, shades }
+    }
+
+    /// The same with the frames of a flight after the first: there the body of the first frame is moved rigidly.
+    pub(crate) fn with_flight(&self, flight: &FreeFlight) -> BaseMotion {
+        let (mut motion, first, origin) = (self.clone(), self.pose(0), DVec3::from_array(self.origin));
+        for (frame, &time) in flight.times.iter().enumerate().skip(1) {
+            let turn = flight.turn(time);
+            let moved = flight.forth(origin + DVec3::from_array(first.map.shift), time);
+            let map =
+                Affine { matrix: (turn * first.map.linear()).to_cols_array(), shift: (moved - origin).to_array() };
+            let turned = |bend: &[f32; 3]| (turn.as_mat3() * Vec3::from_array(*bend)).to_array();
+            motion.times.insert(frame, self.times[0] + time);
+            motion.maps.insert(frame, map);
+            motion.bends.insert(frame, first.bend.iter().map(turned).collect());
+            motion.shades.insert(frame, first.shade.clone());
+        }
+        motion
     }
 
     /// The pose of a frame.
@@ -295,6 +313,33 @@ mod tests {
                 let got = f64::from(d_points[i][axis]) - 0.5;
                 assert!((got - expected).abs() < 5e-4, "point {i} axis {axis}: {got} against {expected}");
             }
+        }
+    }
+
+    #[test]
+    fn in_flight_the_body_of_the_first_frame_moves_rigidly() {
+        let motion = motion();
+        let flight = FreeFlight {
+            about: DVec3::new(0.05, 0.3, -0.1),
+            velocity: DVec3::new(0.4, -1.0, 0.2),
+            angular_velocity: DVec3::new(3.0, -1.0, 2.0),
+            acceleration: DVec3::NEG_Y * 9.8,
+            times: vec![0.0, 0.03, 0.07],
+            ..FreeFlight::default()
+        };
+        let flown = motion.with_flight(&flight);
+        assert_eq!(flown.times, [0.0, 0.03, 0.07, 0.1, 0.25, 0.3, 0.5]);
+        let point = |motion: &BaseMotion, time: f64, i: usize| {
+            let x = core::array::from_fn(|k| ((i * 3 + k) as f32).sin() * 0.4);
+            DVec3::from_array(motion.moved(&motion.at(time), x).map(f64::from))
+        };
+        for i in 0..20 {
+            let first = point(&motion, 0.0, i);
+            for &time in &flight.times {
+                let (is, should) = (point(&flown, time, i), flight.forth(first, time));
+                assert!(is.distance(should) < 1e-6, "{time}: {is} instead of {should}");
+            }
+            assert_eq!(point(&flown, 0.25, i), point(&motion, 0.25, i), "later frames stay");
         }
     }
 

@@ -61,10 +61,14 @@ impl Training<'_> {
         &self,
         parameters: &Parameters,
         network: &MotionNetwork<f32>,
-        base: Option<&BaseMotion>,
+        given: Option<&BaseMotion>,
         domain: Domain,
     ) -> DynamicGaussians {
-        let motion = || Displacement { network: network.clone(), domain, base: base.cloned() };
+        let base = |base: &BaseMotion| match &self.flight {
+            Some(flight) => base.with_flight(flight),
+            None => base.clone(),
+        };
+        let motion = || Displacement { network: network.clone(), domain, base: given.map(base) };
         DynamicGaussians { canonical: parameters.gaussians(None), motion: (!self.is_static).then(motion) }
     }
 }

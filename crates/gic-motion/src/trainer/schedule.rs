@@ -55,8 +55,19 @@ impl Training<'_> {
                 (grown * self.frames.len() as f64).ceil() as usize
             }
         };
-        let frame = rng.random_range(0..frames.clamp(1, self.frames.len()));
+        let frame = self.draw_frame(frames.clamp(1, self.frames.len()), rng);
         (frame, self.choose(state.step, self.frames[frame].clone(), rng, self.settings.views_per_step))
+    }
+
+    /// One of the first `frames`, each as likely as it has pictures.
+    fn draw_frame(&self, frames: usize, rng: &mut impl Rng) -> usize {
+        let pictures = self.frames[..frames].iter().map(Vec::len);
+        let drawn = rng.random_range(0..pictures.clone().sum());
+        let ends = pictures.scan(0, |end, count| {
+            *end += count;
+            Some(*end)
+        });
+        ends.take_while(|end| *end <= drawn).count()
     }
 
     /// A random few of the targets in `pool`, as `step` shows them.

@@ -32,6 +32,7 @@ impl Training<'_> {
         let points = self.first_points(scene, &seen, &ball, &mut rng)?;
         let times = self.frames.iter().map(|f| self.targets[f[0]].time);
         let (start, end) = times.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), t| (a.min(t), b.max(t)));
+        let start = start + self.flight.as_ref().and_then(|flight| flight.times.last()).copied().unwrap_or_default();
         let domain = Domain {
             centre: ball.centre.to_array(),
             extent: NETWORK_UNIT_RADII * ball.radius,

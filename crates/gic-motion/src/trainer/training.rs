@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use gic_scene::Scene;
+use gic_scene::{FreeFlight, Scene};
 use glam::DVec3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -30,6 +30,8 @@ pub(super) struct Training<'a> {
     pub(super) synchronous: bool,
     /// There will be a base motion.
     pub(super) tracks: bool,
+    /// The flight whose frames are one, where there is one.
+    pub(super) flight: Option<FreeFlight>,
 }
 
 impl<'a> Training<'a> {
@@ -47,11 +49,7 @@ impl<'a> Training<'a> {
             };
             return Err(MotionError::NothingToTrain(reason.into()));
         }
-        let mut by_frame: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-        for (i, target) in targets.iter().enumerate() {
-            by_frame.entry(target.frame).or_default().push(i);
-        }
-        let frames: Vec<Vec<usize>> = by_frame.into_values().collect();
+        let frames = by_frame(&targets);
         let synchronous = frames[0].len() >= MIN_SYNCHRONOUS;
         let seen: Vec<f64> = targets.iter().map(|t| t.area).filter(|&area| area > 0.0).collect();
         let mean_area = seen.iter().sum::<f64>() / seen.len() as f64;
@@ -80,11 +78,29 @@ impl<'a> Training<'a> {
             sh_degree,
             synchronous,
             tracks: false,
+            flight: None,
         };
         let time = |frame: &Vec<usize>| training.targets[frame[0]].time;
         let ascending = training.frames.windows(2).all(|pair| time(&pair[0]) < time(&pair[1]));
         training.tracks = !is_static && ascending && settings.affine_steps > 0 && training.centres().is_some();
+        if training.tracks
+            && let Some(flight) = &scene.flight
+        {
+            training.join_flight(flight);
+        }
         Ok(training)
+    }
+
+    /// Makes one frame of those of a flight: every moment of it is a view of the body of the first, by a camera that
+    /// is moved against the flight.
+    fn join_flight(&mut self, flight: &FreeFlight) {
+        let time = self.targets[self.frames[0][0]].time;
+        for target in self.targets.iter_mut().chain(&mut self.halved).filter(|t| t.frame < flight.frames()) {
+            target.camera = flight.camera_between(&target.camera, flight.times[target.frame], 0.0);
+            (target.frame, target.time) = (0, time);
+        }
+        self.frames = by_frame(&self.targets);
+        self.flight = Some(flight.clone());
     }
 
     /// Random numbers of one step, so that a resumed run draws the same as an uninterrupted one.
@@ -103,4 +119,13 @@ impl<'a> Training<'a> {
         };
         self.frames.iter().map(centre).collect()
     }
+}
+
+/// Indices of the targets of each frame, in the order of the frames.
+fn by_frame(targets: &[Target]) -> Vec<Vec<usize>> {
+    let mut by_frame: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for (i, target) in targets.iter().enumerate() {
+        by_frame.entry(target.frame).or_default().push(i);
+    }
+    by_frame.into_values().collect()
 }

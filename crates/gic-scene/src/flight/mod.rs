@@ -67,6 +67,11 @@ impl FreeFlight {
         (turn, time * self.velocity + 0.5 * time * time * self.acceleration)
     }
 
+    /// The body's turn since the first frame, after `time` [s].
+    pub fn turn(&self, time: f64) -> DMat3 {
+        self.pose(time).0
+    }
+
     /// Where in the first frame a point of the body was that is at `point` [m] after `time` [s].
     pub fn back(&self, point: DVec3, time: f64) -> DVec3 {
         let (turn, shift) = self.pose(time);
