@@ -12,7 +12,13 @@ def load(path=pathlib.Path(__file__).with_name("NAME.npz"), steps_per_frame=10):
     arrays = np.load(path)
     twin = json.loads(path.with_suffix(".particles.json").read_text())
     material, rho, n = twin["material"], twin["density_kg_m3"], twin["particles"]
-    # Of a fluid only lam + 2 / 3 mu is felt as bulk modulus; E and nu are there to be positive.
+    substeps = 2 * max(1, -(-(twin["substeps_per_frame"] or 400) // steps_per_frame))
+    # The stress of Genesis' liquid is 2 mu times the strain of one substep, gic's its viscosity times the strain rate.
+    mu = material.get("viscosity_pa_s", 0.0) / 2 * twin["frame_rate_hz"] * steps_per_frame * substeps
+    # gic's pressure kappa (J - J^-6) has the slope 7 kappa at rest, Genesis' lam + 2 / 3 mu. A negative lam drives apart
+    # what expands, so that a fluid of much viscosity is stiffer than the twin.
+    lam = max(0.0, 7 * material.get("bulk_modulus_pa", 0.0) - 2 / 3 * mu)
+    # Of a fluid E and nu are there to be positive.
     fluid = {"youngs_modulus_pa": 1.2 * material.get("bulk_modulus_pa", 1e5), "poisson_ratio": 0.3}
     moduli = twin["elasticity"] or fluid
     elastic = {"E": moduli["youngs_modulus_pa"], "nu": moduli["poisson_ratio"], "rho": rho, "sampler": "regular"}
@@ -22,10 +28,7 @@ def load(path=pathlib.Path(__file__).with_name("NAME.npz"), steps_per_frame=10):
             von_mises_yield_stress=material["yield_stress_pa"], **elastic
         ),
         "sand": lambda: gs.materials.MPM.Sand(friction_angle=material["friction_angle_deg"], **elastic),
-        "newtonian": lambda: gs.materials.MPM.Liquid(
-            viscous=True, mu=material["viscosity_pa_s"],
-            lam=material["bulk_modulus_pa"] - 2 / 3 * material["viscosity_pa_s"], **elastic
-        ),
+        "newtonian": lambda: gs.materials.MPM.Liquid(viscous=True, mu=mu, lam=lam, **elastic),
     }
     if material["model"] not in laws:
         raise ValueError(f"Genesis has no law for {material['model']}")
@@ -34,10 +37,9 @@ def load(path=pathlib.Path(__file__).with_name("NAME.npz"), steps_per_frame=10):
     room = 2 * (high - low).max() + 3 * twin["grid_spacing_m"]
     floors = [np.array(c["point_m"]) for c in twin["colliders"] if c["shape"] == "half_space"]
     low, high = np.min([low, *floors], axis=0) - room, np.max([high, *floors], axis=0) + room
-    substeps = max(1, -(-(twin["substeps_per_frame"] or 400) // steps_per_frame))
     scene = gs.Scene(
         sim_options=gs.options.SimOptions(
-            dt=1 / twin["frame_rate_hz"] / steps_per_frame, substeps=2 * substeps, gravity=tuple(twin["gravity_m_s2"])
+            dt=1 / twin["frame_rate_hz"] / steps_per_frame, substeps=substeps, gravity=tuple(twin["gravity_m_s2"])
         ),
         mpm_options=gs.options.MPMOptions(
             lower_bound=tuple(low), upper_bound=tuple(high), grid_density=1 / twin["grid_spacing_m"],
