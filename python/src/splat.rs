@@ -185,7 +185,7 @@ fn pinhole((width, height, focal, principal, rows, centre): CameraNumbers) -> Ca
         height,
         focal: DVec2::from(focal),
         principal: DVec2::from(principal),
-        rotation: DMat3::from_cols_array_2d(&rows).transpose(),
+        world_from_camera: DMat3::from_cols_array_2d(&rows).transpose(),
         centre: DVec3::from(centre),
     }
 }

@@ -22,7 +22,7 @@ fn camera(centre: DVec3) -> Camera {
         height: SIZE,
         focal: DVec2::splat(130.0),
         principal: DVec2::splat(SIZE as f64 / 2.0),
-        rotation: DMat3::from_cols(right, forward.cross(right), forward),
+        world_from_camera: DMat3::from_cols(right, forward.cross(right), forward),
         centre,
     }
 }
@@ -149,7 +149,7 @@ fn a_mirrored_camera_is_named() {
 fn a_camera_that_misses_the_object_takes_no_part() {
     let mut all = cameras();
     let mut away = camera(DVec3::new(-1.2, 0.3, -0.4));
-    away.rotation = DMat3::from_rotation_y(2.0) * away.rotation;
+    away.world_from_camera = DMat3::from_rotation_y(2.0) * away.world_from_camera;
     all.insert(1, away);
     let (_folder, video) = video(&all);
     let settings = RegisterSettings { starts: 300, candidates: 1, steps: 5, final_steps: 5, ..SETTINGS };

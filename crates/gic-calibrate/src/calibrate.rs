@@ -154,9 +154,7 @@ fn solve(
     let freedom = Freedom { lenses: lenses.is_none(), reference, pixel_aspect: request.pixel_aspect };
     let mut rig = start(&mut sightings.views, &known)?;
     for round in 0.. {
-        if interrupt.requested() {
-            return Err(CalibrateError::interrupted());
-        }
+        interrupt.check("some pictures")?;
         let mut bundle = Bundle::new(rig, &sightings.views, &sizes, freedom);
         bundle.adjust();
         let solution = Solution::of(bundle);

@@ -69,9 +69,4 @@ impl CalibrateError {
     pub(crate) fn usage(problem: impl Into<String>, hint: impl Into<String>) -> Self {
         Self::Usage { problem: problem.into(), hint: hint.into() }
     }
-
-    /// The user interrupted.
-    pub(crate) fn interrupted() -> Self {
-        TwinError::Interrupted { after: "some pictures".into(), resume: "run the same command again".into() }.into()
-    }
 }

@@ -120,9 +120,7 @@ fn frames(film: &Film, numbers: &[usize], interrupt: &Interrupt) -> Result<Vec<G
     let (Some(first), Some(last)) = (numbers.first(), numbers.last()) else { return Ok(Vec::new()) };
     let mut found = Vec::new();
     for frame in film.frames(&Selection { range: *first..last + 1, every: 1 })? {
-        if interrupt.requested() {
-            return Err(CalibrateError::interrupted());
-        }
+        interrupt.check("some pictures")?;
         let frame = frame?;
         if numbers.binary_search(&frame.index).is_ok() {
             found.push(Grey::of(&frame));
@@ -188,9 +186,7 @@ fn moving_views(
     let pictures = frames(film, &numbers, interrupt)?;
     let mut views = Vec::new();
     for (number, picture) in numbers.into_iter().zip(pictures) {
-        if interrupt.requested() {
-            return Err(CalibrateError::interrupted());
-        }
+        interrupt.check("some pictures")?;
         let moment = wanted.iter().position(|n| *n == number).unwrap_or_default();
         let tags = find_tags(&picture, border);
         views.push((moment, picture, tags));

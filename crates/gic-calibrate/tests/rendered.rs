@@ -202,7 +202,7 @@ fn import_reads_what_calibration_writes() {
     assert!(read.world.metric && read.world.up.unwrap().z > 0.999 && read.world.gravity.unwrap().z < -9.8);
     assert!(read.world.ground.unwrap().point.length() < 1e-9);
     let camera: &gic_scene::Camera = &read.cameras[0];
-    let (centre, forward) = (camera.centre, camera.rotation.z_axis);
+    let (centre, forward) = (camera.centre, camera.world_from_camera.z_axis);
     assert!((centre - glam::DVec3::new(-0.3, -0.3, 0.4)).length() < 0.004, "{centre}");
     assert!(forward.dot(-centre.normalize()) > 0.9999, "it looks at the board: {forward}");
 }

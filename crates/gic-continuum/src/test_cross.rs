@@ -33,7 +33,7 @@ fn camera(from: DVec3) -> Camera {
         height: SIZE,
         focal: DVec2::splat(150.0),
         principal: DVec2::splat(0.5 * SIZE as f64),
-        rotation: DMat3::from_cols(x, z.cross(x), z),
+        world_from_camera: DMat3::from_cols(x, z.cross(x), z),
         centre: from,
     }
 }

@@ -45,6 +45,20 @@ impl WriteError {
     }
 }
 
+/// The way out where a file or folder cannot be written, in one sentence; `None` where what was to be written is at
+/// fault, and says so.
+pub fn write_hint(source: &io::Error) -> Option<String> {
+    let hint = match source.kind() {
+        io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
+            "choose a folder that you may write to with -o"
+        }
+        io::ErrorKind::InvalidData => return None,
+        io::ErrorKind::StorageFull => "free some disk space and run the same command again",
+        _ => "check that the parent is a folder and not a file, or choose another one with -o",
+    };
+    Some(hint.into())
+}
+
 /// A file on its way: written beside its place, there once it is [finished](NewFile::finish), gone if it is dropped
 /// unfinished.
 #[derive(Debug)]

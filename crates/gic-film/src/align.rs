@@ -6,7 +6,7 @@
 use gic_twin::Interrupt;
 use serde::{Deserialize, Serialize};
 
-use crate::error::{FilmError, Result, stop_if};
+use crate::error::{FilmError, Result};
 use crate::ffmpeg::Decoder;
 use crate::film::Film;
 use crate::tuning::{
@@ -46,7 +46,7 @@ pub struct Alignment {
 pub fn align(films: &[Film], by: Align, interrupt: &Interrupt) -> Result<Alignment> {
     let find = |sign: Align| -> Result<Vec<Option<f64>>> {
         let moment = |film: &Film| {
-            stop_if(interrupt)?;
+            interrupt.check("some pictures")?;
             match sign {
                 Align::Clap => clap(film),
                 _ => flash(film),

@@ -11,7 +11,7 @@ use gic_scene::Picture;
 use gic_twin::Interrupt;
 use rayon::prelude::*;
 
-use crate::error::{FilmError, Result, stop_if};
+use crate::error::{FilmError, Result};
 use crate::film::Film;
 use crate::frames::Frame;
 use crate::tuning::{
@@ -51,7 +51,7 @@ impl EmptyScene {
         let mut samples = Vec::new();
         for frame in film.frames(&selection)? {
             samples.push(frame?);
-            stop_if(interrupt)?;
+            interrupt.check("some pictures")?;
         }
         Ok(EmptyScene::from_samples(&samples))
     }

@@ -170,7 +170,8 @@ fn opengl([x, y, z]: [[f64; 4]; 3]) -> [[f64; 4]; 4] {
 }
 
 fn pinhole(camera: &Camera) -> Map<String, Value> {
-    let (right, down, forward) = (camera.rotation.x_axis, camera.rotation.y_axis, camera.rotation.z_axis);
+    let (right, down, forward) =
+        (camera.world_from_camera.x_axis, camera.world_from_camera.y_axis, camera.world_from_camera.z_axis);
     let row = |axis: usize| [right[axis], down[axis], forward[axis], camera.centre[axis]];
     let keys = json!({
         "camera_model": "PINHOLE",

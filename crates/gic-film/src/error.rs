@@ -4,7 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use gic_scene::SceneError;
-use gic_twin::{Interrupt, TwinError};
+use gic_twin::TwinError;
 
 /// A failure of taking films in.
 #[derive(Debug, thiserror::Error)]
@@ -92,14 +92,4 @@ impl FilmError {
     pub(crate) fn usage(problem: impl Into<String>, hint: impl Into<String>) -> Self {
         Self::Usage { problem: problem.into(), hint: hint.into() }
     }
-
-    /// The user interrupted after a part of the work.
-    pub(crate) fn interrupted(after: impl Into<String>) -> Self {
-        TwinError::Interrupted { after: after.into(), resume: "run the same command again".into() }.into()
-    }
-}
-
-/// Ends the work where the user has interrupted.
-pub(crate) fn stop_if(interrupt: &Interrupt) -> Result<()> {
-    if interrupt.requested() { Err(FilmError::interrupted("some pictures")) } else { Ok(()) }
 }

@@ -20,7 +20,7 @@ use crate::align::{Align, Alignment, align};
 use crate::background::EmptyScene;
 use crate::cameras::KnownCameras;
 use crate::cut::Cut;
-use crate::error::{FilmError, Result, stop_if};
+use crate::error::{FilmError, Result};
 use crate::film::{Film, open_films};
 use crate::scene_file::SceneFile;
 use crate::sheet::labelled;
@@ -215,7 +215,7 @@ fn write_films(
         let mut tiles = Vec::new();
         let mut decoder = film.frames(&cut.selection(number))?;
         for (frame, shot) in shots.iter().enumerate() {
-            stop_if(interrupt)?;
+            interrupt.check("some pictures")?;
             let Some(decoded) =
                 decoder.by_ref().find(|next| next.as_ref().map_or(true, |next| next.index == shot.index))
             else {

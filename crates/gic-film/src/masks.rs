@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use crate::error::{FilmError, Result, stop_if};
+use crate::error::{FilmError, Result};
 use crate::sheet::labelled;
 use crate::tuning::{GOOD_OVERLAP, HULL_RESOLUTION, SHEET_COLUMNS, TELLING_GAIN};
 
@@ -148,7 +148,7 @@ pub fn make_masks(request: &MasksRequest, events: &Events, interrupt: &Interrupt
     let mut tiles: BTreeMap<(usize, usize), Picture> = BTreeMap::new();
     let shown = sheet::evenly_spaced(scene.times.len(), SHEET_COLUMNS);
     for frame in 0..scene.times.len() {
-        stop_if(interrupt)?;
+        interrupt.check("some pictures")?;
         let views = scene.views_at(frame);
         let taken: Vec<Taken> =
             views.par_iter().map(|view| maker.take(view, &made.corrected)).collect::<Result<_>>()?;

@@ -3,7 +3,7 @@
 use gic_scene::{Mask, Picture, sheet as tiles};
 use gic_twin::Interrupt;
 
-use crate::error::{Result, stop_if};
+use crate::error::Result;
 use crate::film::Film;
 use crate::tuning::SHEET_COLUMNS;
 
@@ -21,7 +21,7 @@ pub fn thumbnails(films: &[Film], interrupt: &Interrupt) -> Result<Picture> {
         for frame in film.frames(&selection)? {
             let frame = frame?;
             row.push(Some(labelled(&frame.picture(), None, &format!("{:.2}", film.times_s[frame.index]))));
-            stop_if(interrupt)?;
+            interrupt.check("some pictures")?;
         }
         rows.push(row);
     }

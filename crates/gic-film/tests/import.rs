@@ -92,7 +92,7 @@ fn films_become_a_scene_and_cameras_come_later() {
     assert_eq!(read.camera_names, ["left", "right"]);
     assert_eq!((read.times.len(), read.views.len()), (5, 10));
     assert!(read.world.metric && (read.world.ground.unwrap().point.z + 0.4).abs() < 1e-12);
-    assert!((read.cameras[0].rotation.z_axis.y - 1.0).abs() < 1e-9, "looks along y");
+    assert!((read.cameras[0].world_from_camera.z_axis.y - 1.0).abs() < 1e-9, "looks along y");
     let masks = read.load_masks(read.views_at(0)).unwrap();
     masks.iter().for_each(|mask| assert!((mask.area() - 144.0).abs() < 10.0, "{}", mask.area()));
 

@@ -197,10 +197,10 @@ impl PadSimulation<'_> {
         keys.extend(phase.path.iter().map(|&(t, pose)| (start + t, centre(pose))));
         let [long, short] = self.pads.size_m;
         // The pad's face looks along its own x.
-        let rotation = if side < 0.0 { DQuat::IDENTITY } else { DQuat::from_rotation_y(PI) };
+        let world_from_collider = if side < 0.0 { DQuat::IDENTITY } else { DQuat::from_rotation_y(PI) };
         Collider {
             primitive: Primitive::Pad { half_size_m: 0.5 * DVec3::new(self.pads.thickness_m, long, short) },
-            path: ColliderPath::Keyframed { keys, rotation },
+            path: ColliderPath::Keyframed { keys, world_from_collider },
             contact: self.contact(),
         }
     }

@@ -139,7 +139,8 @@ impl Input {
             return Err(IdentifyError::input("ground", "names no plane", "give the index of a half space"));
         }
         let deviations = ground.deviations();
-        if deviations.iter().any(|deviation| !(*deviation >= 0.0 && deviation.is_finite())) || deviations == [0.0; 4] {
+        let are_deviations = deviations.iter().all(|deviation| *deviation >= 0.0 && deviation.is_finite());
+        if !are_deviations || deviations == [0.0; GROUND_UNKNOWNS] {
             let way_out = "give standard deviations, one of them positive";
             return Err(IdentifyError::input("ground", "is in no doubt, or in endless doubt", way_out));
         }

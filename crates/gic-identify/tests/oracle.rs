@@ -26,7 +26,7 @@ fn ground() -> Collider {
         primitive: Primitive::HalfSpace { normal: DVec3::Y },
         path: ColliderPath::Uniform {
             position_m: DVec3::ZERO,
-            rotation: DQuat::IDENTITY,
+            world_from_collider: DQuat::IDENTITY,
             velocity_m_s: DVec3::ZERO,
             angular_velocity_rad_s: DVec3::ZERO,
         },

@@ -76,15 +76,15 @@ fn encode_collider(collider: &Collider, numbers: &mut Vec<f64>) {
     numbers.extend(size.to_array());
     numbers.extend([f64::from(contact), friction]);
     match &collider.path {
-        ColliderPath::Uniform { position_m, rotation, velocity_m_s, angular_velocity_rad_s } => {
-            numbers.extend(rotation.to_array());
+        ColliderPath::Uniform { position_m, world_from_collider, velocity_m_s, angular_velocity_rad_s } => {
+            numbers.extend(world_from_collider.to_array());
             numbers.push(0.0);
             for vector in [position_m, velocity_m_s, angular_velocity_rad_s] {
                 numbers.extend(vector.to_array());
             }
         }
-        ColliderPath::Keyframed { keys, rotation } => {
-            numbers.extend(rotation.to_array());
+        ColliderPath::Keyframed { keys, world_from_collider } => {
+            numbers.extend(world_from_collider.to_array());
             numbers.push(keys.len() as f64);
             for (time_s, position) in keys {
                 numbers.push(*time_s);
@@ -113,17 +113,17 @@ fn decode_collider(reader: &mut Reader) -> Option<Collider> {
         2 => Contact::Separating { friction },
         _ => return None,
     };
-    let rotation = DQuat::from_array(reader.numbers()?);
+    let world_from_collider = DQuat::from_array(reader.numbers()?);
     let path = match reader.count()? {
         0 => ColliderPath::Uniform {
             position_m: reader.vector()?,
-            rotation,
+            world_from_collider,
             velocity_m_s: reader.vector()?,
             angular_velocity_rad_s: reader.vector()?,
         },
         count => {
             let keys = (0..count).map(|_| Some((reader.number()?, reader.vector()?))).collect::<Option<_>>()?;
-            ColliderPath::Keyframed { keys, rotation }
+            ColliderPath::Keyframed { keys, world_from_collider }
         }
     };
     Some(Collider { primitive, path, contact })
@@ -167,7 +167,7 @@ mod tests {
             primitive: Primitive::Box { half_size_m: DVec3::new(0.1, 0.2, 0.3) },
             path: ColliderPath::Keyframed {
                 keys: vec![(0.0, DVec3::X), (1.0, DVec3::Y)],
-                rotation: DQuat::from_rotation_x(0.3),
+                world_from_collider: DQuat::from_rotation_x(0.3),
             },
             contact: Contact::Separating { friction: 0.4 },
         });

@@ -30,7 +30,7 @@ fn cameras() -> Vec<Camera> {
                 height: SIZE,
                 focal: DVec2::splat(60.0),
                 principal: DVec2::splat(SIZE as f64 / 2.0),
-                rotation: DMat3::from_cols(right, forward.cross(right), forward),
+                world_from_camera: DMat3::from_cols(right, forward.cross(right), forward),
                 centre,
             }
         })

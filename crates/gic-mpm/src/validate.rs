@@ -145,14 +145,14 @@ impl Collider {
             _ => {}
         }
         match &self.path {
-            ColliderPath::Uniform { position_m, rotation, velocity_m_s, angular_velocity_rad_s } => {
+            ColliderPath::Uniform { position_m, world_from_collider, velocity_m_s, angular_velocity_rad_s } => {
                 finite(&field("position_m"), *position_m)?;
                 finite(&field("velocity_m_s"), *velocity_m_s)?;
                 finite(&field("angular_velocity_rad_s"), *angular_velocity_rad_s)?;
-                rotated(&field("rotation"), *rotation)
+                rotated(&field("world_from_collider"), *world_from_collider)
             }
-            ColliderPath::Keyframed { keys, rotation } => {
-                rotated(&field("rotation"), *rotation)?;
+            ColliderPath::Keyframed { keys, world_from_collider } => {
+                rotated(&field("world_from_collider"), *world_from_collider)?;
                 if keys.is_empty() {
                     return invalid(field("keys"), "[]", "must hold at least one key");
                 }

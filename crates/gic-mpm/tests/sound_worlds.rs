@@ -105,7 +105,7 @@ fn a_wall_does_not_jump_over_the_body() {
     };
     let uniform = |speed: f64| ColliderPath::Uniform {
         position_m: DVec3::X * -0.1,
-        rotation: DQuat::IDENTITY,
+        world_from_collider: DQuat::IDENTITY,
         velocity_m_s: DVec3::X * speed,
         angular_velocity_rad_s: DVec3::ZERO,
     };
@@ -116,7 +116,7 @@ fn a_wall_does_not_jump_over_the_body() {
     let too_fast = frames(&wall(uniform(1e7)), 2).unwrap_err();
     assert!(matches!(too_fast, SimulationError::ColliderTooFast { frame: 1, collider: 0, .. }), "{too_fast}");
     let keys = vec![(0.0, DVec3::X * -0.1), (1e-9, DVec3::X * 0.5)];
-    let jumps = frames(&wall(ColliderPath::Keyframed { keys, rotation: DQuat::IDENTITY }), 2).unwrap_err();
+    let jumps = frames(&wall(ColliderPath::Keyframed { keys, world_from_collider: DQuat::IDENTITY }), 2).unwrap_err();
     assert!(matches!(jumps, SimulationError::ColliderTooFast { .. }), "{jumps}");
     // What goes away from the body, or passes far from it, costs nothing.
     let away = frames(&wall(uniform(-1e7)), 2).unwrap();
@@ -129,7 +129,7 @@ fn a_body_is_not_pressed_through_the_floor() {
         Primitive::HalfSpace { normal: DVec3::NEG_Y },
         ColliderPath::Keyframed {
             keys: vec![(0.0, DVec3::Y * 0.14), (0.5, DVec3::Y * -2.0)],
-            rotation: DQuat::IDENTITY,
+            world_from_collider: DQuat::IDENTITY,
         },
     );
     let world = World { colliders: vec![floor(), press], ..cube(0.01) };
@@ -245,7 +245,7 @@ fn obstacle(
         primitive,
         path: ColliderPath::Uniform {
             position_m: towards * distance,
-            rotation: DQuat::IDENTITY,
+            world_from_collider: DQuat::IDENTITY,
             velocity_m_s: velocity * (speed * 10f64.powf(pace - 2.0)),
             angular_velocity_rad_s: DVec3::ZERO,
         },

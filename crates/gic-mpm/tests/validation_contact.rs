@@ -108,7 +108,7 @@ fn dent(material: Material) -> (f64, f64) {
         primitive: Primitive::Sphere { radius_m: radius },
         path: ColliderPath::Keyframed {
             keys: vec![(0.0, above(0.0)), (0.2, above(-0.02)), (0.3, above(-0.02)), (0.5, above(0.1))],
-            rotation: DQuat::IDENTITY,
+            world_from_collider: DQuat::IDENTITY,
         },
         contact: Contact::Separating { friction: 0.0 },
     };

@@ -5,7 +5,7 @@ use glam::{DMat3, DVec2, DVec3};
 
 /// A pinhole camera in the world frame of its dataset, in metres and pixels.
 ///
-/// A world point `x` has camera coordinates `rotation^T (x - centre)` with z forward, and image coordinates
+/// A world point `x` has camera coordinates `world_from_camera^T (x - centre)` with z forward, and image coordinates
 /// `(fx X/Z + cx, fy Y/Z + cy)`, where the centre of the pixel in column i, row j is `(i + 0.5, j + 0.5)`.
 /// Images with lens distortion are undistorted when they are read, so that everything downstream is a pinhole.
 #[derive(Clone, Debug, PartialEq)]
@@ -19,7 +19,7 @@ pub struct Camera {
     /// Principal point (cx, cy) [pixels].
     pub principal: DVec2,
     /// Camera-to-world rotation: its columns are the camera's x (right), y (down) and z (forward) axes in the world.
-    pub rotation: DMat3,
+    pub world_from_camera: DMat3,
     /// Camera centre in the world [m].
     pub centre: DVec3,
 }
@@ -27,7 +27,7 @@ pub struct Camera {
 impl Camera {
     /// Camera coordinates (x right, y down, z forward) [m] of a world point [m].
     pub fn to_camera(&self, world: DVec3) -> DVec3 {
-        self.rotation.transpose() * (world - self.centre)
+        self.world_from_camera.transpose() * (world - self.centre)
     }
 
     /// Image coordinates [pixels] and depth along the optical axis [m] of a world point; `None` behind the camera.
@@ -39,7 +39,7 @@ impl Camera {
     /// World point [m] seen at image coordinates `pixel` [pixels] at `depth` along the optical axis [m].
     pub fn unproject(&self, pixel: DVec2, depth: f64) -> DVec3 {
         let c = (pixel - self.principal) / self.focal * depth;
-        self.rotation * DVec3::new(c.x, c.y, depth) + self.centre
+        self.world_from_camera * DVec3::new(c.x, c.y, depth) + self.centre
     }
 }
 
@@ -56,7 +56,7 @@ mod tests {
             height: 48,
             focal: DVec2::new(70.0, 80.0),
             principal: DVec2::new(30.0, 25.0),
-            rotation: DMat3::from_axis_angle(axis, angle),
+            world_from_camera: DMat3::from_axis_angle(axis, angle),
             centre: DVec3::from_array(centre),
         }
     }

@@ -198,6 +198,15 @@ impl FlightReport {
             |(name, error): (&String, &CalibrationErrorReport)| format!("camera {name} is not as stated: {error}");
         names.iter().zip(&self.calibration_errors).map(error).collect()
     }
+
+    /// What the flight shows to be otherwise than the scene states, a sentence each; `names` are the cameras'.
+    fn corrections(&self, names: &[String]) -> Vec<String> {
+        let mut found: Vec<String> = self.lags().into_iter().chain(self.errors(names)).collect();
+        if !found.is_empty() {
+            found.push(format!("with that, outlines of the flight agree to {:.2} pixels", self.miss_px));
+        }
+        found
+    }
 }
 
 /// Where knowledge about up and the ground comes from.
@@ -224,12 +233,7 @@ const COARSE_HULL_SETTINGS: HullSettings = HullSettings { resolution: 48, tolera
 impl Scene {
     /// What the free flight showed to be otherwise than the scene states, a sentence each; empty where nothing is.
     pub fn corrections(&self) -> Vec<String> {
-        let Some(flight) = self.flight.as_ref().map(|flight| flight_report(self, flight)) else { return Vec::new() };
-        let mut found: Vec<String> = flight.lags().into_iter().chain(flight.errors(&self.camera_names)).collect();
-        if !found.is_empty() {
-            found.push(format!("with that, outlines of the flight agree to {:.2} pixels", flight.miss_px));
-        }
-        found
+        self.flight.iter().flat_map(|flight| flight_report(self, flight).corrections(&self.camera_names)).collect()
     }
 }
 
@@ -305,7 +309,7 @@ pub fn inspect(scene: &Scene) -> Result<Inspection, SceneError> {
     let fall = scene.flight.as_ref().zip(up).and_then(|(flight, (up, _))| FallReport::of(scene, flight, up));
     let ground = find_ground(scene, &masks, &ground_frames, hull.as_ref(), up, &mut warnings);
     let flight = scene.flight.as_ref().map(|flight| flight_report(scene, flight));
-    warnings.extend(scene.corrections());
+    warnings.extend(flight.iter().flat_map(|flight| flight.corrections(&scene.camera_names)));
     warnings.extend(scene.warnings.iter().chain(&problems).map(Problem::to_string));
 
     let place = |view: &Option<usize>| view.and_then(|view| tiles[view].clone());
@@ -442,7 +446,7 @@ fn mean(values: &[f64]) -> f64 {
 /// The mean of the cameras' up directions, for people hold cameras upright; where the object falls about that way, the
 /// way against its fall.
 fn guessed_up(scene: &Scene) -> Option<(DVec3, GroundSource)> {
-    let sum: DVec3 = scene.cameras.iter().map(|camera| -camera.rotation.y_axis).sum();
+    let sum: DVec3 = scene.cameras.iter().map(|camera| -camera.world_from_camera.y_axis).sum();
     let upright = sum.try_normalize()?;
     let against_fall = scene.flight.as_ref().and_then(|flight| (-flight.acceleration).try_normalize());
     let up = against_fall.filter(|up| up.dot(upright) > std::f64::consts::FRAC_1_SQRT_2).unwrap_or(upright);
@@ -564,18 +568,24 @@ fn mean_overlap(views: &[HullView]) -> f64 {
 }
 
 fn flip_yz(camera: &Camera) -> Camera {
-    Camera { rotation: camera.rotation * DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0)), ..camera.clone() }
+    Camera {
+        world_from_camera: camera.world_from_camera * DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0)),
+        ..camera.clone()
+    }
 }
 
 fn flip_y(camera: &Camera) -> Camera {
-    Camera { rotation: camera.rotation * DMat3::from_diagonal(DVec3::new(1.0, -1.0, 1.0)), ..camera.clone() }
+    Camera {
+        world_from_camera: camera.world_from_camera * DMat3::from_diagonal(DVec3::new(1.0, -1.0, 1.0)),
+        ..camera.clone()
+    }
 }
 
 /// The camera if its OpenGL camera-to-world matrix was in truth world-to-camera.
 fn invert(camera: &Camera) -> Camera {
     let axes = DMat3::from_diagonal(DVec3::new(1.0, -1.0, -1.0));
-    let to_camera = (camera.rotation * axes).transpose();
-    Camera { rotation: to_camera * axes, centre: -(to_camera * camera.centre), ..camera.clone() }
+    let to_camera = (camera.world_from_camera * axes).transpose();
+    Camera { world_from_camera: to_camera * axes, centre: -(to_camera * camera.centre), ..camera.clone() }
 }
 
 impl fmt::Display for Inspection {

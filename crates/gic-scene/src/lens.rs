@@ -150,7 +150,7 @@ mod tests {
             height: 10,
             focal: DVec2::splat(10.0),
             principal: DVec2::new(10.0, 5.0),
-            rotation: DMat3::IDENTITY,
+            world_from_camera: DMat3::IDENTITY,
             centre: DVec3::ZERO,
         };
         let rgb =

@@ -26,7 +26,11 @@ impl Similarity {
 
     /// The camera that sees moved things as `camera` sees them unmoved.
     pub fn camera(&self, camera: &Camera) -> Camera {
-        Camera { rotation: self.rotation * camera.rotation, centre: self.point(camera.centre), ..camera.clone() }
+        Camera {
+            world_from_camera: self.rotation * camera.world_from_camera,
+            centre: self.point(camera.centre),
+            ..camera.clone()
+        }
     }
 
     /// The 4x4 matrix, row by row.
@@ -83,7 +87,7 @@ mod tests {
             height: 30,
             focal: DVec2::new(50.0, 55.0),
             principal: DVec2::new(19.0, 16.0),
-            rotation: DMat3::from_rotation_y(0.3),
+            world_from_camera: DMat3::from_rotation_y(0.3),
             centre: DVec3::new(0.1, 0.2, -3.0),
         };
         let x = DVec3::new(0.3, -0.4, 0.7);

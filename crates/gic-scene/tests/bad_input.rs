@@ -402,9 +402,9 @@ fn inspection_recognises_flipped_axes_and_an_outlier() {
 
     // One camera turned about its viewing direction.
     let mut turned = scene.clone();
-    let x = turned.cameras[2].rotation.x_axis;
-    let y = turned.cameras[2].rotation.y_axis;
-    (turned.cameras[2].rotation.x_axis, turned.cameras[2].rotation.y_axis) = (y, -x);
+    let x = turned.cameras[2].world_from_camera.x_axis;
+    let y = turned.cameras[2].world_from_camera.y_axis;
+    (turned.cameras[2].world_from_camera.x_axis, turned.cameras[2].world_from_camera.y_axis) = (y, -x);
     turned.cameras[2].principal.x += 6.0;
     let warnings = report(&turned).warnings;
     assert!(warnings.iter().any(|w| w.contains("camera 2 disagrees")), "{warnings:?}");

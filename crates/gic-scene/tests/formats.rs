@@ -28,7 +28,12 @@ fn assert_close(camera: &Camera, expected: &Camera) {
     assert!((camera.focal - expected.focal).length() < 1e-6, "{:?}", camera.focal);
     assert!((camera.principal - expected.principal).length() < 1e-6, "{:?}", camera.principal);
     assert!((camera.centre - expected.centre).length() < 1e-6, "{:?} for {:?}", camera.centre, expected.centre);
-    assert!(camera.rotation.abs_diff_eq(expected.rotation, 1e-6), "{:?} for {:?}", camera.rotation, expected.rotation);
+    assert!(
+        camera.world_from_camera.abs_diff_eq(expected.world_from_camera, 1e-6),
+        "{:?} for {:?}",
+        camera.world_from_camera,
+        expected.world_from_camera
+    );
 }
 
 /// Points whose pixels are worked out by hand for the first camera: it stands at (0, 0.2, 1) and looks along -z.

@@ -69,7 +69,7 @@ fn camera(side: usize) -> Camera {
         height: side,
         focal: DVec2::splat(radius / 0.2),
         principal: DVec2::splat(0.5 * side as f64),
-        rotation: DMat3::IDENTITY,
+        world_from_camera: DMat3::IDENTITY,
         centre: glam::DVec3::ZERO,
     }
 }

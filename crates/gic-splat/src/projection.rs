@@ -190,7 +190,7 @@ impl<'a> CameraProjection<'a> {
         CameraProjection {
             camera,
             settings,
-            camera_from_world: camera.rotation.transpose(),
+            camera_from_world: camera.world_from_camera.transpose(),
             low: (-FRUSTUM_MARGIN * size - camera.principal) / camera.focal,
             high: ((1.0 + FRUSTUM_MARGIN) * size - camera.principal) / camera.focal,
             with_color: settings.channels.color(),
@@ -327,7 +327,7 @@ impl<'a> CameraProjection<'a> {
         let d_uv = self.camera.focal * d_mean - DVec2::new(d_rows[0].z, d_rows[1].z) * g.slope;
         let d_p = DVec3::new(d_uv.x, d_uv.y, -d_uv.dot(g.uv)) / g.p.z + DVec3::new(0.0, 0.0, d_z);
         AttributeGradient {
-            position: (self.camera.rotation * d_p).as_vec3().to_array(),
+            position: (self.camera.world_from_camera * d_p).as_vec3().to_array(),
             opacity: d_opacity as f32,
             scale: scale.as_vec3().to_array(),
             rotation: rotation.map(|v| v as f32),
@@ -345,7 +345,7 @@ impl<'a> CameraProjection<'a> {
                 let to_local = axes.transpose();
                 let d_scale = d_a[0] * (to_local * rows[0]) + d_a[1] * (to_local * rows[1]);
                 // d axes = row (scales d_a)^T; axes = W R, so d R = W^T d axes.
-                let (u, v) = (self.camera.rotation * rows[0], self.camera.rotation * rows[1]);
+                let (u, v) = (self.camera.world_from_camera * rows[0], self.camera.world_from_camera * rows[1]);
                 let pairs = [(u, d_a[0] * scales), (v, d_a[1] * scales)];
                 (d_scale, quaternion_backward(rotations[i], pairs))
             }

@@ -257,7 +257,7 @@ fn project(
     let jacobian = [DVec3::new(f.x, 0.0, -f.x * u.0) / p.z, DVec3::new(0.0, f.y, -f.y * v.0) / p.z];
 
     let root = rotation_matrix(set.rotations[i]) * DMat3::from_diagonal(set.scales[i]);
-    let camera_from_world = camera.rotation.transpose();
+    let camera_from_world = camera.world_from_camera.transpose();
     let camera_covariance = camera_from_world * root * root.transpose() * camera_from_world.transpose();
     let entry = |a: usize, b: usize| jacobian[a].dot(camera_covariance * jacobian[b]);
     let bare = DMat2::from_cols_array(&[entry(0, 0), entry(0, 1), entry(0, 1), entry(1, 1)]);
@@ -314,10 +314,10 @@ fn project_backward(
     d_uv += f * g.mean;
     d_p += DVec3::new(d_uv.x, d_uv.y, -d_uv.dot(*uv)) / p.z;
     d_p.z += g.depth;
-    out.positions[i] += camera.rotation * d_p;
+    out.positions[i] += camera.world_from_camera * d_p;
 
     // V = W (R S) (R S)^T W^T
-    let d_root = 2.0 * (camera.rotation * d_v * camera.rotation.transpose()) * *root;
+    let d_root = 2.0 * (camera.world_from_camera * d_v * camera.world_from_camera.transpose()) * *root;
     let r = rotation_matrix(set.rotations[i]);
     for axis in 0..3 {
         out.scales[i][axis] += d_root.col(axis).dot(r.col(axis));

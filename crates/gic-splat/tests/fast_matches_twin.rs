@@ -17,7 +17,7 @@ fn camera() -> Camera {
         height: 38,
         focal: DVec2::new(50.0, 54.0),
         principal: DVec2::new(26.0, 20.5),
-        rotation: DMat3::from_euler(glam::EulerRot::XYZ, 0.3, -0.4, 0.2),
+        world_from_camera: DMat3::from_euler(glam::EulerRot::XYZ, 0.3, -0.4, 0.2),
         centre: DVec3::new(0.3, -0.2, 0.1),
     }
 }

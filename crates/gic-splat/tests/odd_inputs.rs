@@ -12,7 +12,7 @@ fn camera(width: usize, height: usize) -> Camera {
         height,
         focal: DVec2::splat(20.0),
         principal: DVec2::new(width as f64, height as f64) * 0.5,
-        rotation: DMat3::from_rotation_y(0.1),
+        world_from_camera: DMat3::from_rotation_y(0.1),
         centre: DVec3::new(0.0, 0.1, -1.0),
     }
 }

@@ -18,7 +18,7 @@ fn camera() -> Camera {
         height: 7,
         focal: DVec2::new(8.0, 9.0),
         principal: DVec2::new(4.2, 3.7),
-        rotation: DMat3::from_euler(glam::EulerRot::XYZ, 0.3, -0.4, 0.2),
+        world_from_camera: DMat3::from_euler(glam::EulerRot::XYZ, 0.3, -0.4, 0.2),
         centre: DVec3::new(0.3, -0.2, 0.1),
     }
 }
@@ -178,7 +178,7 @@ fn one_gaussian_in_closed_form() {
         height: 11,
         focal: DVec2::splat(20.0),
         principal: DVec2::splat(5.5),
-        rotation: DMat3::IDENTITY,
+        world_from_camera: DMat3::IDENTITY,
         centre: DVec3::ZERO,
     };
     let (depth, scale, opacity) = (2.0, 0.15, 0.8);

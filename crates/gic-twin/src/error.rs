@@ -148,15 +148,7 @@ impl TwinError {
             Self::Locked { .. } => {
                 Some("wait until it ends or stop it; commands that only read the folder need not wait".into())
             }
-            Self::Write { source, .. } => match source.kind() {
-                io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
-                    Some("choose a folder that you may write to with -o".into())
-                }
-                // What was to be written is at fault, and says so.
-                io::ErrorKind::InvalidData => None,
-                io::ErrorKind::StorageFull => Some("free some disk space and run the same command again".into()),
-                _ => Some("check that the parent is a folder and not a file, or choose another one with -o".into()),
-            },
+            Self::Write { source, .. } => gic_files::write_hint(source),
             Self::UnknownKey { valid, .. } => Some(format!("valid keys here: {}", valid.join(", "))),
             Self::Field { hint, .. }
             | Self::Content { hint, .. }

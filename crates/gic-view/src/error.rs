@@ -52,9 +52,4 @@ impl ViewError {
     {
         move |source| Self::Stage { stage, hint: None, source: source.into() }
     }
-
-    /// The user interrupted after a part of the work.
-    pub(crate) fn interrupted(after: String) -> Self {
-        TwinError::Interrupted { after, resume: "run the same command again".into() }.into()
-    }
 }

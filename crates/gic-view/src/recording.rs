@@ -85,13 +85,6 @@ fn failed<E: Into<Box<dyn std::error::Error + Send + Sync>>>(error: E) -> ViewEr
     ViewError::stage("writing the recording")(error)
 }
 
-fn check(interrupt: &Interrupt) -> Result<()> {
-    if interrupt.requested() {
-        return Err(ViewError::interrupted(String::new()));
-    }
-    Ok(())
-}
-
 /// Particles in the colours of their stress, and in their own where the twin has some.
 fn twin(stream: &RecordingStream, motion: &SimulatedMotion, events: &Events, interrupt: &Interrupt) -> Result<()> {
     let stress = ColorScale::new(Coloring::Stress, &motion.trajectory);
@@ -99,7 +92,7 @@ fn twin(stream: &RecordingStream, motion: &SimulatedMotion, events: &Events, int
     let count = motion.trajectory.frames.len();
     let mut radius = None;
     for (index, frame) in motion.trajectory.frames.iter().enumerate() {
-        check(interrupt)?;
+        interrupt.check("")?;
         stream.set_duration_secs(TIME, frame.time_s);
         let particles = motion.particles(index)?;
         let radius = *radius.get_or_insert_with(|| 0.5 * particles.spacing() as f32);
@@ -133,7 +126,8 @@ fn video(stream: &RecordingStream, run: &RunEvidence, interrupt: &Interrupt) -> 
     let scene = &run.scene;
     let place = |camera: usize| format!("world/cameras/{}", scene.camera_names[camera]);
     for (index, camera) in scene.cameras.iter().enumerate() {
-        let [x, y, z] = [camera.rotation.x_axis, camera.rotation.y_axis, camera.rotation.z_axis];
+        let [x, y, z] =
+            [camera.world_from_camera.x_axis, camera.world_from_camera.y_axis, camera.world_from_camera.z_axis];
         let pose = Transform3D::from_translation_mat3x3(
             camera.centre.as_vec3().to_array(),
             [x, y, z].map(|axis| axis.as_vec3().to_array()),
@@ -141,7 +135,7 @@ fn video(stream: &RecordingStream, run: &RunEvidence, interrupt: &Interrupt) -> 
         stream.log_static(place(index), &[&pose as &dyn re_sdk::AsComponents, &pinhole(camera)]).map_err(failed)?;
     }
     for (frame, &time) in scene.times.iter().enumerate() {
-        check(interrupt)?;
+        interrupt.check("")?;
         stream.set_duration_secs(TIME, time);
         let views = scene.views_at(frame);
         let masks = scene.load_masks(views).map_err(ViewError::stage("reading masks"))?;

@@ -88,7 +88,8 @@ impl VideoCamera {
             size_px: [camera.width, camera.height],
             focal_px: camera.focal.to_array(),
             principal_px: camera.principal.to_array(),
-            axes: [camera.rotation.x_axis, camera.rotation.y_axis, camera.rotation.z_axis].map(|axis| axis.to_array()),
+            axes: [camera.world_from_camera.x_axis, camera.world_from_camera.y_axis, camera.world_from_camera.z_axis]
+                .map(|axis| axis.to_array()),
             centre_m: camera.centre.to_array(),
             shots: Vec::new(),
         }

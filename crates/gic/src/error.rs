@@ -162,15 +162,7 @@ impl Error {
             Self::Settings { .. } => Some("a run's config.toml names every setting".into()),
             Self::Print { .. } => Some("send the output to a file or a terminal that can take it".into()),
             Self::Overwrite { .. } => Some("choose another place for the output".into()),
-            Self::Write { source, .. } => match source.kind() {
-                io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
-                    Some("choose a folder that you may write to with -o".into())
-                }
-                // What was to be written is at fault, and says so.
-                io::ErrorKind::InvalidData => None,
-                io::ErrorKind::StorageFull => Some("free some disk space and run the same command again".into()),
-                _ => Some("check that the parent is a folder and not a file, or choose another one with -o".into()),
-            },
+            Self::Write { source, .. } => gic_files::write_hint(source),
             Self::Field { hint, .. }
             | Self::Content { hint, .. }
             | Self::Stage { hint, .. }

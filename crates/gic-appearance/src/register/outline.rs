@@ -62,7 +62,7 @@ impl Outline {
     /// The cells that hold a point.
     fn draw(&self, points: &[DVec3], placement: &Placement) -> Vec<bool> {
         let mut drawn = vec![false; self.covered.len()];
-        let turn = self.camera.rotation.transpose();
+        let turn = self.camera.world_from_camera.transpose();
         let to_camera = turn * DMat3::from_quat(placement.rotation) * placement.scale;
         let offset = turn * (placement.place - self.camera.centre);
         for x in points {
@@ -111,7 +111,7 @@ pub(crate) fn align_outlines(points: &[DVec3], outlines: &[Outline], start: Plac
 fn shift(outlines: &[Outline], shapes: &[Moments], place: DVec3) -> DVec3 {
     let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
     for (outline, shape) in outlines.iter().zip(shapes).filter(|(_, shape)| shape.count > 0.0) {
-        let axes = outline.camera.rotation;
+        let axes = outline.camera.world_from_camera;
         let c = outline.camera.to_camera(place);
         // Metres across at the object's distance, so that all cameras count alike.
         let miss = (outline.shape.mean - shape.mean) * c.z / outline.camera.focal;

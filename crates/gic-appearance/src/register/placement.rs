@@ -157,7 +157,7 @@ mod tests {
             height: 20,
             focal: DVec2::new(40.0, 42.0),
             principal: DVec2::new(12.0, 10.0),
-            rotation: DMat3::from_rotation_y(0.1),
+            world_from_camera: DMat3::from_rotation_y(0.1),
             centre: DVec3::new(0.0, 0.1, 0.0),
         }
     }

@@ -143,7 +143,7 @@ impl<'a> EvidencePyramid<'a> {
     }
 
     fn with(view: &'a Evidence<'a>, levels: Arc<Vec<Level>>) -> EvidencePyramid<'a> {
-        let camera_from_world = view.camera.rotation.transpose();
+        let camera_from_world = view.camera.world_from_camera.transpose();
         let [x, y, z] = [camera_from_world.x_axis, camera_from_world.y_axis, camera_from_world.z_axis];
         let widen = DMat3::from_cols(x.abs(), y.abs(), z.abs());
         EvidencePyramid { view, levels, camera_from_world, widen }
@@ -228,7 +228,7 @@ mod tests {
             height: 47,
             focal: DVec2::new(70.0, 66.0),
             principal: DVec2::new(30.0, 25.0),
-            rotation: DMat3::from_axis_angle(DVec3::new(0.3, -0.5, 0.8).normalize(), 0.7),
+            world_from_camera: DMat3::from_axis_angle(DVec3::new(0.3, -0.5, 0.8).normalize(), 0.7),
             centre: DVec3::new(0.1, -0.2, 0.3),
         };
         // A tilted disc before nothing, with a step in it.

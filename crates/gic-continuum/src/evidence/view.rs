@@ -186,7 +186,7 @@ mod tests {
             height: SIZE,
             focal: DVec2::splat(60.0),
             principal: DVec2::splat(0.5 * SIZE as f64),
-            rotation: DMat3::IDENTITY,
+            world_from_camera: DMat3::IDENTITY,
             centre: DVec3::ZERO,
         }
     }

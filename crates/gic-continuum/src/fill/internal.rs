@@ -244,7 +244,7 @@ mod tests {
             let along = -camera.centre.dot(ray);
             let miss = (camera.centre + along * ray).length();
             let depth = along - (0.01 - miss * miss).max(0.0).sqrt();
-            let z = depth * ray.dot(camera.rotation.z_axis);
+            let z = depth * ray.dot(camera.world_from_camera.z_axis);
             (((0.1 - miss) / 0.004 + 0.5).clamp(0.0, 1.0) as f32, if miss < 0.1 { z as f32 } else { f32::INFINITY })
         };
         (0..camera.width * camera.height).map(pixel).unzip()
@@ -258,7 +258,14 @@ mod tests {
                 // The last stands so far aside that the ball reaches out of its image.
                 let aside = if k == 6 { 0.35 } else { 0.0 };
                 let (width, height, focal, principal) = (64, 64, DVec2::splat(180.0), DVec2::splat(32.0));
-                Camera { width, height, focal, principal, rotation: turn, centre: turn * DVec3::new(aside, 0.0, -1.0) }
+                Camera {
+                    width,
+                    height,
+                    focal,
+                    principal,
+                    world_from_camera: turn,
+                    centre: turn * DVec3::new(aside, 0.0, -1.0),
+                }
             })
             .collect();
         let pictures: Vec<(Vec<f32>, Vec<f32>)> = cameras.iter().map(ball).collect();
@@ -294,9 +301,9 @@ mod tests {
 
     #[test]
     fn one_view_empties_a_voxel_unless_another_sees_matter_there() {
-        let (size, rotation) = (32, DMat3::IDENTITY);
+        let (size, world_from_camera) = (32, DMat3::IDENTITY);
         let (focal, principal) = (DVec2::splat(200.0), DVec2::splat(16.0));
-        let camera = Camera { width: size, height: size, focal, principal, rotation, centre: -DVec3::Z };
+        let camera = Camera { width: size, height: size, focal, principal, world_from_camera, centre: -DVec3::Z };
         let mask = vec![1.0; size * size];
         let wall = |depth: f32| Evidence::with_depth(&camera, &mask, vec![depth; size * size], &Tuning::default());
         let settings = FillSettings { grid_spacing: 0.2, ..FillSettings::for_size(1.0) };

@@ -123,7 +123,7 @@ impl Symmetry {
         let axes = |s: &Symmetry| DMat3::from_cols(s.planes[0].normal, s.planes[1].normal, s.planes[2].normal);
         let back = axes(self) * axes(later).transpose();
         Some(Camera {
-            rotation: back * camera.rotation,
+            world_from_camera: back * camera.world_from_camera,
             centre: here + back * (camera.centre - there),
             ..camera.clone()
         })
@@ -132,14 +132,14 @@ impl Symmetry {
     /// The mirror images of a camera: to them, the body looks as it does to the camera. Their axes are left-handed
     /// where a single mirror made them.
     pub(crate) fn mirrored_cameras(&self, camera: &Camera) -> Vec<Camera> {
-        let (images, axes) = (self.images(), camera.rotation);
+        let (images, axes) = (self.images(), camera.world_from_camera);
         let origins: Vec<DVec3> = images.of(DVec3::ZERO).skip(1).collect();
         let columns = [axes.x_axis, axes.y_axis, axes.z_axis].map(|a| images.of(a).skip(1).collect::<Vec<_>>());
         let centres = images.of(camera.centre).skip(1);
         (centres.enumerate())
             .map(|(k, centre)| {
                 let [x, y, z] = [0, 1, 2].map(|c: usize| columns[c][k] - origins[k]);
-                Camera { rotation: DMat3::from_cols(x, y, z), centre, ..camera.clone() }
+                Camera { world_from_camera: DMat3::from_cols(x, y, z), centre, ..camera.clone() }
             })
             .collect()
     }

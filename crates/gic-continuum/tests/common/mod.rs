@@ -123,7 +123,7 @@ fn cameras_at(elevations: &[f64]) -> Vec<Camera> {
                 height: 160,
                 focal: DVec2::splat(220.0),
                 principal: DVec2::splat(80.0),
-                rotation: DMat3::from_cols(right, forward.cross(right), forward),
+                world_from_camera: DMat3::from_cols(right, forward.cross(right), forward),
                 centre,
             });
         }

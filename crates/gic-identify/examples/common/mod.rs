@@ -62,7 +62,7 @@ pub(crate) fn ground() -> Collider {
         primitive: Primitive::HalfSpace { normal: DVec3::Y },
         path: ColliderPath::Uniform {
             position_m: DVec3::ZERO,
-            rotation: DQuat::IDENTITY,
+            world_from_collider: DQuat::IDENTITY,
             velocity_m_s: DVec3::ZERO,
             angular_velocity_rad_s: DVec3::ZERO,
         },
@@ -94,7 +94,7 @@ pub(crate) fn input(scene: &Path, positions: Vec<DVec3>, volume: f64) -> Input {
             height,
             focal: DVec2::new(number(&k[0][0]), number(&k[1][1])),
             principal: DVec2::new(number(&k[0][2]), number(&k[1][2])),
-            rotation: DMat3::from_cols(column(0), -column(1), -column(2)),
+            world_from_camera: DMat3::from_cols(column(0), -column(1), -column(2)),
             centre: column(3),
         });
         while observations.len() <= frame {

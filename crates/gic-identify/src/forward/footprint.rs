@@ -50,7 +50,7 @@ impl Projection {
     pub(crate) fn new(camera: &Camera) -> Projection {
         let focal = camera.focal.as_vec2();
         Projection {
-            turn: camera.rotation.as_mat3().transpose(),
+            turn: camera.world_from_camera.as_mat3().transpose(),
             centre: camera.centre.as_vec3(),
             focal,
             mean_focal: (focal.x * focal.y).sqrt(),

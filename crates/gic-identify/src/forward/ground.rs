@@ -33,10 +33,10 @@ fn raise(plane: &mut Collider, height: f64) {
 /// most and its tilt least.
 fn turn(plane: &mut Collider, above: DVec3, tilt: [f64; 2]) {
     let normal = plane.normal();
-    if let (Some(normal), ColliderPath::Uniform { position_m, rotation, .. }) = (normal, &mut plane.path) {
+    if let (Some(normal), ColliderPath::Uniform { position_m, world_from_collider, .. }) = (normal, &mut plane.path) {
         let (x, y) = normal.any_orthonormal_pair();
         *position_m = above - (above - *position_m).dot(normal) * normal;
-        *rotation = DQuat::from_scaled_axis(tilt[0] * x + tilt[1] * y) * *rotation;
+        *world_from_collider = DQuat::from_scaled_axis(tilt[0] * x + tilt[1] * y) * *world_from_collider;
     }
 }
 

@@ -146,7 +146,7 @@ mod tests {
             height: 40,
             focal: DVec2::splat(60.0),
             principal: DVec2::new(24.0, 20.0),
-            rotation: DMat3::from_rotation_y(0.3) * DMat3::from_rotation_x(0.2),
+            world_from_camera: DMat3::from_rotation_y(0.3) * DMat3::from_rotation_x(0.2),
             centre: DVec3::new(-0.3, 0.2, -1.0),
         }
     }
@@ -186,7 +186,8 @@ mod tests {
     fn plain(gaussians: IsotropicGaussians, camera: &Camera) -> Vec<f64> {
         let mut transmittance = vec![1.0f64; camera.width * camera.height];
         for (i, position) in gaussians.positions.iter().enumerate() {
-            let p = camera.rotation.transpose() * (glam::Vec3::from_array(*position).as_dvec3() - camera.centre);
+            let p =
+                camera.world_from_camera.transpose() * (glam::Vec3::from_array(*position).as_dvec3() - camera.centre);
             let centre = camera.focal * p.truncate() / p.z + camera.principal;
             let sigma =
                 (camera.focal.x * camera.focal.y).sqrt() * f64::from(gaussians.scales[i] * gaussians.factor) / p.z;
@@ -217,7 +218,7 @@ mod tests {
             let opacities = vec![0.8; n];
             // In front of the camera by as much as a Gaussian reaches.
             let (centre, focal) = (DVec3::new(-0.3, 0.2, -8.0), DVec2::splat(300.0));
-            let far = Camera { centre, rotation: DMat3::IDENTITY, focal, ..camera() };
+            let far = Camera { centre, world_from_camera: DMat3::IDENTITY, focal, ..camera() };
             let gaussians = gaussians(&positions, &opacities, &scales);
             let exact = plain(gaussians, &far);
             for level in Level::supported() {
@@ -238,7 +239,7 @@ mod tests {
     fn what_is_nowhere_is_not_drawn() {
         let nowhere = [[f32::NAN; 3], [f32::INFINITY, 0.0, 0.0], [0.0, 0.0, f32::INFINITY], [0.0, 0.0, -5.0]];
         let (opacities, scales) = (vec![0.6; 4], vec![0.03; 4]);
-        let straight = Camera { rotation: DMat3::IDENTITY, ..camera() };
+        let straight = Camera { world_from_camera: DMat3::IDENTITY, ..camera() };
         for camera in [camera(), straight] {
             assert!(alpha(gaussians(&nowhere, &opacities, &scales), &camera).iter().all(|a| *a == 0.0));
         }

@@ -117,7 +117,7 @@ mod tests {
             height,
             focal: glam::DVec2::ONE,
             principal: glam::DVec2::ZERO,
-            rotation: glam::DMat3::IDENTITY,
+            world_from_camera: glam::DMat3::IDENTITY,
             centre: glam::DVec3::ZERO,
         };
         let nothing = gic_splat::Gaussians::colorless(vec![], vec![], vec![]);

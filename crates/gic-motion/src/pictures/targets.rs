@@ -237,7 +237,7 @@ mod tests {
             height: 6,
             focal: DVec2::splat(10.0),
             principal: DVec2::new(3.5, 3.0),
-            rotation: DMat3::IDENTITY,
+            world_from_camera: DMat3::IDENTITY,
             centre: DVec3::new(0.0, 0.0, -2.0),
         };
         let bounds = Bounds { x0: 2, y0: 1, x1: 6, y1: 4 };

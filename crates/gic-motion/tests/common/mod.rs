@@ -30,7 +30,7 @@ fn write_scene(folder: &Path, cameras: &[Camera], frames: &[(f64, Gaussians)]) {
             let mask_name = format!("data/a_{c}_{frame}.png");
             image::GrayImage::from_raw(w, h, mask).unwrap().save(folder.join(mask_name)).unwrap();
             // OpenGL: y up, looking along -z.
-            let (r, o, f, p) = (camera.rotation, camera.centre, camera.focal, camera.principal);
+            let (r, o, f, p) = (camera.world_from_camera, camera.centre, camera.focal, camera.principal);
             let row = |i: usize| [r.x_axis[i], -r.y_axis[i], -r.z_axis[i], o[i]];
             list.push(json!({
                 "file_path": name,

@@ -22,7 +22,7 @@ impl Collider {
     pub fn plane(point: DVec3, normal: DVec3, contact: Contact) -> Self {
         let path = ColliderPath::Uniform {
             position_m: point,
-            rotation: DQuat::IDENTITY,
+            world_from_collider: DQuat::IDENTITY,
             velocity_m_s: DVec3::ZERO,
             angular_velocity_rad_s: DVec3::ZERO,
         };
@@ -32,19 +32,19 @@ impl Collider {
     /// Direction away from the solid side of a plane at time 0; `None` of other shapes.
     pub fn normal(&self) -> Option<DVec3> {
         let Primitive::HalfSpace { normal } = self.primitive else { return None };
-        Some(self.path.pose(0.0).rotation * normal)
+        Some(self.path.pose(0.0).world_from_collider * normal)
     }
 
     /// Signed distance [m] from a point of the world [m] at a time [s]; negative inside.
     pub fn signed_distance(&self, point: DVec3, time: f64) -> f64 {
         let pose = self.path.pose(time);
-        self.primitive.signed_distance(pose.rotation.inverse() * (point - pose.position)).0
+        self.primitive.signed_distance(pose.world_from_collider.inverse() * (point - pose.position)).0
     }
 
     /// The obstacle as it is at a time [s]; points up to `tolerance` [m] outside count as inside.
     pub(crate) fn posed(&self, time: f64, tolerance: f64) -> PosedCollider<'_> {
         let pose = self.path.pose(time);
-        PosedCollider { collider: self, pose, to_local: pose.rotation.inverse(), tolerance }
+        PosedCollider { collider: self, pose, collider_from_world: pose.world_from_collider.inverse(), tolerance }
     }
 }
 
@@ -52,7 +52,7 @@ impl Collider {
 pub(crate) struct PosedCollider<'a> {
     pub(crate) collider: &'a Collider,
     pub(crate) pose: Pose,
-    to_local: DQuat,
+    collider_from_world: DQuat,
     /// Points this far outside [m] count as inside.
     tolerance: f64,
 }
@@ -70,20 +70,21 @@ impl PosedCollider<'_> {
     /// itself.
     pub(crate) fn clearance(&self, point: DVec3) -> f64 {
         // Twice the tolerance: half of it for rounding.
-        self.collider.primitive.signed_distance(self.to_local * (point - self.pose.position)).0 - 2.0 * self.tolerance
+        self.collider.primitive.signed_distance(self.collider_from_world * (point - self.pose.position)).0
+            - 2.0 * self.tolerance
     }
 
     /// How deep [m] a point of the world [m] is inside; zero or less outside.
     pub(crate) fn depth(&self, point: DVec3) -> f64 {
-        self.collider.primitive.depth(self.to_local * (point - self.pose.position))
+        self.collider.primitive.depth(self.collider_from_world * (point - self.pose.position))
     }
 
     /// The contact of a point of the world [m], if it is inside.
     pub(crate) fn touch(&self, point: DVec3) -> Option<Touch> {
         let arm = point - self.pose.position;
-        let (distance, normal) = self.collider.primitive.signed_distance(self.to_local * arm);
+        let (distance, normal) = self.collider.primitive.signed_distance(self.collider_from_world * arm);
         (distance <= self.tolerance).then(|| Touch {
-            normal: self.pose.rotation * normal,
+            normal: self.pose.world_from_collider * normal,
             wall_velocity: self.pose.velocity + self.pose.angular_velocity.cross(arm),
         })
     }
@@ -104,7 +105,7 @@ mod tests {
         ) {
             let path = ColliderPath::Uniform {
                 position_m: DVec3::new(0.1, -0.2, 0.3),
-                rotation: DQuat::from_rotation_z(0.4),
+                world_from_collider: DQuat::from_rotation_z(0.4),
                 velocity_m_s: DVec3::X,
                 angular_velocity_rad_s: DVec3::Y,
             };
@@ -127,7 +128,7 @@ mod tests {
             primitive: Primitive::Sphere { radius_m: 1.0 },
             path: ColliderPath::Uniform {
                 position_m: DVec3::ZERO,
-                rotation: DQuat::IDENTITY,
+                world_from_collider: DQuat::IDENTITY,
                 velocity_m_s: DVec3::X,
                 angular_velocity_rad_s: DVec3::Z,
             },

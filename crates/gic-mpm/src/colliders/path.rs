@@ -10,7 +10,7 @@ pub enum ColliderPath {
         /// Position of its origin at time 0 [m].
         position_m: DVec3,
         /// Rotation from its own frame to the world.
-        rotation: DQuat,
+        world_from_collider: DQuat,
         /// Velocity [m/s].
         velocity_m_s: DVec3,
         /// Angular velocity [rad/s] about its origin.
@@ -22,7 +22,7 @@ pub enum ColliderPath {
         /// The keys.
         keys: Vec<(f64, DVec3)>,
         /// Rotation from its own frame to the world, constant.
-        rotation: DQuat,
+        world_from_collider: DQuat,
     },
 }
 
@@ -30,7 +30,7 @@ pub enum ColliderPath {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pose {
     pub(crate) position: DVec3,
-    pub(crate) rotation: DQuat,
+    pub(crate) world_from_collider: DQuat,
     pub(crate) velocity: DVec3,
     pub(crate) angular_velocity: DVec3,
 }
@@ -44,15 +44,15 @@ impl ColliderPath {
         turned: &impl Fn(DQuat) -> DQuat,
     ) -> Self {
         match self {
-            Self::Uniform { position_m, rotation, velocity_m_s, angular_velocity_rad_s } => Self::Uniform {
+            Self::Uniform { position_m, world_from_collider, velocity_m_s, angular_velocity_rad_s } => Self::Uniform {
                 position_m: point(*position_m),
-                rotation: turned(*rotation),
+                world_from_collider: turned(*world_from_collider),
                 velocity_m_s: vector(*velocity_m_s),
                 angular_velocity_rad_s: vector(*angular_velocity_rad_s),
             },
-            Self::Keyframed { keys, rotation } => Self::Keyframed {
+            Self::Keyframed { keys, world_from_collider } => Self::Keyframed {
                 keys: keys.iter().map(|(time, position)| (*time, point(*position))).collect(),
-                rotation: turned(*rotation),
+                world_from_collider: turned(*world_from_collider),
             },
         }
     }
@@ -87,21 +87,21 @@ impl ColliderPath {
     /// Where its origin is at a time [s] [m], and the rotation from its own frame to the world.
     pub fn placement(&self, time_s: f64) -> (DVec3, DQuat) {
         let pose = self.pose(time_s);
-        (pose.position, pose.rotation)
+        (pose.position, pose.world_from_collider)
     }
 
     /// The pose at a time [s].
     pub(crate) fn pose(&self, time: f64) -> Pose {
         match self {
-            Self::Uniform { position_m, rotation, velocity_m_s, angular_velocity_rad_s } => Pose {
+            Self::Uniform { position_m, world_from_collider, velocity_m_s, angular_velocity_rad_s } => Pose {
                 position: *position_m + *velocity_m_s * time,
-                rotation: DQuat::from_scaled_axis(*angular_velocity_rad_s * time) * *rotation,
+                world_from_collider: DQuat::from_scaled_axis(*angular_velocity_rad_s * time) * *world_from_collider,
                 velocity: *velocity_m_s,
                 angular_velocity: *angular_velocity_rad_s,
             },
-            Self::Keyframed { keys, rotation } => {
+            Self::Keyframed { keys, world_from_collider } => {
                 let (position, velocity) = keyframed(keys, time);
-                Pose { position, rotation: *rotation, velocity, angular_velocity: DVec3::ZERO }
+                Pose { position, world_from_collider: *world_from_collider, velocity, angular_velocity: DVec3::ZERO }
             }
         }
     }
@@ -127,7 +127,7 @@ mod tests {
     #[test]
     fn keyframes_move_linearly_and_rest_outside() {
         let keys = vec![(1.0, DVec3::ZERO), (3.0, DVec3::X)];
-        let path = ColliderPath::Keyframed { keys, rotation: DQuat::IDENTITY };
+        let path = ColliderPath::Keyframed { keys, world_from_collider: DQuat::IDENTITY };
         assert_eq!(path.pose(0.0).velocity, DVec3::ZERO);
         assert_eq!(path.pose(2.0).position, DVec3::X * 0.5);
         assert_eq!(path.pose(2.0).velocity, DVec3::X * 0.5);

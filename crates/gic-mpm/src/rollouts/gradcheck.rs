@@ -186,7 +186,7 @@ pub fn gradcheck_world(material: Material) -> World {
     }
     let still = |position_m: DVec3, velocity_m_s: DVec3| ColliderPath::Uniform {
         position_m,
-        rotation: DQuat::IDENTITY,
+        world_from_collider: DQuat::IDENTITY,
         velocity_m_s,
         angular_velocity_rad_s: DVec3::ZERO,
     };

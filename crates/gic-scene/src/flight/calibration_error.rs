@@ -63,8 +63,8 @@ impl CalibrationError {
     pub fn mended(&self, camera: &Camera) -> Camera {
         Camera {
             focal: camera.focal * self.focal.exp(),
-            rotation: camera.rotation * DMat3::from_quat(DQuat::from_scaled_axis(self.turn_rad)),
-            centre: camera.centre + camera.rotation * self.shift_m,
+            world_from_camera: camera.world_from_camera * DMat3::from_quat(DQuat::from_scaled_axis(self.turn_rad)),
+            centre: camera.centre + camera.world_from_camera * self.shift_m,
             ..camera.clone()
         }
     }

@@ -87,14 +87,18 @@ impl FreeFlight {
     /// A camera that sees the body at time `to` as `camera` sees it at time `from` [s].
     pub fn camera_between(&self, camera: &Camera, from: f64, to: f64) -> Camera {
         let start = self.camera_at_start(camera, from);
-        Camera { rotation: self.pose(to).0 * start.rotation, centre: self.forth(start.centre, to), ..start }
+        Camera {
+            world_from_camera: self.pose(to).0 * start.world_from_camera,
+            centre: self.forth(start.centre, to),
+            ..start
+        }
     }
 
     /// A camera that sees the body of the first frame as `camera` sees it after `time` [s].
     pub fn camera_at_start(&self, camera: &Camera, time: f64) -> Camera {
         let (turn, _) = self.pose(time);
         Camera {
-            rotation: turn.transpose() * camera.rotation,
+            world_from_camera: turn.transpose() * camera.world_from_camera,
             centre: self.back(camera.centre, time),
             ..camera.clone()
         }

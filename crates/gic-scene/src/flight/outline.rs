@@ -40,7 +40,7 @@ impl Outline {
         let camera = error.mended(&self.camera);
         let ray = |pixel: &DVec2| {
             let seen = error.straightened((*pixel - camera.principal) / camera.focal);
-            camera.rotation * seen.extend(1.0).normalize()
+            camera.world_from_camera * seen.extend(1.0).normalize()
         };
         Cone {
             centre: camera.centre,

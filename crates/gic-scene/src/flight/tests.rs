@@ -30,7 +30,7 @@ fn cameras() -> Vec<Camera> {
             height: SIZE,
             focal: DVec2::splat(260.0),
             principal: DVec2::splat(0.5 * SIZE as f64),
-            rotation: DMat3::from_cols(x, z.cross(x), z),
+            world_from_camera: DMat3::from_cols(x, z.cross(x), z),
             centre,
         }
     };

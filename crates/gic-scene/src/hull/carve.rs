@@ -119,7 +119,13 @@ impl<'a> MaskTable<'a> {
                 sums[(row + 1) * stride + column + 1] = sums[row * stride + column + 1] + along;
             }
         }
-        MaskTable { camera, mask, camera_from_world: camera.rotation.transpose(), sums, cropped: mask.touches_border() }
+        MaskTable {
+            camera,
+            mask,
+            camera_from_world: camera.world_from_camera.transpose(),
+            sums,
+            cropped: mask.touches_border(),
+        }
     }
 
     /// Mask pixels in columns `x0..x1`, rows `y0..y1`.

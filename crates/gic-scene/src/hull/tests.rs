@@ -17,7 +17,7 @@ fn camera(centre: DVec3, target: DVec3, size: usize, focal: f64) -> Camera {
         height: size,
         focal: DVec2::splat(focal),
         principal: DVec2::splat(size as f64 / 2.0),
-        rotation: DMat3::from_cols(right, forward.cross(right), forward),
+        world_from_camera: DMat3::from_cols(right, forward.cross(right), forward),
         centre,
     }
 }
@@ -110,7 +110,7 @@ fn an_object_cut_by_the_border_is_not_carved_there() {
     assert!(masks[0].touches_border());
     let views: Vec<HullView> = cameras.iter().zip(&masks).map(|(camera, mask)| HullView { camera, mask }).collect();
     let hull = Hull::carve(&views, &HullSettings::default()).expect("a hull");
-    let right = cameras[0].rotation.x_axis;
+    let right = cameras[0].world_from_camera.x_axis;
     assert!(hull.contains(right * 0.1) && hull.contains(-right * 0.1));
 }
 

@@ -56,11 +56,11 @@ fn read_split(root: &Path, list: &Path, split: Split, draft: &mut Draft) -> Resu
     }
     for (index, value) in frames.into_iter().enumerate() {
         match draft_frame(root, list, index, value) {
-            Ok((name, picture, time, (rotation, centre))) => {
+            Ok((name, picture, time, (world_from_camera, centre))) => {
                 let intrinsics = Intrinsics::HorizontalAngle(camera_angle_x);
                 draft.views.push(DraftView { camera: draft.cameras.len(), time, split, picture, mask: None });
                 let lens = lens.clone();
-                draft.cameras.push(DraftCamera { name, intrinsics, rotation, centre, lens, background: None });
+                draft.cameras.push(DraftCamera { name, intrinsics, world_from_camera, centre, lens, background: None });
             }
             Err(problem) => draft.problems.push(problem),
         }

@@ -120,12 +120,12 @@ fn draft_camera(
     }
     let camera_from_world = DMat3::from_quat(image.rotation.normalize());
     pose::check_rotation(camera_from_world).map_err(|error| no_pose(error.to_string()))?;
-    let rotation = camera_from_world.transpose();
+    let world_from_camera = camera_from_world.transpose();
     Ok(DraftCamera {
         name: image.name.clone(),
         intrinsics: Intrinsics::Pixels { focal, principal, size: Some((model.width, model.height)) },
-        rotation,
-        centre: -(rotation * image.translation),
+        world_from_camera,
+        centre: -(world_from_camera * image.translation),
         lens,
         background: None,
     })

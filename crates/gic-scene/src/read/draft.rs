@@ -23,7 +23,7 @@ pub(crate) struct DraftCamera {
     pub(crate) name: String,
     pub(crate) intrinsics: Intrinsics,
     /// Columns: right, down, forward in the world.
-    pub(crate) rotation: DMat3,
+    pub(crate) world_from_camera: DMat3,
     pub(crate) centre: DVec3,
     pub(crate) lens: Option<Lens>,
     pub(crate) background: Option<PathBuf>,

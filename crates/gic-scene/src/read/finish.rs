@@ -223,7 +223,7 @@ fn resolve_camera(camera: &DraftCamera, (width, height): (usize, usize)) -> Resu
             (focal * ratio, principal * ratio)
         }
     };
-    Ok(Camera { width, height, focal, principal, rotation: camera.rotation, centre: camera.centre })
+    Ok(Camera { width, height, focal, principal, world_from_camera: camera.world_from_camera, centre: camera.centre })
 }
 
 /// Reports mask files that are missing, unreadable or of another size than their picture.

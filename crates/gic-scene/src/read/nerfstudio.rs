@@ -109,7 +109,7 @@ fn draft_view(root: &Path, list: &Path, index: usize, keys: &Keys, draft: &mut D
     }
     let matrix = keys.frame.get("transform_matrix").ok_or_else(|| no_pose("transform_matrix is missing".into()))?;
     let rows: Vec<Vec<f64>> = json::entry(matrix.clone(), list, || name.clone())?;
-    let (rotation, centre) = pose::from_opengl_c2w(&rows).map_err(|error| no_pose(error.to_string()))?;
+    let (world_from_camera, centre) = pose::from_opengl_c2w(&rows).map_err(|error| no_pose(error.to_string()))?;
     let intrinsics = intrinsics_of(keys).map_err(|error| no_pose(error.to_string()))?;
     let lens = lens_of(keys).map_err(|error| match error {
         LensError::Unsupported(UnsupportedModel(model)) => {
@@ -128,7 +128,7 @@ fn draft_view(root: &Path, list: &Path, index: usize, keys: &Keys, draft: &mut D
     let background =
         keys.get("background_path").and_then(Value::as_str).map(|path| root.join(path.trim_start_matches("./")));
     let name = keys.frame.get("camera_label").and_then(Value::as_str).map_or(name, str::to_owned);
-    draft.cameras.push(DraftCamera { name, intrinsics, rotation, centre, lens, background });
+    draft.cameras.push(DraftCamera { name, intrinsics, world_from_camera, centre, lens, background });
     Ok(())
 }
 

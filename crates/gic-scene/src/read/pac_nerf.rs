@@ -126,11 +126,11 @@ fn numbers_of(file: &str) -> Option<(u32, i32)> {
 }
 
 fn draft_camera(number: u32, entry: &Entry) -> Result<DraftCamera, CameraError> {
-    let (rotation, centre) = pose::from_opengl_c2w(&entry.c2w)?;
+    let (world_from_camera, centre) = pose::from_opengl_c2w(&entry.c2w)?;
     let (focal, principal) = pose::from_intrinsic_matrix(&entry.intrinsic)?;
     let intrinsics = Intrinsics::Pixels { focal, principal, size: None };
     let lens = pose::lens(&entry.distortion)?;
-    Ok(DraftCamera { name: number.to_string(), intrinsics, rotation, centre, lens, background: None })
+    Ok(DraftCamera { name: number.to_string(), intrinsics, world_from_camera, centre, lens, background: None })
 }
 
 /// Times must increase with the frame number of each camera.

@@ -57,7 +57,7 @@ pub(super) fn read(root: &Path, settings: &SceneSettings) -> Result<Draft, Scene
             }
         };
         let pose = pose_of(calibration.get(&name));
-        let (rotation, centre) = match pose {
+        let (world_from_camera, centre) = match pose {
             Ok(pose) => pose,
             Err(error) => {
                 let reason = error.to_string();
@@ -82,7 +82,7 @@ pub(super) fn read(root: &Path, settings: &SceneSettings) -> Result<Draft, Scene
             name,
             // The principal point is in the middle of the video.
             intrinsics: Intrinsics::Pixels { focal, principal, size: whole_size(principal) },
-            rotation,
+            world_from_camera,
             centre,
             lens: lens.clone(),
             background: None,
@@ -154,8 +154,8 @@ fn pose_of(entry: Option<&Value>) -> Result<(DMat3, DVec3), CameraError> {
         Some(axis) => DMat3::from_axis_angle(axis, turn.length()),
         None => DMat3::IDENTITY,
     };
-    let rotation = camera_from_world.transpose();
-    Ok((rotation, -(rotation * shift)))
+    let world_from_camera = camera_from_world.transpose();
+    Ok((world_from_camera, -(world_from_camera * shift)))
 }
 
 /// The photographs of the object at rest, where there are any.

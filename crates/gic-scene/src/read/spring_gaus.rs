@@ -88,10 +88,10 @@ fn draft_camera(list: &Path, index: usize, value: Value) -> Result<DraftCamera, 
         return Err(no_pose(format!("{} is missing", missing.join(" and "))));
     }
     let entry: Entry = json::entry(value, list, || name.clone())?;
-    let (rotation, centre) = pose::from_opengl_c2w(&entry.c2w).map_err(|error| no_pose(error.to_string()))?;
+    let (world_from_camera, centre) = pose::from_opengl_c2w(&entry.c2w).map_err(|error| no_pose(error.to_string()))?;
     let (focal, principal) =
         pose::from_intrinsic_matrix(&entry.intrinsic).map_err(|error| no_pose(error.to_string()))?;
     let intrinsics = Intrinsics::Pixels { focal, principal, size: None };
     let lens = pose::lens(&entry.distortion).map_err(|error| no_pose(error.to_string()))?;
-    Ok(DraftCamera { name: entry.camera, intrinsics, rotation, centre, lens, background: None })
+    Ok(DraftCamera { name: entry.camera, intrinsics, world_from_camera, centre, lens, background: None })
 }

@@ -38,7 +38,7 @@ fn is_same(a: &DraftCamera, b: &DraftCamera) -> bool {
         Intrinsics::Pixels { focal, principal, size } => (Some((focal, principal, size)), None),
         Intrinsics::HorizontalAngle(angle) => (None, Some(angle)),
     };
-    (a.rotation, a.centre, &a.lens, &a.background) == (b.rotation, b.centre, &b.lens, &b.background)
+    (a.world_from_camera, a.centre, &a.lens, &a.background) == (b.world_from_camera, b.centre, &b.lens, &b.background)
         && intrinsics(a) == intrinsics(b)
 }
 

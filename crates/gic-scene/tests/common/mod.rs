@@ -59,7 +59,7 @@ pub(crate) fn cameras() -> Vec<Camera> {
                 height: HEIGHT,
                 focal: DVec2::splat(FOCAL),
                 principal: DVec2::new(WIDTH as f64 / 2.0, HEIGHT as f64 / 2.0),
-                rotation: DMat3::from_cols(right, forward.cross(right), forward),
+                world_from_camera: DMat3::from_cols(right, forward.cross(right), forward),
                 centre,
             }
         })
@@ -68,7 +68,7 @@ pub(crate) fn cameras() -> Vec<Camera> {
 
 /// The camera-to-world matrix in OpenGL axes, as the formats store it: rows of right, up, backward, position.
 pub(crate) fn c2w(camera: &Camera, rows: usize) -> Value {
-    let r = camera.rotation;
+    let r = camera.world_from_camera;
     let row = |i: usize| json!([r.x_axis[i], -r.y_axis[i], -r.z_axis[i], camera.centre[i]]);
     let mut matrix = vec![row(0), row(1), row(2)];
     if rows == 4 {
@@ -101,7 +101,7 @@ fn trace(camera: &Camera, ball: DVec3, column: usize, row: usize, distortion: [f
         // Invert the distortion by iterating u <- u - (distort(u) - seen).
         let mut u = seen;
         (0..30).for_each(|_| u -= distort(u, distortion) - seen);
-        let ray = (camera.rotation * DVec3::new(u.x, u.y, 1.0)).normalize();
+        let ray = (camera.world_from_camera * DVec3::new(u.x, u.y, 1.0)).normalize();
         let to_ball = ball - camera.centre;
         let along = to_ball.dot(ray);
         let off = to_ball.length_squared() - along * along;
@@ -232,7 +232,7 @@ pub(crate) fn write_nerfstudio(root: &Path) {
 
 /// World-to-camera quaternion and translation, as COLMAP stores them.
 fn world_to_camera(camera: &Camera) -> (DQuat, DVec3) {
-    let rotation = camera.rotation.transpose();
+    let rotation = camera.world_from_camera.transpose();
     (DQuat::from_mat3(&rotation), -(rotation * camera.centre))
 }
 

@@ -276,18 +276,18 @@ impl Obstacle {
                 (Primitive::Capsule { radius_m, half_height_m: height_m / 2.0 }, centre_m)
             }
         };
-        let rotation = rotation(self.rotation_deg.unwrap_or_default());
+        let world_from_collider = rotation(self.rotation_deg.unwrap_or_default());
         let path = if self.keyframes.is_empty() {
             ColliderPath::Uniform {
                 position_m: position_m.into(),
-                rotation,
+                world_from_collider,
                 velocity_m_s: self.velocity_m_s.unwrap_or_default().into(),
                 angular_velocity_rad_s: self.angular_velocity_rad_s.unwrap_or_default().into(),
             }
         } else {
             ColliderPath::Keyframed {
                 keys: self.keyframes.iter().map(|k| (k.time_s, k.position_m.into())).collect(),
-                rotation,
+                world_from_collider,
             }
         };
         let friction = self.friction.unwrap_or(0.0);

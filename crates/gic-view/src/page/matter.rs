@@ -5,7 +5,7 @@ use gic_splat::color_of_coefficient;
 use glam::DVec3;
 use serde::Serialize;
 
-use crate::error::{Result, ViewError};
+use crate::error::Result;
 use crate::render::color_scale::{PLAIN_RGB, byte_color};
 use crate::render::particle_splats::{OPACITY, SCALE};
 use crate::render::simulated_motion::SimulatedMotion;
@@ -74,11 +74,11 @@ pub(super) struct MatterHeader {
 }
 
 impl PageMatter {
-    /// Reads every frame; `on_frame` is called after each and returns whether to stop.
+    /// Reads every frame; `on_frame` is called after each, and its error ends the reading.
     pub(super) fn read(
         motion: &SimulatedMotion,
         skins: Option<&[(usize, SkinnedGaussians)]>,
-        on_frame: &mut dyn FnMut(usize) -> bool,
+        on_frame: &mut dyn FnMut(usize) -> Result<()>,
     ) -> Result<Self> {
         let first = motion.particles(0)?;
         let spacing = skins.map_or_else(|| first.spacing(), finest);
@@ -109,9 +109,7 @@ impl PageMatter {
             }
             let (positions, stress, speed) = (particles.positions, particles.von_mises_pa, particles.speeds);
             frames.push(MatterFrame { positions, stress, speed, normals });
-            if on_frame(index) {
-                return Err(ViewError::interrupted(String::new()));
-            }
+            on_frame(index)?;
         }
         let lights = skins.map(|skins| skins.iter().map(|(_, skin)| skin.light().coefficients.to_vec()).collect());
         let mut matter = Self { splats, frames, bodies, lights, spacing };

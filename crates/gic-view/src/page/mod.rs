@@ -18,7 +18,7 @@ use gic_twin::atomic;
 use gic_twin::events::{Event, Events};
 use serde::Serialize;
 
-use crate::error::{Result, ViewError};
+use crate::error::Result;
 use crate::render::color_scale::{ColorScale, Coloring};
 use crate::render::particle_splats;
 use crate::render::simulated_motion::SimulatedMotion;
@@ -124,7 +124,7 @@ impl Viewer {
         let skins = particle_splats::skins_or_warning(motion, stage, events);
         let matter = PageMatter::read(motion, skins.as_deref(), &mut |index| {
             events.step(stage, "matter", index as u64 + 1, Some(frames as u64), &[]);
-            interrupt.requested()
+            Ok(interrupt.check("")?)
         })?;
         let names = motion.continua().into_iter().map(|body| body.name);
         let head = ViewerHeader {
@@ -200,9 +200,7 @@ fn film(scene: &Scene, events: &Events, interrupt: &Interrupt) -> Result<Video> 
     for frame in 0..scene.times.len() {
         video.add_frame(scene, frame)?;
         events.step(STAGE, "film", frame as u64 + 1, Some(scene.times.len() as u64), &[]);
-        if interrupt.requested() {
-            return Err(ViewError::interrupted(String::new()));
-        }
+        interrupt.check("")?;
     }
     Ok(video)
 }

@@ -130,9 +130,7 @@ pub fn render(
     let mut pictures = Vec::new();
     // A frame's work is partly serial, so several are made at once.
     for batch in (0..count).collect::<Vec<_>>().chunks(rayon::current_num_threads()) {
-        if interrupt.requested() {
-            return Err(ViewError::interrupted(format!("{} of {count} pictures", batch[0])));
-        }
+        interrupt.check(format_args!("{} of {count} pictures", batch[0]))?;
         let drawn = batch.par_iter().map(|&index| draw(index)).collect::<Result<Vec<_>>>()?;
         if film.is_some() {
             pictures.extend(drawn);

@@ -42,7 +42,8 @@ pub(super) fn compose(
 ) -> Picture {
     let (width, height) = (camera.width, camera.height);
     // From above, beside the camera.
-    let light = (environment.up * 1.2 - camera.rotation.x_axis * 0.5 - camera.rotation.z_axis * 0.7).normalize();
+    let light = (environment.up * 1.2 - camera.world_from_camera.x_axis * 0.5 - camera.world_from_camera.z_axis * 0.7)
+        .normalize();
     let mut rgb = Vec::with_capacity(3 * width * height);
     for y in 0..height {
         for x in 0..width {

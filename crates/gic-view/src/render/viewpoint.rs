@@ -147,7 +147,7 @@ fn distance_to((low, high): (DVec3, DVec3), camera: &Camera) -> f64 {
     let corner =
         |i: usize| DVec3::from_array([0, 1, 2].map(|axis| if i >> axis & 1 == 0 { low[axis] } else { high[axis] }));
     let needed = |p: DVec3| (p.x.abs() / slopes.x).max(p.y.abs() / slopes.y) - p.z;
-    (0..8).map(|i| needed(camera.rotation.transpose() * (corner(i) - camera.centre))).fold(0.0, f64::max)
+    (0..8).map(|i| needed(camera.world_from_camera.transpose() * (corner(i) - camera.centre))).fold(0.0, f64::max)
 }
 
 /// A camera that sees everything within the bounds [m] from the side `from`, a little above.
@@ -174,7 +174,7 @@ fn looking(centre: DVec3, distance: f64, up: DVec3, horizontal: DVec3, [width, h
         height,
         focal: DVec2::splat(0.5 * height as f64 / HALF_ANGLE.tan()),
         principal: DVec2::new(0.5 * width as f64, 0.5 * height as f64),
-        rotation: DMat3::from_cols(right, forward.cross(right), forward),
+        world_from_camera: DMat3::from_cols(right, forward.cross(right), forward),
         centre: centre + outward * distance,
     }
 }
@@ -192,7 +192,7 @@ mod tests {
             assert!((pixel - DVec2::new(160.0, 100.0)).length() < 1e-9 && (depth - 2.0).abs() < 1e-9);
             let (above, _) = camera.project(centre + DVec3::Y * 0.1).unwrap();
             assert!(above.y < pixel.y && (above.x - pixel.x).abs() < 1e-9);
-            assert!((camera.rotation.determinant() - 1.0).abs() < 1e-12);
+            assert!((camera.world_from_camera.determinant() - 1.0).abs() < 1e-12);
         }
     }
 

@@ -127,7 +127,7 @@ mod tests {
             height: 4,
             focal: DVec2::ONE,
             principal: DVec2::ONE,
-            rotation: DMat3::IDENTITY,
+            world_from_camera: DMat3::IDENTITY,
             centre,
         };
         let cameras: Vec<Camera> = centres.into_iter().map(camera).collect();

@@ -151,7 +151,7 @@ mod tests {
             height: 10,
             focal: glam::DVec2::splat(10.0),
             principal: glam::DVec2::splat(5.0),
-            rotation: DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2),
+            world_from_camera: DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2),
             centre: DVec3::new(0.0, 2.0, 0.0),
         };
         Input {
