@@ -13,6 +13,7 @@
 
 mod coloured;
 mod difference;
+mod displacement;
 mod place;
 mod settle;
 mod solid;

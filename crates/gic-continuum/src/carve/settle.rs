@@ -6,15 +6,14 @@
 //! minimum: a fraction of a voxel, shared with its neighbours as far as the minimum is flat. With it, the field is
 //! carried along, so that edges stay as they are.
 
-use gic_geometry::DensityField;
-use glam::DVec3;
 use rayon::prelude::*;
 
 use super::coloured::Coloured;
 use super::difference::Difference;
+use super::displacement::Displacement;
 use super::place::Place;
-use super::solid::{Solid, reach};
-use crate::tuning::{CarvingTuning, SWEEP_DEPTHS, SWEEP_SURFACE, Tuning};
+use super::solid::Solid;
+use crate::tuning::{SWEEP_DEPTHS, SWEEP_SURFACE, Tuning};
 use crate::{Filling, Symmetry};
 
 impl Filling {
@@ -133,75 +132,6 @@ impl Solid {
     }
 }
 
-/// How far matter has moved to each voxel of a field [m], by component.
-struct Displacement([DensityField; 3]);
-
-impl Displacement {
-    fn none(field: &DensityField) -> Displacement {
-        let none = || DensityField { values: vec![0.0; field.len()], ..*field };
-        Displacement([none(), none(), none()])
-    }
-
-    /// Of places that move `outward` along their normals, in a unit [m], spread over the voxels around them.
-    fn of(field: &DensityField, surface: &[Place], outward: &[f64], unit: f64, tuning: &CarvingTuning) -> Displacement {
-        // The field's voxels are twice as large as those of the surface.
-        let deviation = 0.5 * tuning.smoothing_deviation;
-        let mut sums = vec![(0.0f64, DVec3::ZERO); field.len()];
-        for (place, distance) in surface.iter().zip(outward) {
-            let Some(own) = field.discretize(place.point) else { continue };
-            for i in field.within(own, reach(deviation).ceil() as usize) {
-                let off = (field.centre(field.voxel(i)) - place.point) / (deviation * field.spacing);
-                let weight = (-0.5 * off.length_squared()).exp();
-                sums[i].0 += weight;
-                sums[i].1 += weight * distance * unit * place.normal;
-            }
-        }
-        let mut displacement = Displacement::none(field);
-        for (i, (weight, sum)) in sums.into_iter().enumerate().filter(|(_, (weight, _))| *weight > 0.0) {
-            displacement.0.iter_mut().zip((sum / weight).to_array()).for_each(|(axis, w)| axis.values[i] = w as f32);
-        }
-        displacement
-    }
-
-    fn at_point(&self, point: DVec3) -> DVec3 {
-        let [x, y, z] = &self.0;
-        DVec3::new(x.sample(point), y.sample(point), z.sample(point))
-    }
-
-    fn at_voxel(&self, i: usize) -> DVec3 {
-        let [x, y, z] = &self.0;
-        DVec3::new(x.values[i].into(), y.values[i].into(), z.values[i].into())
-    }
-
-    /// This displacement, and then another one.
-    fn then(&self, later: &Displacement) -> Displacement {
-        let mut both = Displacement::none(&self.0[0]);
-        let whole = |i: usize| {
-            let last = later.at_voxel(i);
-            let from = |grid: &DensityField| grid.centre(grid.voxel(i)) - last;
-            last + if last == DVec3::ZERO { self.at_voxel(i) } else { self.at_point(from(&self.0[0])) }
-        };
-        let all: Vec<DVec3> = (0..self.0[0].len()).into_par_iter().map(whole).collect();
-        for (i, moved) in all.into_iter().enumerate() {
-            both.0.iter_mut().zip(moved.to_array()).for_each(|(axis, w)| axis.values[i] = w as f32);
-        }
-        both
-    }
-
-    /// The values of a field, carried along.
-    fn carry(&self, field: &DensityField) -> Vec<f32> {
-        let value = |i: usize| {
-            let moved = self.at_voxel(i);
-            if moved == DVec3::ZERO {
-                field.values[i]
-            } else {
-                field.sample(field.centre(field.voxel(i)) - moved) as f32
-            }
-        };
-        (0..field.len()).into_par_iter().map(value).collect()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -221,42 +151,5 @@ mod tests {
         assert_eq!(nowhere.least(2.88), (0.0, 0.0), "colours that differ at every depth");
         let many = Curve { freedom: 1.5, ..curve(0.5, 5.0) };
         assert!((many.least(2.88).1 - 5.0).abs() < 1e-3, "differences twice as large as expected count half");
-    }
-
-    /// A ball of 20 voxels across whose density falls linearly over four voxels.
-    fn ball(centre: DVec3) -> DensityField {
-        let mut field = DensityField::covering(DVec3::ZERO, DVec3::splat(0.32), 0.01, 1).expect("a small field");
-        for i in 0..field.len() {
-            let depth = 0.1 - field.centre(field.voxel(i)).distance(centre);
-            field.values[i] = (0.5 + depth / 0.04).clamp(0.0, 1.0) as f32;
-        }
-        field
-    }
-
-    #[test]
-    fn what_is_carried_twice_is_where_it_was_carried_to() {
-        let (field, middle) = (ball(DVec3::splat(0.16)), DVec3::splat(0.16));
-        let tuning = CarvingTuning::default();
-        let body = Solid::new(&field, 0.5);
-        let surface = body.surface(&tuning);
-        // Outward by three quarters of a voxel, then one way along x by half a voxel, from all places around.
-        let grow = Displacement::of(&field, &surface, &vec![1.0; surface.len()], 0.0075, &tuning);
-        let along: Vec<f64> = surface.iter().map(|place| place.normal.x).collect();
-        let all = Displacement::of(&field, &surface, &along, 0.005, &tuning);
-        let grown = DensityField { values: grow.carry(&field), ..field };
-        let both = DensityField { values: grow.then(&all).carry(&field), ..field };
-        for k in 0..60 {
-            let direction = crate::symmetry::direction(k, 60);
-            let reach = |field: &DensityField| {
-                let samples = (0..400).map(|i| 0.05 + 0.0003 * f64::from(i));
-                samples.take_while(|r| field.sample(middle + *r * direction) >= 0.5).last().expect("a middle")
-            };
-            let (once, twice) = (reach(&grown), reach(&both));
-            // A little less than asked: the normals around it differ.
-            assert!((once - reach(&field) - 0.0068).abs() < 1e-3, "{direction}: {once}");
-            // A way along the normal by the normal's own component moves the level by its square.
-            let wanted = once + 0.005 * direction.x;
-            assert!((twice - wanted).abs() < 1e-3, "{direction}: {twice} instead of {wanted}");
-        }
     }
 }
