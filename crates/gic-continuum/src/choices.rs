@@ -39,6 +39,12 @@ pub struct Settings {
         arg(long, value_name = "BOOL", action = clap::ArgAction::Set, default_value_t = Settings::default().symmetry)
     )]
     pub symmetry: bool,
+    /// Whether the body is refined by the pictures of all frames, through the motion of a first fit of the material.
+    #[cfg_attr(
+        feature = "cli",
+        arg(long, value_name = "BOOL", action = clap::ArgAction::Set, default_value_t = Settings::default().refine)
+    )]
+    pub refine: bool,
     /// Tuned numbers, written only where they are not the defaults.
     #[cfg_attr(feature = "cli", arg(skip))]
     #[serde(skip_serializing_if = "Tuning::is_default")]
@@ -56,6 +62,7 @@ impl Default for Settings {
             min_opacity,
             unseen,
             symmetry: true,
+            refine: true,
             tuning,
         }
     }

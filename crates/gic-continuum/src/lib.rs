@@ -13,6 +13,7 @@
 //!
 //! [`ShapeFrom`] tells which bodies are made by depths and which by outlines. All tuned numbers stand in [`Tuning`].
 
+mod across_time;
 mod carve;
 mod choices;
 mod error;
@@ -26,6 +27,7 @@ mod symmetry;
 mod test_cross;
 mod tuning;
 
+pub use across_time::{AcrossTime, Moment, MomentView};
 pub use carve::ColouredView;
 pub use choices::Settings;
 pub use error::ContinuumError;

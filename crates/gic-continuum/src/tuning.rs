@@ -54,6 +54,8 @@ pub struct Tuning {
     pub symmetry: SymmetryTuning,
     /// Space carving, and the plane sweep after it.
     pub carving: CarvingTuning,
+    /// The shape by the pictures of all moments.
+    pub across_time: AcrossTimeTuning,
     /// Particles and how they are drawn.
     pub particles: ParticleTuning,
     /// Where iterations end.
@@ -74,6 +76,7 @@ impl Default for Tuning {
             unseen: UnseenTuning::default(),
             symmetry: SymmetryTuning::default(),
             carving: CarvingTuning::default(),
+            across_time: AcrossTimeTuning::default(),
             particles: ParticleTuning::default(),
             iterations: IterationTuning::default(),
             facing_cosine: 0.25,
@@ -247,6 +250,21 @@ tuned! {
         /// Standard deviation of the difference between the moves of neighbours [voxels of half the field's side].
         /// Fitted on: three cameras.
         neighbour_deviation: f64 = 0.15,
+    }
+}
+
+tuned! {
+    /// The shape by the pictures of all moments.
+    AcrossTimeTuning {
+        /// Standard deviation of the difference between the moves of neighbours in a round [voxels of half the field's
+        /// side]. Fitted on: bunny_elastic with three cameras.
+        neighbour_deviation: f64 = 0.5,
+        /// Share of a place's deformation by which it errs, as a standard deviation. Derived: moduli of a first fit err
+        /// by a tenth to a fifth, and small strains go with their inverse.
+        deformation_error: f64 = 0.2,
+        /// The surface has settled where it moves by less than this in a round, root mean square [voxels of half the
+        /// field's side]. Budget.
+        settled_move: f64 = 0.1,
     }
 }
 

@@ -21,17 +21,18 @@ pub struct ColouredView<'a> {
 }
 
 /// A picture ready to be compared with others.
-pub(super) struct Coloured<'a> {
+pub(crate) struct Coloured<'a> {
     pub(super) view: &'a ColouredView<'a>,
     /// What the squared difference of each colour from the others may be: its noise, and how much it changes within
-    /// half a pixel.
+    /// the error of its place.
     variance: Vec<Vec3>,
     /// Pixels well within the outline.
     own: Vec<bool>,
 }
 
 impl Coloured<'_> {
-    pub(super) fn new<'a>(view: &'a ColouredView<'a>, tuning: &Tuning) -> Coloured<'a> {
+    /// `error_px` is how far what the picture shows may be from where it is looked for, as a standard deviation.
+    pub(crate) fn new<'a>(view: &'a ColouredView<'a>, error_px: f32, tuning: &Tuning) -> Coloured<'a> {
         let (width, height) = (view.camera.width, view.camera.height);
         let colour = |x: usize, y: usize| Vec3::from_array(view.picture.at(x, y));
         let near = |x: usize, n: usize| x.saturating_sub(1)..=(x + 1).min(n - 1);
@@ -51,7 +52,9 @@ impl Coloured<'_> {
         let noise = tuning.carving.colour_noise;
         Coloured {
             view,
-            variance: (0..width * height).map(|i| Vec3::splat(noise * noise) + 0.25 * steepest(i)).collect(),
+            variance: (0..width * height)
+                .map(|i| Vec3::splat(noise * noise) + error_px * error_px * steepest(i))
+                .collect(),
             own: (0..width * height).map(|i| around(i).all(|k| view.mask[k] > covered)).collect(),
         }
     }
@@ -64,7 +67,7 @@ impl Coloured<'_> {
     }
 
     /// Depth of the nearest of `points` [m] in each pixel, each as large as a voxel of side `spacing` [m].
-    pub(super) fn depths(&self, points: &[Place], spacing: f64) -> Vec<f32> {
+    pub(crate) fn depths(&self, points: &[Place], spacing: f64) -> Vec<f32> {
         let camera = self.view.camera;
         let mut depths = vec![f32::INFINITY; camera.width * camera.height];
         for place in points {
@@ -83,7 +86,7 @@ impl Coloured<'_> {
 
     /// Colours of a place moved by each of `outward` [m] along its normal, and their variance; `None` where this view
     /// does not see it.
-    pub(super) fn colours_along_normal<const N: usize>(
+    pub(crate) fn colours_along_normal<const N: usize>(
         &self,
         place: &Place,
         depths: &[f32],
@@ -105,9 +108,10 @@ impl Coloured<'_> {
 }
 
 /// Which places of the surface a camera sees.
-pub(super) struct Visibility {
+#[derive(Clone, Copy)]
+pub(crate) struct Visibility {
     /// How far behind what is nearest they may lie [m].
-    pub(super) depth: f64,
+    pub(crate) depth: f64,
     /// Least cosine between their normal and the direction to the camera.
-    pub(super) least_cosine: f64,
+    pub(crate) least_cosine: f64,
 }

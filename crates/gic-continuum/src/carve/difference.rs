@@ -10,19 +10,25 @@ use super::place::Place;
 
 /// How much colours differ at each of several depths, over what is expected, and by how many that is judged.
 #[derive(Clone, Copy)]
-pub(super) struct Difference<const N: usize> {
+pub(crate) struct Difference<const N: usize> {
     /// Squared differences over their variances, summed, at each depth.
-    pub(super) squared: [f32; N],
+    pub(crate) squared: [f32; N],
     /// Degrees of freedom of these sums.
-    pub(super) freedom: f32,
+    pub(crate) freedom: f32,
 }
 
 impl<const N: usize> Difference<N> {
-    pub(super) const NONE: Difference<N> = Difference { squared: [0.0; N], freedom: 0.0 };
+    pub(crate) const NONE: Difference<N> = Difference { squared: [0.0; N], freedom: 0.0 };
 
-    pub(super) fn add(&mut self, other: &Difference<N>) {
+    pub(crate) fn add(&mut self, other: &Difference<N>) {
         self.squared.iter_mut().zip(other.squared).for_each(|(own, other)| *own += other);
         self.freedom += other.freedom;
+    }
+
+    /// So many times as much.
+    pub(crate) fn scaled(mut self, factor: f32) -> Difference<N> {
+        self.squared.iter_mut().for_each(|squared| *squared *= factor);
+        Difference { freedom: factor * self.freedom, ..self }
     }
 }
 
@@ -63,18 +69,30 @@ pub(super) fn difference<const N: usize>(
     visibility: &Visibility,
     outward: &[f64; N],
 ) -> Difference<N> {
-    let mut all = Difference::NONE;
     let seen = views.iter().zip(depths).filter_map(|(view, depths)| {
         let (colours, variance) = view.colours_along_normal(place, depths, visibility, outward)?;
-        Some((view.view.moment, colours, variance.recip()))
+        Some(SeenColours { moment: view.view.moment, colours, variance })
     });
-    let seen: Vec<(usize, [Vec3; N], Vec3)> = seen.collect();
-    for same in seen.chunk_by(|a, b| a.0 == b.0) {
-        let weight: Vec3 = same.iter().map(|(_, _, w)| *w).sum();
+    difference_of(&seen.collect::<Vec<_>>())
+}
+
+/// What a view shows of a place at each of several depths.
+#[derive(Clone, Copy)]
+pub(crate) struct SeenColours<const N: usize> {
+    pub(crate) moment: usize,
+    pub(crate) colours: [Vec3; N],
+    pub(crate) variance: Vec3,
+}
+
+/// How much colours of a place differ between views of the same moment, which follow each other.
+pub(crate) fn difference_of<const N: usize>(seen: &[SeenColours<N>]) -> Difference<N> {
+    let mut all = Difference::NONE;
+    for same in seen.chunk_by(|a, b| a.moment == b.moment) {
+        let weight: Vec3 = same.iter().map(|view| view.variance.recip()).sum();
         for k in 0..N {
-            let mean = same.iter().map(|(_, c, w)| c[k] * *w).sum::<Vec3>() / weight;
-            let squared: Vec3 = same.iter().map(|(_, c, w)| *w * (c[k] - mean) * (c[k] - mean)).sum();
-            all.squared[k] += squared.element_sum();
+            let mean = same.iter().map(|view| view.colours[k] * view.variance.recip()).sum::<Vec3>() / weight;
+            let square = |view: &SeenColours<N>| (view.colours[k] - mean) * (view.colours[k] - mean) / view.variance;
+            all.squared[k] += same.iter().map(square).sum::<Vec3>().element_sum();
         }
         all.freedom += 3.0 * (same.len() - 1) as f32;
     }

@@ -20,19 +20,33 @@ mod solid;
 
 use rayon::prelude::*;
 
-use self::coloured::Coloured;
-use self::solid::Solid;
+use self::solid::{Solid, reach};
 use crate::fill::smooth;
 use crate::tuning::CarvingTuning;
 use crate::{Filling, Symmetry, Tuning};
 
 pub use self::coloured::ColouredView;
+pub(crate) use self::{
+    coloured::{Coloured, Visibility},
+    difference::{SeenColours, difference_of},
+    displacement::Displacement,
+    place::Place,
+    settle::{Curve, depths_of_sweep, smoothed},
+};
+
+/// How far from its pixel's centre a place is looked up [pixels].
+const HALF_PIXEL: f32 = 0.5;
+
+/// How far behind what is nearest a place is still seen, on voxels of half a field's side [m].
+pub(crate) fn visible_depth(half_voxel: f64, tuning: &CarvingTuning) -> f64 {
+    reach(tuning.smoothing_deviation) * half_voxel
+}
 
 impl Filling {
     /// Takes away of a body what the colours of `views` contradict at a place and at its images by `symmetry`, and
     /// moves the surface of what is left to where they agree best.
     pub fn carve(&mut self, views: &[ColouredView], symmetry: &Symmetry, tuning: &Tuning) {
-        let views: Vec<Coloured> = views.par_iter().map(|view| Coloured::new(view, tuning)).collect();
+        let views: Vec<Coloured> = views.par_iter().map(|view| Coloured::new(view, HALF_PIXEL, tuning)).collect();
         let mut body = Solid::new(&self.field, self.th_min);
         let whole = body.inside.clone();
         let filled = body.filled(&views, tuning);

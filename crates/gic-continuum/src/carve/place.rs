@@ -3,10 +3,10 @@
 use glam::DVec3;
 
 /// A place of the surface.
-pub(super) struct Place {
-    pub(super) voxel: usize,
+pub(crate) struct Place {
+    pub(crate) voxel: usize,
     /// On the surface of its voxel [m].
-    pub(super) point: DVec3,
+    pub(crate) point: DVec3,
     /// Outward.
-    pub(super) normal: DVec3,
+    pub(crate) normal: DVec3,
 }

@@ -61,7 +61,7 @@ impl Filling {
 }
 
 /// How much colours differ at each depth that is tried.
-type Curve = Difference<SWEEP_DEPTHS>;
+pub(crate) type Curve = Difference<SWEEP_DEPTHS>;
 
 /// Distance between two depths of the sweep [voxels].
 const DEPTH_STEP: f64 = 0.5;
@@ -71,11 +71,16 @@ fn outward(depth: f64) -> f64 {
     DEPTH_STEP * (depth - SWEEP_SURFACE as f64)
 }
 
+/// How far outward the depths of the sweep lie [m], on voxels of half a field's side.
+pub(crate) fn depths_of_sweep(half_voxel: f64) -> [f64; SWEEP_DEPTHS] {
+    std::array::from_fn(|k| outward(k as f64) * half_voxel)
+}
+
 impl Curve {
     /// Where the curve is least [voxels outward], by a parabola through its lowest values, and its second derivative
     /// there [1/voxels^2], that of a squared deviation in units of its variance: differences larger than expected count
     /// for less.
-    fn least(&self, largest_difference: f32) -> (f64, f64) {
+    pub(crate) fn least(&self, largest_difference: f32) -> (f64, f64) {
         let k = (0..SWEEP_DEPTHS).min_by(|a, b| self.squared[*a].total_cmp(&self.squared[*b])).unwrap_or(SWEEP_SURFACE);
         let middle = k.clamp(1, SWEEP_DEPTHS - 2);
         let [a, b, c] = [middle - 1, middle, middle + 1].map(|k| f64::from(self.squared[k]));
@@ -99,37 +104,46 @@ impl Solid {
         surface: &[Place],
         tuning: &Tuning,
     ) -> Vec<f64> {
-        let depths: [f64; SWEEP_DEPTHS] = std::array::from_fn(|k| outward(k as f64) * self.grid.spacing);
+        let depths = depths_of_sweep(self.grid.spacing);
         let around = self.differences_around(views, surface, &depths, tuning);
         let images = symmetry.images();
         let wanted = |place| self.at_images(&around, &images, place).least(tuning.carving.first_tolerance);
         let wanted: Vec<(f64, f64)> = surface.par_iter().map(wanted).collect();
-        self.smoothed(surface, &wanted, tuning)
+        smoothed(&self.neighbours(surface), &wanted, tuning.carving.neighbour_deviation, tuning)
     }
 
-    /// How far places move outward [voxels], of how far each wants to and with which weight, where neighbours move
-    /// alike: Gauss-Seidel's method.
-    fn smoothed(&self, surface: &[Place], wanted: &[(f64, f64)], tuning: &Tuning) -> Vec<f64> {
+    /// Places of the surface in the voxels around each of its places.
+    fn neighbours(&self, surface: &[Place]) -> Vec<Vec<usize>> {
         let mut numbers = vec![usize::MAX; self.inside.len()];
         surface.iter().enumerate().for_each(|(i, place)| numbers[place.voxel] = i);
         let neighbours = |i: usize| {
             let around = self.grid.around(surface[i].voxel).map(|voxel| numbers[voxel]);
-            around.filter(|k| *k != usize::MAX && *k != i).collect::<Vec<_>>()
+            around.filter(|k| *k != usize::MAX && *k != i).collect()
         };
-        let neighbours: Vec<Vec<usize>> = (0..surface.len()).into_par_iter().map(neighbours).collect();
-        let carving = &tuning.carving;
-        let (neighbour, own) = (carving.neighbour_deviation.powi(-2), carving.move_deviation.powi(-2));
-        let mut moves: Vec<f64> = vec![0.0; surface.len()];
-        for _ in 0..tuning.iterations.most_rounds {
-            for i in 0..surface.len() {
-                let (at, weight) = wanted[i];
-                let sum: f64 = neighbours[i].iter().map(|k| moves[*k]).sum();
-                let total = weight + own + neighbour * neighbours[i].len() as f64;
-                moves[i] = (weight * at + neighbour * sum) / total;
-            }
-        }
-        moves
+        (0..surface.len()).into_par_iter().map(neighbours).collect()
     }
+}
+
+/// How far places move outward [voxels], of how far each wants to and with which weight, where `neighbours` move
+/// alike: Gauss-Seidel's method.
+pub(crate) fn smoothed(
+    neighbours: &[Vec<usize>],
+    wanted: &[(f64, f64)],
+    neighbour_deviation: f64,
+    tuning: &Tuning,
+) -> Vec<f64> {
+    let carving = &tuning.carving;
+    let (neighbour, own) = (neighbour_deviation.powi(-2), carving.move_deviation.powi(-2));
+    let mut moves: Vec<f64> = vec![0.0; wanted.len()];
+    for _ in 0..tuning.iterations.most_rounds {
+        for i in 0..wanted.len() {
+            let (at, weight) = wanted[i];
+            let sum: f64 = neighbours[i].iter().map(|k| moves[*k]).sum();
+            let total = weight + own + neighbour * neighbours[i].len() as f64;
+            moves[i] = (weight * at + neighbour * sum) / total;
+        }
+    }
+    moves
 }
 
 #[cfg(test)]

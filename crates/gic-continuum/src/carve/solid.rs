@@ -125,7 +125,7 @@ impl Solid {
         tuning: &Tuning,
     ) -> SumsAround<N> {
         let depths = self.depths(views, surface);
-        let depth = reach(tuning.carving.smoothing_deviation) * self.grid.spacing;
+        let depth = super::visible_depth(self.grid.spacing, &tuning.carving);
         let visibility = Visibility { depth, least_cosine: tuning.facing_cosine };
         let differences: Vec<Difference<N>> =
             surface.par_iter().map(|place| difference(place, views, &depths, &visibility, outward)).collect();

@@ -71,28 +71,14 @@ fn outline_gap(body: &TriangleMesh, views: &[MaskedView]) -> Option<f64> {
 
 /// How far places along the outline of a mask lie outside of that of a body [m].
 fn gaps_of(mesh: &TriangleMesh, view: &MaskedView) -> Vec<f64> {
-    let Some((mask, window)) = view.mask.and_then(|mask| Some((mask, Window::around(mask, view.camera.width)?))) else {
+    let Some((mask, window)) =
+        view.mask.and_then(|mask| Some((mask, SilhouetteWindow::around(mask, view.camera.width, MARGIN_PX)?)))
+    else {
         return Vec::new();
     };
-    let Some((silhouette, depth)) = window.silhouette(mesh, view.camera) else { return Vec::new() };
-    let width = FINENESS * window.width;
-    let outside: Vec<bool> = silhouette.iter().map(|inside| !inside).collect();
-    let (to_outside, to_inside) = (distance_transform(&outside, width), distance_transform(&silhouette, width));
-    // Outward positive [pixels of the mask].
-    let signed = |x: usize, y: usize| {
-        let i = y.min(silhouette.len() / width - 1) * width + x.min(width - 1);
-        f64::from(if to_inside[i] > 0.0 { to_inside[i] - 0.5 } else { 0.5 - to_outside[i] }) / FINENESS as f64
-    };
-    let metres = depth / (0.5 * (view.camera.focal.x + view.camera.focal.y));
-    let gap = |place: DVec2| {
-        let fine = (place - DVec2::new(window.x as f64, window.y as f64)) * FINENESS as f64 - 0.5;
-        let fine = fine.max(DVec2::ZERO);
-        let ([x, y], [s, t]) = (fine.floor().as_usizevec2().to_array(), fine.fract().to_array());
-        let row = |y: usize| signed(x, y) + s * (signed(x + 1, y) - signed(x, y));
-        let pixels = row(y) + t * (row(y + 1) - row(y));
-        pixels * metres
-    };
-    crossings(mask, view.camera.width).into_iter().map(gap).collect()
+    let Some(silhouette) = window.silhouette(mesh, view.camera) else { return Vec::new() };
+    let metres = silhouette.depth / (0.5 * (view.camera.focal.x + view.camera.focal.y));
+    crossings(mask, view.camera.width).into_iter().map(|place| silhouette.outward_px(place) * metres).collect()
 }
 
 /// Where coverage crosses one half between neighbouring pixels, in image coordinates.
@@ -111,38 +97,69 @@ fn crossings(mask: &[f32], width: usize) -> Vec<DVec2> {
 }
 
 /// A rectangle of pixels.
-struct Window {
+#[derive(Clone, Copy)]
+pub(crate) struct SilhouetteWindow {
     x: usize,
     y: usize,
     width: usize,
     height: usize,
 }
 
-impl Window {
+impl SilhouetteWindow {
     /// Around the covered pixels, with a margin; `None` of an empty mask.
-    fn around(mask: &[f32], width: usize) -> Option<Window> {
+    pub(crate) fn around(mask: &[f32], width: usize, margin: usize) -> Option<SilhouetteWindow> {
         let covered = || mask.iter().enumerate().filter(|(_, m)| **m > 0.0).map(|(i, _)| (i % width, i / width));
         let (x0, y0) = covered().fold((usize::MAX, usize::MAX), |(a, b), (x, y)| (a.min(x), b.min(y)));
         let (x1, y1) = covered().fold((0, 0), |(a, b), (x, y)| (a.max(x + 1), b.max(y + 1)));
-        let (x, y) = (x0.saturating_sub(MARGIN_PX), y0.saturating_sub(MARGIN_PX));
-        (x1 > x0).then(|| Window { x, y, width: x1 + MARGIN_PX - x, height: y1 + MARGIN_PX - y })
+        let (x, y) = (x0.saturating_sub(margin), y0.saturating_sub(margin));
+        (x1 > x0).then(|| SilhouetteWindow { x, y, width: x1 + margin - x, height: y1 + margin - y })
     }
 
-    /// The fine pixels whose centres triangles of the mesh cover, row-major, and the mean depth of its vertices [m];
-    /// `None` of a mesh that is not in front of the camera as a whole.
-    fn silhouette(&self, mesh: &TriangleMesh, camera: &Camera) -> Option<(Vec<bool>, f64)> {
-        let fine = FINENESS as f64;
-        let corner = DVec2::new(self.x as f64, self.y as f64);
+    /// Image coordinates on the grid of fine pixels, whose centres are at whole numbers.
+    fn fine(&self, pixel: DVec2) -> DVec2 {
+        (pixel - DVec2::new(self.x as f64, self.y as f64)) * FINENESS as f64 - 0.5
+    }
+
+    /// What the triangles of a mesh cover; `None` of one that is not in front of the camera as a whole.
+    pub(crate) fn silhouette(&self, mesh: &TriangleMesh, camera: &Camera) -> Option<Silhouette> {
         let seen: Option<Vec<(DVec2, f64)>> = mesh.vertices.iter().map(|vertex| camera.project(*vertex)).collect();
         let seen = seen.filter(|seen| !seen.is_empty())?;
         let depth = seen.iter().map(|(_, depth)| depth).sum::<f64>() / seen.len() as f64;
-        let places: Vec<DVec2> = seen.iter().map(|(pixel, _)| (*pixel - corner) * fine - 0.5).collect();
+        let places: Vec<DVec2> = seen.iter().map(|(pixel, _)| self.fine(*pixel)).collect();
         let (width, height) = (FINENESS * self.width, FINENESS * self.height);
         let mut inside = vec![false; width * height];
         for triangle in &mesh.triangles {
             cover(&mut inside, width, triangle.map(|corner| places[corner as usize]));
         }
-        Some((inside, depth))
+        let outside: Vec<bool> = inside.iter().map(|inside| !inside).collect();
+        let (to_outside, to_inside) = (distance_transform(&outside, width), distance_transform(&inside, width));
+        Some(Silhouette { window: *self, to_outside, to_inside, depth })
+    }
+}
+
+/// What a mesh covers of a picture.
+pub(crate) struct Silhouette {
+    window: SilhouetteWindow,
+    /// Distances from what is outside and from what is inside [fine pixels], row-major.
+    to_outside: Vec<f32>,
+    to_inside: Vec<f32>,
+    /// Mean depth of the mesh's vertices [m].
+    depth: f64,
+}
+
+impl Silhouette {
+    /// How far outside of it image coordinates are, negative inside [pixels].
+    pub(crate) fn outward_px(&self, pixel: DVec2) -> f64 {
+        let width = FINENESS * self.window.width;
+        let signed = |x: usize, y: usize| {
+            let i = y.min(self.to_inside.len() / width - 1) * width + x.min(width - 1);
+            let (inside, outside) = (self.to_inside[i], self.to_outside[i]);
+            f64::from(if inside > 0.0 { inside - 0.5 } else { 0.5 - outside }) / FINENESS as f64
+        };
+        let fine = self.window.fine(pixel).max(DVec2::ZERO);
+        let ([x, y], [s, t]) = (fine.floor().as_usizevec2().to_array(), fine.fract().to_array());
+        let row = |y: usize| signed(x, y) + s * (signed(x + 1, y) - signed(x, y));
+        row(y) + t * (row(y + 1) - row(y))
     }
 }
 

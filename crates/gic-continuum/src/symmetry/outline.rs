@@ -7,7 +7,7 @@
 
 use gic_geometry::distance_transform;
 use gic_scene::{Camera, Hull, HullSettings, HullView, Mask};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use nalgebra::DVector;
 use rayon::prelude::*;
 
@@ -41,17 +41,29 @@ impl Outline {
 
     /// How far within the outline a point [m] appears [pixels]; infinitely where this view does not see it.
     fn signed_distance_px(&self, point: DVec3) -> f32 {
-        let Some((pixel, _)) = self.camera.project(point) else { return f32::INFINITY };
+        self.camera.project(point).and_then(|(pixel, _)| self.at_pixel(pixel)).unwrap_or(f32::INFINITY)
+    }
+
+    /// How far within the outline image coordinates are, and which way the outline lies from there or, from outside of
+    /// it, away from it: a unit vector. `None` outside the picture [pixels].
+    pub(crate) fn gap_px(&self, pixel: DVec2) -> Option<(f64, DVec2)> {
+        let at = |x: f64, y: f64| self.at_pixel(pixel + DVec2::new(x, y)).map(f64::from);
+        let slope = DVec2::new(at(-0.5, 0.0)? - at(0.5, 0.0)?, at(0.0, -0.5)? - at(0.0, 0.5)?);
+        Some((at(0.0, 0.0)?, slope.try_normalize()?))
+    }
+
+    /// How far within the outline image coordinates are [pixels]; `None` outside the picture.
+    fn at_pixel(&self, pixel: DVec2) -> Option<f32> {
         let (w, h) = (self.camera.width, self.camera.height);
         let (x, y) = (pixel.x - 0.5, pixel.y - 0.5);
         if !(x >= 0.0 && y >= 0.0 && x < w as f64 - 1.0 && y < h as f64 - 1.0) {
-            return f32::INFINITY;
+            return None;
         }
         let (i, j) = (x as usize, y as usize);
         let (s, t) = ((x - i as f64) as f32, (y - j as f64) as f32);
         let at = |i: usize, j: usize| self.distance[j * w + i];
         let row = |j: usize| at(i, j) + s * (at(i + 1, j) - at(i, j));
-        row(j) + t * (row(j + 1) - row(j))
+        Some(row(j) + t * (row(j + 1) - row(j)))
     }
 }
 
@@ -106,7 +118,7 @@ impl Outlines<'_> {
         let (rays, count) = (tuning.outline_rays.min(pixels.len()), tuning.outline_rays);
         (0..rays).map(move |k| {
             let i = pixels[k * pixels.len() / rays];
-            let pixel = glam::DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+            let pixel = DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
             let along = |n: usize| self.half_diagonal * (2.0 * n as f64 / (count - 1) as f64 - 1.0);
             let places = (0..count).map(|n| view.camera.unproject(pixel, (depth + along(n)).max(1e-3)));
             let known = places.map(|p| (self.within_all(p), p)).filter(|(d, _)| *d > -tuning.farthest_miss_px);

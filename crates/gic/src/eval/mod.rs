@@ -17,7 +17,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::{Config, Layer};
 use crate::error::{Error, Result};
-use crate::pipeline::{FillSummary, FrameFilling, IdentifyRecord, Stage, check_results, filling_file, prediction_file};
+use crate::pipeline::{
+    FrameFilling, IdentifyRecord, Stage, check_results, filling_file, prediction_file, summary_of_body,
+};
 use crate::statistics::mean;
 pub use pictures::PictureError;
 use pictures::Pictures;
@@ -118,7 +120,6 @@ pub fn evaluate(
 ) -> Result<Evaluation> {
     check_results(run, &Stage::ALL)?;
     let found: IdentifyRecord = atomic::read_json(&run.join("identify.json"))?;
-    let summary: FillSummary = atomic::read_json(&run.join("fill.json"))?;
     if found.model != truth.material.model() {
         return Err(Error::Usage {
             problem: format!("the run assumed {}, the truth is {}", found.model, truth.material.model()),
@@ -126,6 +127,7 @@ pub fn evaluate(
         });
     }
     let config = Config::resolve(vec![Layer::read(&run.join("config.toml"))?])?;
+    let summary = summary_of_body(run, &config)?;
     let fitted = config.scene.fit_frames.unwrap_or(usize::MAX);
     let pictures = Pictures::open(run, scene, config)?;
     let mut frames = Vec::new();

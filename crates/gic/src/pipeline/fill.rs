@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use super::fill_input::FillInput;
 use super::frame_filler::FrameFiller;
+use super::refine::FOLDER as REFINED;
 use super::{Run, Stage};
 use crate::error::{Error, Result};
 
@@ -80,6 +81,8 @@ pub struct Continuum {
     pub appearance: Appearance,
     /// The surface in every frame.
     pub surfaces: Vec<Surface>,
+    /// Whether the body is that of the stage `refine`.
+    is_refined: bool,
 }
 
 /// Points on the surface of a body.
@@ -200,7 +203,7 @@ impl Run<'_> {
     /// # Errors
     /// Those of filling.
     pub fn drawing(&self, continuum: &Continuum) -> Result<(Drawing, Appearance)> {
-        let filling = self.first_filling()?;
+        let filling = if continuum.is_refined { self.refined_filling()? } else { self.first_filling()? };
         let tuning = &self.config.fill.tuning.particles;
         let spacing = tuning.drawing_spacing * continuum.particles.spacing;
         let drawing = Drawing::new(&filling, &continuum.particles, spacing, tuning).map_err(Error::filling(0))?;
@@ -242,13 +245,27 @@ impl Run<'_> {
         Ok(surface.len())
     }
 
-    /// The result of filling.
+    /// The body as well as it is known: as refined, where it is.
     ///
     /// # Errors
     /// Missing or damaged files.
     pub fn continuum(&self) -> Result<Continuum> {
-        let summary: FillSummary = atomic::read_json(&self.path("fill.json"))?;
-        let ply = read_particles(&self.path("continuum.ply"))?;
+        if !self.refines() {
+            return self.filled();
+        }
+        self.continuum_of(self.refined()?.summary, &self.path(REFINED), true)
+    }
+
+    /// The result of filling.
+    ///
+    /// # Errors
+    /// Missing or damaged files.
+    pub(super) fn filled(&self) -> Result<Continuum> {
+        self.continuum_of(atomic::read_json(&self.path("fill.json"))?, &self.folder, false)
+    }
+
+    fn continuum_of(&self, summary: FillSummary, folder: &Path, is_refined: bool) -> Result<Continuum> {
+        let ply = read_particles(&folder.join("continuum.ply"))?;
         let particles = Particles {
             positions: ply.positions,
             volume: summary.particle_volume_m3,
@@ -267,7 +284,7 @@ impl Run<'_> {
                 Ok(Surface { doubts: known_doubts(&ply.doubts), points: ply.positions })
             })
             .collect::<Result<_>>()?;
-        Ok(Continuum { summary, particles, appearance, surfaces })
+        Ok(Continuum { summary, particles, appearance, surfaces, is_refined })
     }
 }
 
@@ -294,7 +311,7 @@ fn size_and_pixel(input: &FillInput) -> Result<(f64, f64)> {
 }
 
 /// Writes the particles of a body at time 0 with their attributes.
-fn write_body(path: &Path, particles: &Particles) -> Result<()> {
+pub(super) fn write_body(path: &Path, particles: &Particles) -> Result<()> {
     let rows = (0..particles.positions.len()).map(|i| {
         let [x, y, z] = particles.positions[i].as_vec3().to_array();
         let [density, factor, doubt] = [particles.densities[i], particles.volume_factors[i], particles.doubts[i]];
@@ -304,7 +321,7 @@ fn write_body(path: &Path, particles: &Particles) -> Result<()> {
 }
 
 /// Overlaps of the views that have a mask.
-fn overlaps(agreements: &[Option<Agreement>]) -> Vec<f64> {
+pub(super) fn overlaps(agreements: &[Option<Agreement>]) -> Vec<f64> {
     agreements.iter().flatten().map(|agreement| agreement.iou).collect()
 }
 

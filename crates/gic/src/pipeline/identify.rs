@@ -9,11 +9,12 @@ use gic_identify::{
     Checkpoint, Estimates, Event, GroundEstimate, IdentifyError, Input, MaterialChoice, Observation, Settings,
     Stage as IdentifyStage, Step, Target, View, identify, sought,
 };
-use gic_mpm::MaterialKind;
+use gic_mpm::{Body, MaterialKind, Options, Simulator, Stepping, World};
 use gic_scene::Camera;
 use gic_twin::atomic;
 use gic_twin::matter::write_particles;
 use gic_twin::twin::{MatterSource, Obstacle, Twin};
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::clock::Clock;
@@ -167,8 +168,12 @@ impl Run<'_> {
             std::fs::remove_file(&checkpoint).map_err(Error::write(&checkpoint))?;
         }
         recipe.write(&begun)?;
-        let found =
-            self.fit(&input, model, &self.identify_settings(&input).among_laws(model), (Stage::Identify, &checkpoint))?;
+        let mut settings = self.identify_settings(&input).among_laws(model);
+        if self.refines() {
+            settings.target = only_masks(settings.target);
+            settings.start = Some(settings.start.map_or_else(|| Ok(self.refined()?.parameters), Ok::<_, Error>)?);
+        }
+        let found = self.fit(&input, model, &settings, (Stage::Identify, &checkpoint))?;
         for warning in &found.warnings {
             self.events.warn(Stage::Identify.name(), warning);
         }
@@ -409,6 +414,42 @@ impl Run<'_> {
     pub fn identified(&self) -> Result<IdentifyRecord> {
         Ok(atomic::read_json(&self.path("identify.json"))?)
     }
+}
+
+/// What a refined body is compared with: surfaces of frames are those of the bodies before.
+pub(super) fn only_masks(target: Target) -> Target {
+    if target == Target::Both { Target::Masks } else { target }
+}
+
+/// Particles in every frame up to `last` [m].
+pub(super) fn motion_of(
+    input: &Input,
+    found: &Estimates,
+    last: usize,
+) -> std::result::Result<Vec<Vec<DVec3>>, gic_mpm::SimulationError> {
+    let world = World {
+        bodies: vec![Body {
+            material: found.material,
+            density_kg_m3: input.density_kg_m3,
+            particle_volume_m3: found.particle_volume_m3,
+            volume_factors: found.volume_factors.clone(),
+            positions: found.positions.clone(),
+            velocity_m_s: found.velocity_m_s,
+            angular_velocity_rad_s: found.angular_velocity_rad_s,
+            own_velocities_m_s: Vec::new(),
+        }],
+        colliders: found.colliders.clone(),
+        gravity_m_s2: input.gravity_m_s2,
+        grid_spacing_m: input.grid_spacing_m,
+        frame_rate_hz: input.frame_rate_hz,
+        stepping: Stepping::Fixed { substeps_per_frame: input.substeps_per_frame },
+    };
+    let mut simulator = Simulator::new(&world, &Options::default())?;
+    let mut frames = vec![simulator.frame().positions];
+    for _ in 0..last {
+        frames.push(simulator.advance_frame()?.positions);
+    }
+    Ok(frames)
 }
 
 fn record(model: &str, found: &Estimates) -> IdentifyRecord {

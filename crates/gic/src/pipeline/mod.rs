@@ -15,6 +15,7 @@ mod identify;
 mod log;
 mod predict;
 mod reconstruct;
+mod refine;
 mod register;
 mod results;
 mod rigid_frames;
@@ -45,6 +46,7 @@ pub use fill::{Continuum, FillSummary, FrameFilling, Surface};
 pub(crate) use identify::TWIN_MATTER;
 pub use identify::{EstimateRecord, GroundRecord, IdentifyRecord, StepRecord};
 pub(crate) use predict::{moment_file, prediction_file};
+pub(crate) use refine::summary_of_body;
 pub use register::{PlacementRecord, RegistrationRecord};
 pub(crate) use results::is_result_name;
 pub use results::{check_results, twin_file};
@@ -64,6 +66,8 @@ pub enum Stage {
     Fill,
     /// Which law the matter follows; only where the material is `auto`.
     Select,
+    /// The body of the first frame by the pictures of all frames.
+    Refine,
     /// Matter to material: the twin.
     Identify,
     /// The twin's motion, over the frames of the video.
@@ -73,8 +77,16 @@ pub enum Stage {
 }
 
 impl Stage {
-    pub(crate) const ALL: [Self; 7] =
-        [Self::Reconstruct, Self::Register, Self::Fill, Self::Select, Self::Identify, Self::Predict, Self::Appearance];
+    pub(crate) const ALL: [Self; 8] = [
+        Self::Reconstruct,
+        Self::Register,
+        Self::Fill,
+        Self::Select,
+        Self::Refine,
+        Self::Identify,
+        Self::Predict,
+        Self::Appearance,
+    ];
 
     /// Its name in events, messages and files.
     pub fn name(self) -> &'static str {
@@ -83,6 +95,7 @@ impl Stage {
             Self::Register => "register",
             Self::Fill => "fill",
             Self::Select => "select",
+            Self::Refine => "refine",
             Self::Identify => "identify",
             Self::Predict => "predict",
             Self::Appearance => "appearance",
@@ -96,6 +109,7 @@ impl Stage {
             Self::Register => &["registration.json"],
             Self::Fill => &["continuum.ply", "fill.json", "surface", "filling"],
             Self::Select => &["selection.json"],
+            Self::Refine => &[refine::FOLDER],
             Self::Identify => &["twin.json", TWIN_MATTER, "identify.json"],
             Self::Predict => &["prediction"],
             Self::Appearance => &APPEARANCE_FILES,
@@ -219,7 +233,7 @@ impl<'a> Run<'a> {
     /// # Errors
     /// Those of the stages; what was finished before is kept.
     pub fn bring_up_to_date(&self, last: Stage) -> Result<()> {
-        if last >= Stage::Identify {
+        if last >= Stage::Select {
             // An unknown material is an error before the first stage starts.
             self.material()?;
         }
@@ -234,6 +248,7 @@ impl<'a> Run<'a> {
             let wanted = match stage {
                 Stage::Register => self.scan().is_some(),
                 Stage::Select => self.selects(),
+                Stage::Refine => self.refines(),
                 _ => true,
             };
             if wanted {
@@ -274,6 +289,7 @@ impl<'a> Run<'a> {
             Stage::Register => self.register()?,
             Stage::Fill => self.fill()?,
             Stage::Select => self.select(&recipe)?,
+            Stage::Refine => self.refine(&recipe)?,
             Stage::Identify => self.identify(&recipe)?,
             Stage::Predict => self.predict()?,
             Stage::Appearance => self.appearance()?,
@@ -304,7 +320,7 @@ impl<'a> Run<'a> {
                 let input = if self.scan().is_some() { Stage::Register } else { Stage::Reconstruct };
                 Recipe::new(before(input)?, &serde_json::json!({ "seed": self.config.seed, "fill": self.config.fill }))
             }
-            Stage::Select | Stage::Identify => {
+            Stage::Select | Stage::Refine | Stage::Identify => {
                 let colliders = match &self.config.identify.colliders {
                     Some(path) => results::hash_file(path)?,
                     None => String::new(),
@@ -312,7 +328,11 @@ impl<'a> Run<'a> {
                 // What the file holds decides, not where it lies.
                 let identify = gic_identify::Settings { colliders: None, ..self.config.identify.clone() };
                 let settings = serde_json::json!({ "identify": identify, "colliders": colliders });
-                let input = if stage == Stage::Identify && self.selects() { Stage::Select } else { Stage::Fill };
+                let input = match stage {
+                    Stage::Identify if self.refines() => Stage::Refine,
+                    Stage::Refine | Stage::Identify if self.selects() => Stage::Select,
+                    _ => Stage::Fill,
+                };
                 Recipe::new(before(input)?, &settings)
             }
             Stage::Predict => {

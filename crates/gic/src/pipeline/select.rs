@@ -6,13 +6,13 @@
 
 use gic_continuum::{Appearance, Drawing, informed_gaussians};
 use gic_identify::{Estimates, Input};
-use gic_mpm::{Body, MaterialKind, Options, Simulator, Stepping, World};
+use gic_mpm::MaterialKind;
 use gic_splat::{RenderSettings, render};
 use gic_twin::atomic;
-use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::identify::motion_of;
 use super::stamp::Recipe;
 use super::{Run, Stage};
 use crate::error::{Error, Result};
@@ -128,7 +128,7 @@ impl Run<'_> {
         let touched = frames - self.scene.flight.as_ref().map_or(0, |flight| flight.frames().min(frames));
         let held_back = ((HELD_BACK_SHARE * touched as f64).round() as usize).max(1);
         let fitted = frames.saturating_sub(held_back);
-        let continuum = self.continuum()?;
+        let continuum = self.filled()?;
         let input = self.identify_input(&continuum, &self.surroundings()?)?;
         let drawing = self.drawing(&continuum)?;
         let attempt = |model: MaterialKind, in_full: bool| self.fit_law(model, &input, &drawing, (fitted, in_full));
@@ -227,7 +227,7 @@ impl Run<'_> {
     ) -> Result<Vec<f64>> {
         let last = input.observations.len() - 1;
         let frame_of = |frame: usize| (input.observations[frame].time_s * input.frame_rate_hz).round() as usize;
-        let moved = simulate(input, found, frame_of(last)).map_err(Error::stage("prediction"))?;
+        let moved = motion_of(input, found, frame_of(last)).map_err(Error::stage("prediction"))?;
         let appearance = Appearance { scale: found.splat_factor * drawn.scale, ..*drawn };
         let mut differing = vec![0.0; input.cameras.len()];
         let mut covered = vec![0.0; input.cameras.len()];
@@ -251,37 +251,6 @@ impl Run<'_> {
         let seen = differing.iter().zip(covered).filter(|(_, area)| *area > 0.0);
         Ok(seen.map(|(wrong, area)| wrong / area).collect())
     }
-}
-
-/// Particles in every frame up to `last` [m].
-fn simulate(
-    input: &Input,
-    found: &Estimates,
-    last: usize,
-) -> std::result::Result<Vec<Vec<DVec3>>, gic_mpm::SimulationError> {
-    let world = World {
-        bodies: vec![Body {
-            material: found.material,
-            density_kg_m3: input.density_kg_m3,
-            particle_volume_m3: found.particle_volume_m3,
-            volume_factors: found.volume_factors.clone(),
-            positions: found.positions.clone(),
-            velocity_m_s: found.velocity_m_s,
-            angular_velocity_rad_s: found.angular_velocity_rad_s,
-            own_velocities_m_s: Vec::new(),
-        }],
-        colliders: found.colliders.clone(),
-        gravity_m_s2: input.gravity_m_s2,
-        grid_spacing_m: input.grid_spacing_m,
-        frame_rate_hz: input.frame_rate_hz,
-        stepping: Stepping::Fixed { substeps_per_frame: input.substeps_per_frame },
-    };
-    let mut simulator = Simulator::new(&world, &Options::default())?;
-    let mut frames = vec![simulator.frame().positions];
-    for _ in 0..last {
-        frames.push(simulator.advance_frame()?.positions);
-    }
-    Ok(frames)
 }
 
 fn describe(law: &LawRecord) -> String {

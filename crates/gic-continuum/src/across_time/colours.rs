@@ -1,0 +1,120 @@
+//! Where each place of the surface has the same colour in all moments that show it.
+//!
+//! The light on a place changes as it turns: it scales the colour, and the direction in the space of colours stays. So
+//! directions are compared.
+
+use gic_scene::Picture;
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::tracked::TrackedSurface;
+use super::{Moment, MomentView, SeenMoment};
+use crate::carve::{
+    Coloured, ColouredView, Curve, Place, SeenColours, Visibility, depths_of_sweep, difference_of, visible_depth,
+};
+use crate::tuning::{SWEEP_DEPTHS, Tuning};
+
+/// Below this brightness a colour has no direction. Derived: a few steps of eight bits.
+const DARK: f32 = 0.05;
+
+/// A picture without its shades.
+pub(super) struct ShadeFree(Picture);
+
+impl ShadeFree {
+    pub(super) fn new(view: &MomentView) -> ShadeFree {
+        let picture = &view.picture;
+        let pixel = |c: &[f32]| {
+            let colour = Vec3::from_slice(c);
+            (colour / colour.length().max(DARK)).to_array()
+        };
+        let rgb = picture.rgb.chunks_exact(3).flat_map(pixel).collect();
+        ShadeFree(Picture { width: picture.width, height: picture.height, rgb })
+    }
+}
+
+/// The pictures of a moment, and its surface as they see it.
+struct MomentColours<'a> {
+    views: Vec<Coloured<'a>>,
+    /// Depth of what is nearest in each pixel of each view [m].
+    depths: Vec<Vec<f32>>,
+    /// The places of the surface, moved.
+    places: Vec<Place>,
+    /// How much longer a way along each normal has become.
+    stretch: Vec<f64>,
+    /// How many times as uncertain each place's colours are because of its deformation.
+    inflation: Vec<f32>,
+}
+
+impl<'a> MomentColours<'a> {
+    /// `error_px` is how far the moment's motion errs.
+    fn new(seen: &SeenMoment, views: &'a [ColouredView<'a>], error_px: f64, half_voxel: f64, tuning: &Tuning) -> Self {
+        let mesh = &seen.surface.mesh;
+        let place = |voxel: usize| Place { voxel, point: mesh.vertices[voxel], normal: mesh.normals[voxel] };
+        let places: Vec<Place> = (0..mesh.vertices.len()).map(place).collect();
+        let views: Vec<Coloured> =
+            views.iter().map(|view| Coloured::new(view, error_px.hypot(0.5) as f32, tuning)).collect();
+        let depths = views.iter().map(|view| view.depths(&places, 2.0 * half_voxel)).collect();
+        let stretch = seen.surface.outward.iter().zip(&mesh.normals).map(|(out, normal)| out.dot(*normal)).collect();
+        let inflation = seen.surface.deformation.iter().map(|deformation| {
+            let ratio = tuning.across_time.deformation_error * deformation / seen.motion_error;
+            (1.0 + ratio * ratio) as f32
+        });
+        MomentColours { views, depths, places, stretch, inflation: inflation.collect() }
+    }
+
+    /// What its views show of a place, moved by each of `outward` [m].
+    fn of<const N: usize>(
+        &self,
+        vertex: usize,
+        outward: &[f64; N],
+        visibility: &Visibility,
+    ) -> impl Iterator<Item = SeenColours<N>> + '_ {
+        let (place, stretch, inflation) = (&self.places[vertex], self.stretch[vertex], self.inflation[vertex]);
+        let outward = outward.map(|distance| stretch * distance);
+        let visibility = *visibility;
+        self.views.iter().zip(&self.depths).filter_map(move |(view, depths)| {
+            let (colours, variance) = view.colours_along_normal(place, depths, &visibility, &outward)?;
+            Some(SeenColours { moment: 0, colours, variance: inflation * variance })
+        })
+    }
+}
+
+/// How far outward each place wants to be by its colours, and with which weight, in halves of a voxel [m].
+pub(super) fn wanted_by_colours(
+    surface: &TrackedSurface,
+    seen: &[SeenMoment],
+    moments: &[Moment],
+    pictures: &[Vec<ShadeFree>],
+    (half_voxel, tuning): (f64, &Tuning),
+) -> Vec<(f64, f64)> {
+    let views: Vec<Vec<ColouredView>> =
+        moments.iter().zip(pictures).map(|(m, pictures)| coloured(m, pictures)).collect();
+    let colours: Vec<MomentColours> = (seen.par_iter().zip(&views))
+        .map(|(seen, views)| MomentColours::new(seen, views, seen.motion_error / seen.pixel, half_voxel, tuning))
+        .collect();
+    let depths = depths_of_sweep(half_voxel);
+    let visibility =
+        Visibility { depth: visible_depth(half_voxel, &tuning.carving), least_cosine: tuning.facing_cosine };
+    let own = |vertex: usize| -> Curve {
+        let all = colours.iter().flat_map(|moment| moment.of(vertex, &depths, &visibility));
+        difference_of(&all.collect::<Vec<SeenColours<SWEEP_DEPTHS>>>())
+    };
+    let own: Vec<Curve> = (0..surface.places.len()).into_par_iter().map(own).collect();
+    let around = |vertex: usize| {
+        let mut sum = own[vertex];
+        surface.adjacent[vertex].iter().for_each(|other| sum.add(&own[*other]));
+        // The mean, for what neighbours see is no further evidence of the place itself.
+        sum.scaled(1.0 / (1 + surface.adjacent[vertex].len()) as f32).least(tuning.carving.first_tolerance)
+    };
+    (0..own.len()).into_par_iter().map(around).collect()
+}
+
+fn coloured<'a>(moment: &'a Moment, pictures: &'a [ShadeFree]) -> Vec<ColouredView<'a>> {
+    let view = |(view, picture): (&'a MomentView, &'a ShadeFree)| ColouredView {
+        camera: &view.camera,
+        picture: &picture.0,
+        mask: &view.mask.coverage,
+        moment: 0,
+    };
+    moment.views.iter().zip(pictures).map(view).collect()
+}

@@ -1,0 +1,192 @@
+//! The shape of the first moment, by the pictures of all moments.
+//!
+//! Once the motion is known, every moment is a view of one body: one that tumbles shows three cameras dozens of sides
+//! (shape from silhouette across time: Cheung, Baker & Kanade 2005). The motion comes from a simulation that was fitted
+//! to the video with the shape as it was known before, so it errs, too. Round by round:
+//!
+//! 1. [`tracked`] carries the surface through the motion, each place with the affine map of the particles around it.
+//! 2. [`pose`] lays the body of each moment after the flight into its outlines, for its turn is what errs most.
+//! 3. [`contour`] finds the places that make the silhouettes' edges: the mask tells how far each lies off.
+//! 4. [`colours`] tries each place at several depths: at the right one, all moments see the same colour there.
+//! 5. Each place moves to where both want it, as far as its neighbours share in that; the field is carried along.
+//!
+//! How far a moment's outlines miss after its pose is fitted is the error of its motion: what a moment says counts by
+//! that, so that no tolerance has to be given.
+
+mod colours;
+mod contour;
+mod pose;
+#[cfg(test)]
+mod tests;
+mod tracked;
+
+use gic_scene::{Camera, Mask, Picture};
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+
+use self::colours::{ShadeFree, wanted_by_colours};
+use self::contour::{ContourPoint, MARGIN_PX, MomentOutlines, OUTLINE_ERROR_PX};
+use self::pose::Pose;
+use self::tracked::{MovedSurface, TrackedSurface};
+use crate::carve::{Displacement, smoothed};
+use crate::{AcrossTimeTuning, Filling, Tuning};
+
+/// One moment of a motion, and the pictures of it.
+#[derive(Clone, Debug)]
+pub struct Moment {
+    /// Where the particles are [m], shape [n], in the order of the body's.
+    pub positions: Vec<DVec3>,
+    /// Whether nothing was touched before: then the pose is known.
+    pub flies: bool,
+    /// What the cameras saw.
+    pub views: Vec<MomentView>,
+}
+
+/// What a camera saw of a moment.
+#[derive(Clone, Debug)]
+pub struct MomentView {
+    /// The camera.
+    pub camera: Camera,
+    /// Its picture.
+    pub picture: Picture,
+    /// The body's coverage of it.
+    pub mask: Mask,
+}
+
+impl MomentView {
+    /// What a camera saw around a mask: the rest of the picture is cut away. `None` of an empty mask.
+    pub fn around_mask(camera: &Camera, picture: &Picture, mask: &Mask) -> Option<MomentView> {
+        let seen = mask.bounding_box()?;
+        let (x0, y0) = (seen.x0.saturating_sub(MARGIN_PX), seen.y0.saturating_sub(MARGIN_PX));
+        let (x1, y1) = ((seen.x1 + MARGIN_PX).min(mask.width), (seen.y1 + MARGIN_PX).min(mask.height));
+        let (width, height) = (x1 - x0, y1 - y0);
+        let cut = |values: &[f32], channels: usize| {
+            let row = |y: usize| channels * (y * mask.width + x0)..channels * (y * mask.width + x1);
+            (y0..y1).flat_map(|y| values[row(y)].iter().copied()).collect::<Vec<f32>>()
+        };
+        let principal = camera.principal - DVec2::new(x0 as f64, y0 as f64);
+        Some(MomentView {
+            camera: Camera { width, height, principal, ..camera.clone() },
+            picture: Picture { width, height, rgb: cut(&picture.rgb, 3) },
+            mask: Mask { width, height, coverage: cut(&mask.coverage, 1) },
+        })
+    }
+}
+
+/// How the shape of the first moment was settled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AcrossTime {
+    /// Rounds until it moved no more.
+    pub rounds: usize,
+    /// How far outlines were off, median over all moments, before [m].
+    pub gap_before_m: f64,
+    /// The same afterwards [m].
+    pub gap_after_m: f64,
+    /// Share of the surface that some moment's colours or outlines tell.
+    pub seen: f64,
+}
+
+impl Filling {
+    /// Moves the surface to where the pictures of all `moments` want it; `body` are the particles of the first moment
+    /// [m], `spacing` apart, that the moments carry on. `None` where `stop` says so, and where nothing is seen.
+    pub fn settle_across_time(
+        &mut self,
+        (body, spacing): (&[DVec3], f64),
+        moments: &[Moment],
+        tuning: &Tuning,
+        stop: &dyn Fn() -> bool,
+    ) -> Option<AcrossTime> {
+        let outlines: Vec<MomentOutlines> = moments.par_iter().map(MomentOutlines::new).collect();
+        let pictures: Vec<Vec<ShadeFree>> =
+            moments.par_iter().map(|moment| moment.views.iter().map(ShadeFree::new).collect()).collect();
+        let (first, unit) = (self.field.clone(), 0.5 * self.field.spacing);
+        let mut poses = vec![Pose::default(); moments.len()];
+        let mut moved = Displacement::none(&first);
+        let mut report: Option<AcrossTime> = None;
+        for round in 1..=tuning.iterations.most_rounds {
+            if stop() {
+                return None;
+            }
+            let surface = TrackedSurface::new(self.surface_mesh(), body, spacing);
+            pose::follow(&mut poses, &surface, moments, &outlines, round == 1);
+            let mut seen: Vec<SeenMoment> = (0..moments.len())
+                .into_par_iter()
+                .map(|m| SeenMoment::new(surface.moved(&moments[m].positions, &poses[m]), &outlines[m]))
+                .collect();
+            find_errors_of_motion(&mut seen);
+            let mut wanted = wanted_by_colours(&surface, &seen, moments, &pictures, (unit, tuning));
+            wanted_by_outlines(&mut wanted, &seen, (unit, &tuning.across_time));
+            let outward = smoothed(&surface.adjacent, &wanted, tuning.across_time.neighbour_deviation, tuning);
+            let step = Displacement::of(&first, &surface.places, &outward, unit, &tuning.carving);
+            moved = moved.then(&step);
+            self.field.values = moved.carry(&first);
+            let gap_after_m = median(seen.iter().map(|seen| seen.miss).collect())?;
+            let squares: f64 = outward.iter().map(|d| d * d).sum();
+            report = Some(AcrossTime {
+                rounds: round,
+                gap_before_m: report.map_or(gap_after_m, |report| report.gap_before_m),
+                gap_after_m,
+                seen: wanted.iter().filter(|(_, weight)| *weight > 0.0).count() as f64 / wanted.len() as f64,
+            });
+            if squares <= tuning.across_time.settled_move * tuning.across_time.settled_move * outward.len() as f64 {
+                break;
+            }
+        }
+        report
+    }
+}
+
+/// A moment's surface, and where its edges in the pictures lie.
+struct SeenMoment {
+    surface: MovedSurface,
+    contour: Vec<ContourPoint>,
+    /// How far outlines miss, as a standard deviation [m].
+    miss: f64,
+    /// The part of that which is not the shape's, but the motion's [m].
+    motion_error: f64,
+    /// Width of a pixel there [m].
+    pixel: f64,
+}
+
+impl SeenMoment {
+    fn new(surface: MovedSurface, outlines: &MomentOutlines) -> SeenMoment {
+        let contour = outlines.contour(&surface);
+        let pixel = outlines.pixel(&surface);
+        let miss = contour::deviation(&contour, pixel);
+        SeenMoment { miss, motion_error: miss, pixel, surface, contour }
+    }
+}
+
+/// The shape is the same in all moments: what a moment misses by more than the best one is its motion's error.
+fn find_errors_of_motion(seen: &mut [SeenMoment]) {
+    let least = seen.iter().map(|moment| moment.miss).fold(f64::INFINITY, f64::min);
+    for moment in seen {
+        let outline = OUTLINE_ERROR_PX * moment.pixel;
+        moment.motion_error = (moment.miss * moment.miss - least * least).max(0.0).sqrt().hypot(outline);
+    }
+}
+
+/// Adds what the outlines of all moments want: each point of a contour is an observation of its place's displacement.
+fn wanted_by_outlines(wanted: &mut [(f64, f64)], seen: &[SeenMoment], (unit, tuning): (f64, &AcrossTimeTuning)) {
+    let mut sums = vec![(0.0, 0.0); wanted.len()];
+    for moment in seen {
+        for point in &moment.contour {
+            let error = moment.motion_error.hypot(tuning.deformation_error * point.deformation);
+            let weight = point.weight(moment.miss) * (unit / error).powi(2);
+            let (sum, total) = &mut sums[point.vertex];
+            // A displacement d along the normal moves the contour by `alignment` d towards the mask's outline.
+            *sum += weight * point.alignment * point.gap / unit;
+            *total += weight * point.alignment * point.alignment;
+        }
+    }
+    for ((at, weight), (sum, total)) in wanted.iter_mut().zip(sums).filter(|(_, (_, total))| *total > 0.0) {
+        *at = (*weight * *at + sum) / (*weight + total);
+        *weight += total;
+    }
+}
+
+/// The median; `None` of nothing.
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    let middle = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(middle, f64::total_cmp).1)
+}

@@ -1,0 +1,149 @@
+use gic_scene::{Camera, Mask, Picture};
+use glam::{DMat3, DQuat, DVec2, DVec3};
+use rayon::prelude::*;
+
+use super::*;
+use crate::Filling;
+use crate::test_cross::{CENTRE, VOLUME, cameras, cross, hit};
+
+const SPACING: f64 = 0.01;
+
+/// Colours of the body's matter, under a light from above that turning matter is shaded by.
+fn colour(material: DVec3, normal: DVec3) -> DVec3 {
+    let wave = |k: DVec3| 0.5 + 0.35 * k.dot(material).sin();
+    let albedo = DVec3::new(
+        wave(DVec3::new(60.0, 35.0, 0.0)),
+        wave(DVec3::new(0.0, 70.0, -40.0)),
+        wave(DVec3::new(-45.0, 0.0, 65.0)),
+    );
+    albedo * (0.75 + 0.25 * normal.y)
+}
+
+/// Where a point of the first moment is in the `k`-th, as it tumbles.
+fn tumbled(k: usize, p: DVec3) -> DVec3 {
+    turn(k) * (p - CENTRE) + CENTRE
+}
+
+fn turn(k: usize) -> DQuat {
+    DQuat::from_axis_angle(DVec3::new(0.6, 0.64, 0.48), 0.35 * k as f64)
+}
+
+/// A cross whose notches are filled and whose faces are too far out, from which three cameras' pictures are far.
+fn swollen(p: DVec3) -> f64 {
+    let (a, b) = (cross(p, DVec3::ZERO) - 0.006, (p - CENTRE).length() - 0.075);
+    a.min(b)
+}
+
+fn filling(distance: impl Fn(DVec3) -> f64) -> Filling {
+    let half = DVec3::splat(0.22);
+    Filling::of_body((CENTRE - half, CENTRE + half), 0.008, 0.032, distance).expect("a small grid")
+}
+
+fn particles(distance: impl Fn(DVec3) -> f64) -> Vec<DVec3> {
+    let axis = |i: usize| SPACING * (i as f64 - 18.0);
+    let cube = (0..37usize.pow(3)).map(|i| CENTRE + DVec3::new(axis(i % 37), axis(i / 37 % 37), axis(i / 1369)));
+    cube.filter(|p| distance(*p) < -0.5 * SPACING).collect()
+}
+
+/// Three cameras, with finer pictures than the other tests': a pixel is 5 mm wide.
+fn fine_cameras() -> Vec<Camera> {
+    let fine = |camera: Camera| Camera {
+        width: 200,
+        height: 200,
+        focal: DVec2::splat(250.0),
+        principal: DVec2::splat(100.0),
+        ..camera
+    };
+    cameras().into_iter().map(fine).collect()
+}
+
+fn seen(camera: &Camera, k: usize) -> MomentView {
+    let body = |p: DVec3| cross(turn(k).inverse() * (p - CENTRE) + CENTRE, DVec3::ZERO);
+    let (width, height) = (camera.width, camera.height);
+    let middle = |i: usize| DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5);
+    let points: Vec<Option<DVec3>> =
+        (0..width * height).into_par_iter().map(|i| hit(camera, middle(i), &body)).collect();
+    let shown = |point: &Option<DVec3>| {
+        let Some(point) = *point else { return [0.5; 3] };
+        let slope = |axis: DVec3| body(point + 1e-3 * axis) - body(point - 1e-3 * axis);
+        let normal = DVec3::new(slope(DVec3::X), slope(DVec3::Y), slope(DVec3::Z)).normalize_or_zero();
+        colour(turn(k).inverse() * (point - CENTRE), normal).as_vec3().to_array()
+    };
+    let rgb = points.iter().flat_map(shown).collect();
+    let coverage = points.iter().map(|point| f32::from(u8::from(point.is_some()))).collect();
+    let view = MomentView::around_mask(camera, &Picture { width, height, rgb }, &Mask { width, height, coverage });
+    view.expect("the body is in the picture")
+}
+
+/// Seven moments of a tumbling body, of which the motion that is known is behind by `error` [rad] a moment.
+fn moments(body: &[DVec3], error: f64) -> Vec<Moment> {
+    let moment = |k: usize| {
+        let behind = DQuat::from_axis_angle(DVec3::new(0.0, 0.8, 0.6), -error * k as f64);
+        let positions = body.iter().map(|p| behind * (tumbled(k, *p) - CENTRE) + CENTRE).collect();
+        Moment { positions, flies: k == 0, views: fine_cameras().iter().map(|camera| seen(camera, k)).collect() }
+    };
+    (0..7).map(moment).collect()
+}
+
+/// The volume over the true one, and the root mean square distance of the surface from the true one [m].
+fn errors(filling: &Filling) -> (f64, f64) {
+    let vertices = filling.surface_mesh().vertices;
+    let squares: f64 = vertices.iter().map(|p| cross(*p, DVec3::ZERO).powi(2)).sum();
+    (filling.volume() / VOLUME - 1.0, (squares / vertices.len() as f64).sqrt())
+}
+
+/// Three cameras, and a motion that errs by 12 degrees at its end.
+#[test]
+fn a_tumbling_body_is_seen_from_all_sides() {
+    let mut body = filling(swollen);
+    let particles = particles(swollen);
+    let before = errors(&body);
+    let found = body
+        .settle_across_time((&particles, SPACING), &moments(&particles, 0.035), &Tuning::default(), &|| false)
+        .expect("something is seen");
+    let after = errors(&body);
+    println!("{before:?} {after:?} {found:?}");
+    assert!(before.0 > 0.25 && after.0.abs() < 0.2 * before.0, "volume {before:?} {after:?}");
+    assert!(after.1 < 0.5 * before.1, "surface {before:?} {after:?}");
+    assert!(found.gap_after_m < 0.5 * found.gap_before_m && found.seen > 0.9, "{found:?}");
+}
+
+/// What is right stays.
+#[test]
+fn a_body_that_fits_its_pictures_keeps_its_volume() {
+    let right = |p: DVec3| cross(p, DVec3::ZERO);
+    let mut body = filling(right);
+    let particles = particles(right);
+    let before = errors(&body);
+    body.settle_across_time((&particles, SPACING), &moments(&particles, 0.0), &Tuning::default(), &|| false)
+        .expect("something is seen");
+    let after = errors(&body);
+    println!("{before:?} {after:?}");
+    assert!((after.0 - before.0).abs() < 0.03, "{before:?} {after:?}");
+}
+
+#[test]
+fn who_is_stopped_says_nothing() {
+    let mut body = filling(swollen);
+    let particles = particles(swollen);
+    let moments = moments(&particles, 0.0);
+    assert_eq!(body.settle_across_time((&particles, SPACING), &moments, &Tuning::default(), &|| true), None);
+}
+
+/// The pose that undoes an error of the motion is found.
+#[test]
+fn poses_undo_what_the_motion_errs() {
+    let right = |p: DVec3| cross(p, DVec3::ZERO);
+    let (body, particles) = (filling(right), particles(right));
+    let moments = moments(&particles, 0.05);
+    let outlines: Vec<MomentOutlines> = moments.iter().map(MomentOutlines::new).collect();
+    let surface = TrackedSurface::new(body.surface_mesh(), &particles, SPACING);
+    let mut poses = vec![Pose::default(); moments.len()];
+    pose::follow(&mut poses, &surface, &moments, &outlines, true);
+    for (k, pose) in poses.iter().enumerate() {
+        let behind = DMat3::from_quat(DQuat::from_axis_angle(DVec3::new(0.0, 0.8, 0.6), -0.05 * k as f64));
+        let left = DQuat::from_mat3(&(pose.turn * behind)).to_scaled_axis().length();
+        // Two thirds of a pixel at the ends of the arms.
+        assert!(left < 0.02, "moment {k}: {left} rad left of {}", 0.05 * k as f64);
+    }
+}

@@ -1,0 +1,261 @@
+//! The stage `refine`: the body of the first frame, by the pictures of all frames.
+//!
+//! The material is fitted to the body that filling made, without the joint stage. The motion of that fit carries the
+//! body to every moment of the video, and what the cameras saw there settles its surface
+//! ([`Filling::settle_across_time`]). `identify` starts from the body and the material that are found here.
+
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+
+use gic_continuum::{AcrossTime, Filling, Moment, MomentView, calibrate, compare_with_masks, sample_particles};
+use gic_geometry::DensityField;
+use gic_identify::{Estimates, Input, Settings};
+use gic_scene::View;
+use gic_twin::atomic;
+use gic_twin::matter::{read_particles, write_particles};
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use super::fill::{overlaps, write_body};
+use super::identify::{motion_of, only_masks};
+use super::stamp::Recipe;
+use super::{Continuum, FillSummary, Run, Stage};
+use crate::config::Config;
+use crate::error::{Error, Result};
+
+/// Folder of the result, inside the run.
+pub(super) const FOLDER: &str = "refined";
+
+/// Fits of the material, each with the surface that its motion settles. Budget: the third moves little.
+const ALTERNATIONS: usize = 2;
+
+/// `refined/refine.json`: how the body was settled.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) struct RefineRecord {
+    /// The material's parameters of the first fit, in the order of its law.
+    pub(super) parameters: Vec<f64>,
+    /// Rounds until the surface moved no more.
+    pub(super) rounds: usize,
+    /// How far outlines were off, median over all moments, before [m].
+    pub(super) gap_before_m: f64,
+    /// The same afterwards [m].
+    pub(super) gap_after_m: f64,
+    /// Share of the surface that colours or outlines of some moment tell.
+    pub(super) seen: f64,
+    /// Lower corner of the field's first voxel [m].
+    pub(super) field_origin_m: [f64; 3],
+    /// Voxels of the field along x, y, z.
+    pub(super) field_size: [usize; 3],
+    /// Side of a voxel [m].
+    pub(super) field_spacing_m: f64,
+    /// What filling found, of the refined body.
+    pub(super) summary: FillSummary,
+}
+
+/// What filling found of the body, as refined where it is.
+///
+/// # Errors
+/// A missing or damaged file.
+pub(crate) fn summary_of_body(run: &Path, config: &Config) -> Result<FillSummary> {
+    let refined = run.join(FOLDER).join("refine.json");
+    if config.fill.refine && refined.exists() {
+        return Ok(atomic::read_json::<RefineRecord>(&refined)?.summary);
+    }
+    Ok(atomic::read_json(&run.join("fill.json"))?)
+}
+
+impl Run<'_> {
+    /// Whether the body is refined: not that of a scan, which photographs of all sides tell.
+    pub(super) fn refines(&self) -> bool {
+        self.config.fill.refine && self.scan().is_none()
+    }
+
+    pub(super) fn refine(&self, recipe: &Recipe) -> Result<()> {
+        let begun = self.path("stamps/refine.begun.json");
+        let checkpoints: Vec<PathBuf> =
+            (0..ALTERNATIONS).map(|pass| self.path(format!("refine.{pass}.checkpoint.json"))).collect();
+        if !recipe.goes_on(&begun)? {
+            remove(&checkpoints)?;
+        }
+        recipe.write(&begun)?;
+        atomic::create_folder(&self.path(FOLDER))?;
+        let mut settings = Settings { joint: false, resolution_check: 0.0, ..self.config.identify.clone() };
+        let (mut continuum, mut filling) = (self.filled()?, self.first_filling()?);
+        for checkpoint in &checkpoints {
+            let parameters = self.refine_once(&continuum, &mut filling, &settings, checkpoint)?;
+            settings.start = Some(parameters);
+            settings.target = only_masks(settings.target);
+            continuum = self.continuum()?;
+        }
+        remove(&checkpoints)
+    }
+
+    /// Fits the material to a body and settles this by the motion of that fit; the parameters.
+    fn refine_once(
+        &self,
+        continuum: &Continuum,
+        filling: &mut Filling,
+        settings: &Settings,
+        checkpoint: &Path,
+    ) -> Result<Vec<f64>> {
+        let input = self.identify_input(continuum, &self.surroundings()?)?;
+        let model = self.model()?;
+        let frames = self.identify_settings(&input).frames;
+        let settings = Settings { frames, ..settings.among_laws(model) };
+        let found = self.fit(&input, model, &settings, (Stage::Refine, checkpoint))?;
+        let moments = self.moments(&input, &found)?;
+        let (tuning, particles) = (&self.config.fill.tuning, &continuum.particles);
+        let stop = || self.interrupt.requested();
+        let settled = filling.settle_across_time((&particles.positions, particles.spacing), &moments, tuning, &stop);
+        self.stop_if_asked("a fit of the material")?;
+        let settled = settled.unwrap_or(AcrossTime { rounds: 0, gap_before_m: 0.0, gap_after_m: 0.0, seen: 0.0 });
+        self.write_refined(continuum, filling, &found, settled)?;
+        Ok(found.estimates.iter().map(|estimate| estimate.value).collect())
+    }
+
+    /// The moments of the video that the first fit explains, with what the cameras saw of them.
+    fn moments(&self, input: &Input, found: &Estimates) -> Result<Vec<Moment>> {
+        let frame_of = |time_s: f64| (time_s * input.frame_rate_hz).round() as usize;
+        let last = input.observations.last().map_or(0, |observation| frame_of(observation.time_s));
+        let motion = motion_of(input, found, last).map_err(Error::stage("simulating the first fit"))?;
+        let free_s = input.observations.get(found.free_frames).map_or(f64::INFINITY, |first| first.time_s);
+        let mut moments: Vec<(usize, Moment)> = Vec::new();
+        for frame in 0..self.scene.times.len() {
+            let at_once = self.scene.is_seen_at_once(frame);
+            let views = self.scene.views_at(frame);
+            let pictures = self.scene.load_all(views).map_err(Error::stage("reading pictures"))?;
+            for (view, (picture, mask)) in views.iter().zip(pictures) {
+                let time_s = if at_once { self.scene.times[frame] } else { view.time_s };
+                let seen = MomentView::around_mask(&self.camera_of(view, at_once), &picture, &mask);
+                let moment = moments.iter_mut().find(|(at, _)| *at == frame_of(time_s));
+                match (moment, seen) {
+                    (_, None) => (),
+                    (Some((_, moment)), Some(seen)) => moment.views.push(seen),
+                    (None, Some(seen)) => {
+                        let positions = motion[frame_of(time_s)].clone();
+                        let moment = Moment { positions, flies: time_s < free_s, views: vec![seen] };
+                        moments.push((frame_of(time_s), moment));
+                    }
+                }
+            }
+        }
+        moments.sort_by_key(|(at, _)| *at);
+        Ok(moments.into_iter().map(|(_, moment)| moment).collect())
+    }
+
+    /// The camera of a view, as it saw the body at the frame's time where all views are taken as of that time.
+    fn camera_of(&self, view: &View, at_once: bool) -> Cow<'_, gic_scene::Camera> {
+        if at_once { self.scene.camera_at_frame(view) } else { Cow::Borrowed(self.scene.camera_of(view)) }
+    }
+
+    fn write_refined(
+        &self,
+        continuum: &Continuum,
+        filling: &Filling,
+        found: &Estimates,
+        settled: AcrossTime,
+    ) -> Result<()> {
+        let tuning = &self.config.fill.tuning;
+        let particles = sample_particles(filling, continuum.particles.spacing, &tuning.particles);
+        let particles = particles.map_err(Error::filling(0))?;
+        let input = self.fill_input()?;
+        let masks = input.masks(0)?;
+        let views = input.masked_views(0, &masks);
+        let appearance = calibrate(&particles, &views, tuning).map_err(Error::filling(0))?;
+        let spacing = tuning.particles.drawing_spacing * particles.spacing;
+        let points = sample_particles(filling, spacing, &tuning.particles).map_err(Error::filling(0))?;
+        let drawn = calibrate(&points, &views, tuning).map_err(Error::filling(0))?;
+        let mask_iou = overlaps(&compare_with_masks(&points, &drawn, &views));
+        let before = &continuum.summary;
+        let mut frames = before.frames.clone();
+        if let Some(first) = frames.first_mut() {
+            first.volume_m3 = filling.volume();
+            first.mask_iou = (!mask_iou.is_empty()).then(|| mask_iou.iter().sum::<f64>() / mask_iou.len() as f64);
+        }
+        self.events.note(
+            Stage::Refine.name(),
+            format!(
+                "outlines of all frames {:.1} mm off, {:.1} mm before, after {} rounds; volume {:+.1} %; {} particles",
+                1e3 * settled.gap_after_m,
+                1e3 * settled.gap_before_m,
+                settled.rounds,
+                1e2 * (filling.volume() / before.frames.first().map_or(f64::NAN, |frame| frame.volume_m3) - 1.0),
+                particles.positions.len()
+            ),
+        );
+        let record = RefineRecord {
+            parameters: found.estimates.iter().map(|estimate| estimate.value).collect(),
+            rounds: settled.rounds,
+            gap_before_m: settled.gap_before_m,
+            gap_after_m: settled.gap_after_m,
+            seen: settled.seen,
+            field_origin_m: filling.field.origin.into(),
+            field_size: filling.field.size,
+            field_spacing_m: filling.field.spacing,
+            summary: FillSummary {
+                particle_volume_m3: particles.volume,
+                particles: particles.positions.len(),
+                splat_scale: appearance.scale,
+                splat_opacity: appearance.opacity,
+                drawing_scale: drawn.scale,
+                mask_iou,
+                frames,
+                ..before.clone()
+            },
+        };
+        let folder = self.path(FOLDER);
+        write_body(&folder.join("continuum.ply"), &particles)?;
+        self.write_field(&folder.join("field.ply"), filling)?;
+        Ok(atomic::write_json(&folder.join("refine.json"), &record)?)
+    }
+
+    /// The voxels of a field that are not empty.
+    fn write_field(&self, path: &Path, filling: &Filling) -> Result<()> {
+        let field = &filling.field;
+        let full: Vec<usize> = (0..field.len()).filter(|i| field.values[*i] > 0.0).collect();
+        let rows = full.into_iter().map(|i| {
+            let [x, y, z] = field.centre(field.voxel(i)).as_vec3().to_array();
+            [x, y, z, field.values[i], filling.doubt.get(i).copied().unwrap_or(0.0)]
+        });
+        Ok(write_particles(path, ["x", "y", "z", "density", "doubt"], rows)?)
+    }
+
+    /// The refined body.
+    pub(super) fn refined_filling(&self) -> Result<Filling> {
+        let record = self.refined()?;
+        let ply = read_particles(&self.path(FOLDER).join("field.ply"))?;
+        let voxels = record.field_size.iter().product();
+        let mut field = DensityField {
+            origin: DVec3::from(record.field_origin_m),
+            spacing: record.field_spacing_m,
+            size: record.field_size,
+            values: vec![0.0; voxels],
+        };
+        let mut doubt = vec![0.0; voxels];
+        for (i, position) in ply.positions.iter().enumerate() {
+            if let Some(voxel) = field.discretize(*position) {
+                field.values[voxel] = ply.densities[i];
+                doubt[voxel] = ply.doubts[i];
+            }
+        }
+        let first = record.summary.frames.first();
+        let (gaussians_used, views_used) = first.map_or((0, 0), |first| (first.gaussians, first.views));
+        Ok(Filling { field, doubt, th_min: self.config.fill.th_min, gaussians_used, views_used })
+    }
+
+    /// The result of refinement.
+    ///
+    /// # Errors
+    /// A missing or damaged file.
+    pub(super) fn refined(&self) -> Result<RefineRecord> {
+        Ok(atomic::read_json(&self.path(FOLDER).join("refine.json"))?)
+    }
+}
+
+/// Removes those of the files that are there.
+fn remove(files: &[PathBuf]) -> Result<()> {
+    files
+        .iter()
+        .filter(|file| file.exists())
+        .try_for_each(|file| std::fs::remove_file(file).map_err(Error::write(file)))
+}
