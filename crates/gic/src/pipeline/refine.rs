@@ -82,22 +82,26 @@ impl Run<'_> {
         let mut settings = Settings { joint: false, resolution_check: 0.0, ..self.config.identify.clone() };
         let (mut continuum, mut filling) = (self.filled()?, self.first_filling()?);
         for checkpoint in &checkpoints {
-            let parameters = self.refine_once(&continuum, &mut filling, &settings, checkpoint)?;
-            settings.start = Some(parameters);
+            let record = self.refine_once(&continuum, &mut filling, &settings, checkpoint)?;
+            // A surface that settles at once moves no motion.
+            if record.rounds <= 2 {
+                break;
+            }
+            settings.start = Some(record.parameters);
             settings.target = only_masks(settings.target);
             continuum = self.continuum()?;
         }
         remove(&checkpoints)
     }
 
-    /// Fits the material to a body and settles this by the motion of that fit; the parameters.
+    /// Fits the material to a body and settles this by the motion of that fit.
     fn refine_once(
         &self,
         continuum: &Continuum,
         filling: &mut Filling,
         settings: &Settings,
         checkpoint: &Path,
-    ) -> Result<Vec<f64>> {
+    ) -> Result<RefineRecord> {
         let input = self.identify_input(continuum, &self.surroundings()?)?;
         let model = self.model()?;
         let frames = self.identify_settings(&input).frames;
@@ -109,8 +113,7 @@ impl Run<'_> {
         let settled = filling.settle_across_time((&particles.positions, particles.spacing), &moments, tuning, &stop);
         self.stop_if_asked("a fit of the material")?;
         let settled = settled.unwrap_or(AcrossTime { rounds: 0, gap_before_m: 0.0, gap_after_m: 0.0, seen: 0.0 });
-        self.write_refined(continuum, filling, &found, settled)?;
-        Ok(found.estimates.iter().map(|estimate| estimate.value).collect())
+        self.write_refined(continuum, filling, &found, settled)
     }
 
     /// The moments of the video that the first fit explains, with what the cameras saw of them.
@@ -154,7 +157,7 @@ impl Run<'_> {
         filling: &Filling,
         found: &Estimates,
         settled: AcrossTime,
-    ) -> Result<()> {
+    ) -> Result<RefineRecord> {
         let tuning = &self.config.fill.tuning;
         let particles = sample_particles(filling, continuum.particles.spacing, &tuning.particles);
         let particles = particles.map_err(Error::filling(0))?;
@@ -206,7 +209,8 @@ impl Run<'_> {
         let folder = self.path(FOLDER);
         write_body(&folder.join("continuum.ply"), &particles)?;
         self.write_field(&folder.join("field.ply"), filling)?;
-        Ok(atomic::write_json(&folder.join("refine.json"), &record)?)
+        atomic::write_json(&folder.join("refine.json"), &record)?;
+        Ok(record)
     }
 
     /// The voxels of a field that are not empty.
