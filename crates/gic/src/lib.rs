@@ -13,7 +13,6 @@ pub mod outputs;
 pub mod pipeline;
 pub mod recording;
 pub mod report;
-mod statistics;
 
 pub use error::{Error, Result};
 pub use explanation::Explanation;

@@ -1,7 +1,5 @@
 //! `gic bench`: every scene of a folder, against the truth, as the paper's table.
 
-mod states;
-
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
@@ -14,10 +12,10 @@ use gic_twin::events::{Event, Events};
 use serde::{Serialize, Serializer};
 
 use crate::error::{Error, Result};
-use crate::eval::{Evaluation, Truth, evaluate};
-use crate::statistics::mean_and_variance;
-use states::SceneColumn;
-pub use states::{Figure, StateRow};
+use crate::eval::evaluate;
+use gic_bench::states::{self, SceneColumn, StateRow};
+use gic_bench::{Evaluation, Truth};
+use gic_metrics::mean_and_variance;
 
 const STAGE: &str = "bench";
 

@@ -8,9 +8,10 @@ use pipeline::{Access, Run};
 use super::Context;
 use super::args::{BenchArgs, DemoArgs, EvalArgs, InspectArgs};
 use super::flags::Flags;
-use crate::eval::{Truth, evaluate};
+use crate::eval::evaluate;
 use crate::outputs::Inputs;
 use crate::{bench, demo, pipeline};
+use gic_bench::Truth;
 
 pub(crate) fn inspect(args: &InspectArgs, context: &Context) -> anyhow::Result<()> {
     let config = crate::config::Config::resolve(args.flags().layers(&context.given)?)?;

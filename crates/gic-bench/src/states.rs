@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-use crate::eval::{Evaluation, FrameError, mean_of};
-use crate::statistics::mean;
+use crate::evaluation::{Evaluation, FrameError, mean_of};
+use gic_metrics::mean;
 
 /// The Spring-Gaus set's objects, in the order of the paper's columns.
 const OBJECTS: [&str; 7] = ["torus", "cross", "cream", "apple", "paste", "chess", "banana"];
@@ -92,14 +92,14 @@ pub struct StateRow {
 }
 
 /// A scene's name, whether it is of the Spring-Gaus synthetic set, and its evaluation.
-pub(super) struct SceneColumn<'a> {
-    pub(super) name: &'a str,
-    pub(super) spring_gaus: bool,
-    pub(super) evaluation: Option<&'a Evaluation>,
+pub struct SceneColumn<'a> {
+    pub name: &'a str,
+    pub spring_gaus: bool,
+    pub evaluation: Option<&'a Evaluation>,
 }
 
 /// All rows: the paper's only where the suite has scenes of the Spring-Gaus synthetic set.
-pub(super) fn rows(columns: &[SceneColumn]) -> Vec<StateRow> {
+pub fn rows(columns: &[SceneColumn]) -> Vec<StateRow> {
     let mut rows = Vec::new();
     for observed in [true, false] {
         for figure in Figure::ALL {
@@ -140,7 +140,7 @@ fn published((observed, figure, method, values): &PaperRow, columns: &[SceneColu
 }
 
 /// The two tables.
-pub(super) fn markdown(rows: &[StateRow], columns: &[SceneColumn]) -> String {
+pub fn markdown(rows: &[StateRow], columns: &[SceneColumn]) -> String {
     let mut text = String::new();
     for (observed, title) in [(true, "Observed frames"), (false, "Future frames")] {
         let part: Vec<&StateRow> = rows.iter().filter(|row| row.observed == observed).collect();
@@ -169,7 +169,7 @@ pub(super) fn markdown(rows: &[StateRow], columns: &[SceneColumn]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::eval::{PictureError, VelocityError};
+    use crate::evaluation::{PictureError, VelocityError};
 
     fn evaluation(values: &[(bool, f64)]) -> Evaluation {
         let pictures = PictureError {
