@@ -31,7 +31,7 @@ def paper_names():
 
 def environment():
     """The renderer needs a newer LLVM than the oldest that may lie beside it."""
-    found = glob.glob("/usr/lib/**/libLLVM.so.19*", recursive=True)
+    found = glob.glob("/usr/lib/*/libLLVM.so.19*")
     return {**({"DRJIT_LIBLLVM_PATH": found[0]} if found else {}), **os.environ}
 
 

@@ -2,7 +2,9 @@
 
 use std::io;
 use std::path::{Path, PathBuf};
+use std::process::ExitStatus;
 
+use gic_scene::SceneError;
 use gic_twin::TwinError;
 use gic_view::ViewError;
 
@@ -45,6 +47,44 @@ pub enum BenchError {
         /// What to do about it.
         hint: Option<String>,
     },
+    /// A program that a cluster or Python brings could not be started.
+    #[error("cannot start {program}")]
+    Program {
+        /// The program.
+        program: String,
+        /// What to do about it.
+        hint: &'static str,
+        /// The cause.
+        source: io::Error,
+    },
+    /// Such a program ended with a failure.
+    #[error("{program} ended with {status}{}", if words.is_empty() { String::new() } else { format!(": {words}") })]
+    Ended {
+        /// The program.
+        program: String,
+        /// How it ended.
+        status: ExitStatus,
+        /// What it said.
+        words: String,
+        /// What to do about it.
+        hint: &'static str,
+    },
+    /// A scene could not be read.
+    #[error("reading the scene {}", path.display())]
+    Scene {
+        /// The scene.
+        path: PathBuf,
+        /// The cause.
+        source: SceneError,
+    },
+    /// Something that the caller asked for cannot be done.
+    #[error("{problem}")]
+    Usage {
+        /// What.
+        problem: String,
+        /// What to do about it.
+        hint: String,
+    },
     /// A file has the right syntax and the wrong content.
     #[error("{}: {problem}", path.display())]
     Content {
@@ -68,6 +108,9 @@ impl BenchError {
             Self::View(error) => error.hint(),
             Self::Read { source, .. } if source.kind() == io::ErrorKind::NotFound => Some("check the path".into()),
             Self::Read { .. } | Self::Syntax { .. } => None,
+            Self::Program { hint, .. } | Self::Ended { hint, .. } => Some((*hint).into()),
+            Self::Scene { .. } => Some("look at it with `gic inspect`".into()),
+            Self::Usage { hint, .. } => Some(hint.clone()),
             Self::Field { hint, .. } | Self::Content { hint, .. } => hint.clone(),
         }
     }
@@ -79,6 +122,21 @@ impl BenchError {
             Self::View(error) => error.is_interrupt(),
             _ => false,
         }
+    }
+
+    /// Whether the command was wrong, whatever its files hold.
+    pub fn is_usage(&self) -> bool {
+        matches!(self, Self::Usage { .. })
+    }
+
+    /// A [`BenchError::Usage`].
+    pub(crate) fn usage(problem: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self::Usage { problem: problem.into(), hint: hint.into() }
+    }
+
+    /// A [`BenchError::Scene`] for `path`.
+    pub(crate) fn scene(path: &Path) -> impl FnOnce(SceneError) -> Self {
+        move |source| Self::Scene { path: path.to_owned(), source }
     }
 
     /// A [`BenchError::Read`] for `path`.

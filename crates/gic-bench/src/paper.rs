@@ -23,6 +23,32 @@ pub fn paper_name(model: &str, name: &str) -> &'static str {
     }
 }
 
+/// The paper's column "Ours" of its table of parameters: mean and standard deviation of the absolute error, times 100.
+const PAPER: &[(&str, &str, [f64; 2])] = &[
+    ("newtonian", "log10(mu)", [1.53, 1.31]),
+    ("newtonian", "log10(kappa)", [14.8, 19.2]),
+    ("newtonian", "v", [0.20, 0.07]),
+    ("non-newtonian", "log10(mu)", [13.5, 18.2]),
+    ("non-newtonian", "log10(kappa)", [12.9, 16.8]),
+    ("non-newtonian", "log10(tau_Y)", [4.80, 3.92]),
+    ("non-newtonian", "log10(eta)", [40.7, 24.6]),
+    ("non-newtonian", "v", [0.19, 0.09]),
+    ("elastic", "log10(E)", [2.43, 3.29]),
+    ("elastic", "nu", [2.52, 2.03]),
+    ("elastic", "v", [0.82, 0.32]),
+    ("plasticine", "log10(E)", [25.6, 29.4]),
+    ("plasticine", "log10(tau_Y)", [1.67, 1.21]),
+    ("plasticine", "nu", [9.59, 5.00]),
+    ("plasticine", "v", [0.22, 0.10]),
+    ("sand", "theta_fric", [4.18, 0.52]),
+    ("sand", "v", [0.17, 0.05]),
+];
+
+/// The paper's mean and standard deviation of the absolute error, times 100, where it has them.
+pub(crate) fn paper_figures(model: &str, parameter: &str) -> Option<[f64; 2]> {
+    PAPER.iter().find(|(m, p, _)| (*m, *p) == (model, parameter)).map(|(_, _, figures)| *figures)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -195,6 +195,7 @@ impl Error {
         match self {
             Self::Film(error) => error.is_usage(),
             Self::Calibrate(error) => error.is_usage(),
+            Self::Bench(error) => error.is_usage(),
             _ => matches!(self, Self::Setting { .. } | Self::Settings { .. }),
         }
     }

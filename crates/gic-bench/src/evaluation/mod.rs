@@ -112,3 +112,40 @@ pub struct RegistrationError {
     /// Scale over the true one, less one.
     pub scale: f64,
 }
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// An elastic body without parameters; of each frame, whether it was observed, and its chamfer distance.
+    pub(crate) fn evaluation(values: &[(bool, f64)]) -> Evaluation {
+        let pictures = PictureError {
+            psnr_db: 30.0,
+            ssim: 0.9,
+            box_psnr_db: 0.0,
+            box_ssim: 0.0,
+            mask_iou: 0.0,
+            held_out_psnr_db: None,
+            held_out_box_psnr_db: None,
+        };
+        let frame = |(i, &(observed, v)): (usize, &(bool, f64))| FrameError {
+            frame: i,
+            observed,
+            filling: None,
+            prediction: Some([v, v / 10.0]),
+            volume_error: None,
+            mask_iou: None,
+            floor: [0.0; 2],
+            pictures: Some(pictures),
+        };
+        Evaluation {
+            model: "elastic".into(),
+            parameters: Vec::new(),
+            velocity: VelocityError { estimate_m_s: [0.0; 3], truth_m_s: [0.0; 3], error_x100: 0.0, inside: 3 },
+            frames: values.iter().enumerate().map(frame).collect(),
+            volume_error: None,
+            mask_iou: 1.0,
+            registration: None,
+        }
+    }
+}
