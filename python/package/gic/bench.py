@@ -83,15 +83,24 @@ def on_dask(order: Dict[str, Any]) -> List[str]:
 
         workers = max(1, (os.cpu_count() or 1) // order["threads"])
         client = Client(LocalCluster(n_workers=order.get("jobs") or workers, threads_per_worker=1, dashboard_address=None))
-    killed = []
+    waiting, names, killed = list(order["tasks"]), {}, []
+
+    def submit() -> Any:
+        name = waiting.pop(0)
+        future = client.submit(_task(order, name), retries=ATTEMPTS - 1, pure=False)
+        names[future] = name
+        return future
+
     with client:
-        names = {client.submit(_task(order, name), retries=ATTEMPTS - 1, pure=False): name for name in order["tasks"]}
-        for future in as_completed(names):
+        running = as_completed([submit() for _ in range(min(order.get("jobs") or len(waiting), len(waiting)))])
+        for future in running:
             if future.status == "finished":
                 _say(names[future], future.result())
             else:
                 killed.append(names[future])
                 print(f"{names[future]}: {future.exception()}", file=sys.stderr)
+            if waiting:
+                running.add(submit())
     return killed
 
 

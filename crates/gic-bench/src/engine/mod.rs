@@ -74,7 +74,7 @@ impl Launch {
             ("--partition", self.partition.is_some(), slurm, "slurm"),
             ("--time", self.time.is_some(), slurm, "slurm"),
             ("--wait", self.wait, slurm, "slurm"),
-            ("--memory-gb", self.memory_gb.is_some(), slurm || python, "slurm, ray or dask"),
+            ("--memory-gb", self.memory_gb.is_some(), slurm || self.on == On::Ray, "slurm or ray"),
             ("--address", self.address.is_some(), python, "ray or dask"),
             ("--python", self.python.is_some(), python, "ray or dask"),
         ];
@@ -134,7 +134,7 @@ mod tests {
         launch(On::Local).validate().unwrap();
         let partition = Launch { partition: Some("long".into()), ..launch(On::Ray) };
         assert!(partition.validate().unwrap_err().to_string().contains("--partition is for --on slurm"));
-        Launch { memory_gb: Some(2.0), ..launch(On::Dask) }.validate().unwrap();
-        assert!(Launch { memory_gb: Some(2.0), ..launch(On::Local) }.validate().is_err());
+        Launch { memory_gb: Some(2.0), ..launch(On::Ray) }.validate().unwrap();
+        assert!(Launch { memory_gb: Some(2.0), ..launch(On::Dask) }.validate().is_err());
     }
 }

@@ -143,7 +143,7 @@ fn scene_row(outcome: &TaskOutcome, thumbnail: String) -> SceneRow {
     SceneRow {
         thumbnail,
         label: outcome.task.label(),
-        report: found.map_or(String::new(), |_| format!("{}/report.html", outcome.task.folder)),
+        report: found.map_or(String::new(), |_| format!("{}/report.html", address(&outcome.task.folder))),
         failure: outcome.result.as_ref().err().cloned().unwrap_or_default(),
         model: found.map_or(String::new(), |e| e.model.clone()),
         errors: parameters.iter().map(error_text).collect(),
@@ -161,6 +161,11 @@ fn scene_row(outcome: &TaskOutcome, thumbnail: String) -> SceneRow {
             Cell::number(cost.and_then(|cost| cost.peak_memory_bytes).map(|bytes| bytes as f64 / 1e6), 0),
         ],
     }
+}
+
+/// A folder's name as the address of a link.
+fn address(folder: &str) -> String {
+    folder.replace('%', "%25").replace('#', "%23").replace('?', "%3F")
 }
 
 fn inside(e: &Evaluation) -> usize {

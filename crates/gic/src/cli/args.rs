@@ -386,10 +386,10 @@ pub(crate) struct EngineArgs {
     /// Where the tasks run; the suite and OUT must lie where all machines find them by the same path
     #[arg(long, value_enum, default_value_t, group = "engine")]
     pub(crate) on: gic_bench::engine::On,
-    /// Most tasks at the same time [default: 1 here, what there is room for on a cluster]
+    /// Most tasks at the same time [default: one here, what there is room for on a cluster]
     #[arg(long, value_name = "N", value_parser = positive, group = "engine")]
     pub(crate) jobs: Option<usize>,
-    /// Memory of a task [GB] [default: twice the forecast]
+    /// Slurm, Ray: memory of a task [GB] [default: twice the forecast]
     #[arg(long, value_name = "GB", value_parser = positive_number, group = "engine")]
     pub(crate) memory_gb: Option<f64>,
     /// Slurm: the partition
@@ -404,7 +404,7 @@ pub(crate) struct EngineArgs {
     /// Ray, Dask: the cluster's address; without it a cluster on this machine
     #[arg(long, value_name = "ADDRESS", group = "engine")]
     pub(crate) address: Option<String>,
-    /// Ray, Dask: the Python that has them and the package gic [default: python3]
+    /// Ray, Dask: the Python that has them and the package gic; by default python3 of the path
     #[arg(long, value_name = "FILE", group = "engine")]
     pub(crate) python: Option<PathBuf>,
 }

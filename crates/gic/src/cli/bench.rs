@@ -13,7 +13,8 @@ use gic_scene::Scene;
 use gic_simd::Level;
 
 use super::Context;
-use super::args::{BenchArgs, Command};
+use super::args::{BenchArgs, Command, RunArgs};
+use super::flags::Given;
 use crate::config::Config;
 use crate::eval::evaluate;
 use crate::pipeline::{Access, Run, Stage};
@@ -91,11 +92,19 @@ fn launch(args: &BenchArgs, context: &Context) -> Launch {
 
 /// Refuses what `gic run` would refuse, for every case and scene, while nothing runs yet.
 fn check(task: &Task) -> anyhow::Result<()> {
-    let (cli, given) = super::parse(task.words(Path::new("")).into_iter().map(Into::into))?;
-    let Command::Run(args) = cli.command else { unreachable!("the words are those of `gic run`") };
+    let (args, given) = run_args(task, Path::new(""))?;
     let config = Config::resolve(args.flags().layers(&given)?)?;
     let scene = Scene::open_with(&task.scene_path, &config.scene).map_err(Error::stage("reading a scene"))?;
     Ok(config.validate(&scene)?)
+}
+
+/// The command line of a task's `gic run`.
+fn run_args(task: &Task, out: &Path) -> anyhow::Result<(RunArgs, Given)> {
+    let (cli, given) = super::parse(task.words(out).into_iter().map(Into::into))?;
+    match cli.command {
+        Command::Run(args) => Ok((args, given)),
+        _ => unreachable!("the words are those of `gic run`"),
+    }
 }
 
 /// Makes the tables of an output folder and prints them.
@@ -155,8 +164,7 @@ fn run_task(name: &str, out: &Path, context: &Context) -> anyhow::Result<()> {
 fn twin_and_evaluation(task: &Task, out: &Path, context: &Context) -> anyhow::Result<Evaluation> {
     // Relative paths in the arguments start where the command was given.
     std::env::set_current_dir(&task.directory)?;
-    let (cli, given) = super::parse(task.words(out).into_iter().map(Into::into))?;
-    let Command::Run(args) = cli.command else { unreachable!("the words are those of `gic run`") };
+    let (args, given) = run_args(task, out)?;
     let truth = Truth::read(&task.scene_path.join("gt"))?;
     let layers = args.flags().layers(&given)?;
     let run = Run::open(&args.place.out, Access::Make, layers, &context.events, &context.interrupt)?;
