@@ -8,24 +8,10 @@ use gic_scene::Scene;
 use crate::error::{BenchError, Result};
 use crate::plan::{Plan, Task};
 use crate::record::{Outcome, Record};
-
-/// The rule for suites without a finished task.
-struct CostRule {
-    /// CPU time of a task without pictures [s].
-    cpu_s: f64,
-    /// CPU time for each megapixel of its pictures [s].
-    cpu_s_per_megapixel: f64,
-    /// Memory of a task without pictures [bytes].
-    memory_bytes: f64,
-    /// Memory for each megapixel [bytes].
-    memory_bytes_per_megapixel: f64,
-}
-
-/// Fitted on: bundled cat (300x300, 16 cameras, 16 frames), demo (200x200), elastic_0 (400x400).
-const RULE: CostRule =
-    CostRule { cpu_s: 100.0, cpu_s_per_megapixel: 8.0, memory_bytes: 2.0e8, memory_bytes_per_megapixel: 8.0e6 };
-/// Share of its threads that a run keeps busy. Fitted on: non_newtonian_2.
-const BUSY_SHARE: f64 = 0.9;
+use crate::tuning::{
+    BUSY_SHARE, CPU_S_PER_MEGAPIXEL, LEAST_MEMORY_BYTES, LEAST_MINUTES, MEMORY_BYTES_PER_MEGAPIXEL, MEMORY_MARGIN,
+    TASK_CPU_S, TASK_MEMORY_BYTES, TIME_MARGIN,
+};
 
 /// Where a forecast comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -63,6 +49,16 @@ pub struct Forecast {
 type Need = (f64, f64);
 
 impl Forecast {
+    /// Memory to ask a cluster for [bytes].
+    pub(crate) fn memory_with_margin(&self) -> f64 {
+        (MEMORY_MARGIN * self.memory_bytes).max(LEAST_MEMORY_BYTES)
+    }
+
+    /// Time to ask a cluster for [minutes].
+    pub(crate) fn minutes_with_margin(&self) -> f64 {
+        (TIME_MARGIN * self.longest_s / 60.0).max(LEAST_MINUTES)
+    }
+
     /// Of those tasks of a plan that wait: each takes what the finished ones of its case took in the mean, or those of
     /// all cases where its own has none.
     ///
@@ -113,7 +109,7 @@ impl fmt::Display for Forecast {
             Source::Rule => write!(
                 f,
                 "By rule, since none is finished: {:.0} s of CPU time and {:.0} more for each megapixel of pictures.",
-                RULE.cpu_s, RULE.cpu_s_per_megapixel
+                TASK_CPU_S, CPU_S_PER_MEGAPIXEL
             ),
         }
     }
@@ -148,10 +144,7 @@ fn mean_need(known: &[(String, Need)], task: &Task) -> Option<Need> {
 }
 
 fn by_rule(megapixels: f64) -> Need {
-    (
-        RULE.cpu_s + RULE.cpu_s_per_megapixel * megapixels,
-        RULE.memory_bytes + RULE.memory_bytes_per_megapixel * megapixels,
-    )
+    (TASK_CPU_S + CPU_S_PER_MEGAPIXEL * megapixels, TASK_MEMORY_BYTES + MEMORY_BYTES_PER_MEGAPIXEL * megapixels)
 }
 
 /// Pixels of the pictures that a task looks at [megapixels].

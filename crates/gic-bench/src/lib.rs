@@ -20,6 +20,7 @@ pub mod sweep;
 pub mod tables;
 mod text;
 mod truth;
+mod tuning;
 
 pub use collect::{Collected, collect};
 pub use error::{BenchError, Result};

@@ -137,7 +137,7 @@ fn suites_are_written_for_the_code_of_other_methods() {
     assert_eq!(pixels.get_pixel(0, 0).0, [255; 3]);
     assert!(white > pixels.len() / 6 && white < pixels.len() / 3 - 500, "{white}");
     assert!(json(out.join("data/pacnerf/elastic.json"))["cat_0"]["E"].as_f64().unwrap() > 0.0);
-    assert!(out.join("simulation_data/elastic/cat_0/013.ply").is_file());
+    assert!(out.join("simulation_data/elastic/cat_0/000.ply").is_file());
     let script = fs::read_to_string(out.join("run.sh")).unwrap();
     assert!(script.contains("run 'cat_0' 'data/pacnerf/elastic/cat_0' python train_projo4d.py"), "{script}");
     assert!(Command::new("sh").args(["-n", out.join("run.sh").to_str().unwrap()]).status().unwrap().success());

@@ -86,6 +86,11 @@ impl Launch {
         }
     }
 
+    /// Memory to ask a cluster for, for each task [bytes].
+    fn memory_bytes(&self, forecast: &Forecast) -> f64 {
+        self.memory_gb.map_or_else(|| forecast.memory_with_margin(), |gb| 1e9 * gb)
+    }
+
     /// Starts tasks; those on this machine, on Ray or on Dask have ended when it returns.
     ///
     /// # Errors

@@ -12,10 +12,6 @@ use crate::error::{BenchError, Result};
 use crate::forecast::Forecast;
 use crate::plan::Task;
 
-/// How much more memory than the forecast a task asks for, and the least [GB]. Budget: forecasts know no scene.
-const MEMORY_MARGIN: f64 = 2.0;
-const LEAST_MEMORY_GB: f64 = 1.0;
-
 /// What `python -m gic.bench` reads.
 #[derive(Serialize)]
 struct Order<'a> {
@@ -43,7 +39,7 @@ pub(super) fn run(
         out,
         tasks: tasks.iter().map(|task| task.folder.as_str()).collect(),
         threads: launch.threads,
-        memory_gb: launch.memory_gb.unwrap_or((MEMORY_MARGIN * forecast.memory_bytes / 1e9).max(LEAST_MEMORY_GB)),
+        memory_gb: 1e-9 * launch.memory_bytes(forecast),
         jobs: launch.jobs,
         address: launch.address.as_deref(),
     };

@@ -14,13 +14,6 @@ use crate::forecast::Forecast;
 use crate::plan::Task;
 
 const SCRIPT: &str = "bench.sbatch";
-/// How much more than the forecast a task may take before Slurm ends it. Budget: forecasts know no scene.
-const TIME_MARGIN: f64 = 5.0;
-const MEMORY_MARGIN: f64 = 2.0;
-/// The least that is asked for.
-const LEAST_MINUTES: f64 = 30.0;
-const LEAST_MEGABYTES: f64 = 1000.0;
-
 pub(super) fn submit(
     launch: &Launch,
     tasks: &[&Task],
@@ -55,10 +48,8 @@ pub(super) fn submit(
 fn script(launch: &Launch, tasks: &[&Task], out: &Path, forecast: &Forecast) -> String {
     let limit = launch.jobs.map_or(String::new(), |jobs| format!("%{jobs}"));
     let partition = launch.partition.as_ref().map_or(String::new(), |name| format!("#SBATCH --partition={name}\n"));
-    let minutes = (TIME_MARGIN * forecast.longest_s / 60.0).max(LEAST_MINUTES).ceil();
-    let time = launch.time.clone().unwrap_or(format!("{minutes:.0}"));
-    let margin = || (MEMORY_MARGIN * forecast.memory_bytes / 1e6).max(LEAST_MEGABYTES);
-    let megabytes = launch.memory_gb.map_or_else(margin, |gb| 1e3 * gb).ceil();
+    let time = launch.time.clone().unwrap_or(format!("{:.0}", forecast.minutes_with_margin().ceil()));
+    let megabytes = (1e-6 * launch.memory_bytes(forecast)).ceil();
     let names: String = tasks.iter().map(|task| format!("  {}\n", quoted(&task.folder))).collect();
     let (program, out) = (quoted(&launch.program.to_string_lossy()), quoted(&out.to_string_lossy()));
     let (threads, last) = (launch.threads, tasks.len().saturating_sub(1));

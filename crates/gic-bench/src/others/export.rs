@@ -215,7 +215,7 @@ fn truth_json(truth: &Truth) -> Value {
     Value::Object(found)
 }
 
-/// True particles of every frame, which ProJo4D's own figures need.
+/// True particles of the frames from the first on, which ProJo4D's own figures need.
 fn write_clouds(truth: &Truth, folder: &Path) -> Result<()> {
     atomic::create_folder(folder)?;
     let properties = [PlyProperty::Float("x"), PlyProperty::Float("y"), PlyProperty::Float("z")];

@@ -358,7 +358,7 @@ pub(crate) struct BenchArgs {
     #[arg(long, value_name = "TASK", conflicts_with = "out")]
     pub(crate) task: Option<String>,
     /// Further arguments for `gic run`, after --
-    #[arg(last = true)]
+    #[arg(last = true, conflicts_with_all = ["collect", "task", "export_suite"])]
     pub(crate) arguments: Vec<String>,
 }
 
@@ -366,16 +366,16 @@ pub(crate) struct BenchArgs {
 #[derive(Debug, Args)]
 pub(crate) struct SweepArgs {
     /// A setting of config.toml and its alternatives, with semicolons between values that hold commas; may be repeated
-    #[arg(long, value_name = "KEY=V,V")]
+    #[arg(long, value_name = "KEY=V,V", conflicts_with_all = ["collect", "task", "export_suite"])]
     pub(crate) matrix: Vec<gic_bench::sweep::Variation>,
     /// Sets of cameras; `all` for all
-    #[arg(long, value_name = "A,B;all")]
+    #[arg(long, value_name = "A,B;all", conflicts_with_all = ["collect", "task"])]
     pub(crate) cameras: Option<String>,
     /// Run each so often, with seeds one after the other
-    #[arg(long, value_name = "N", value_parser = positive)]
+    #[arg(long, value_name = "N", value_parser = positive, conflicts_with_all = ["collect", "task", "export_suite"])]
     pub(crate) repeat: Option<usize>,
     /// The first seed
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", conflicts_with_all = ["collect", "task", "export_suite"])]
     pub(crate) seed: Option<u64>,
 }
 

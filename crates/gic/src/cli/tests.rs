@@ -108,11 +108,16 @@ fn every_flag_is_accepted_and_those_of_settings_arrive() {
         let flags = command.get_arguments().filter(|arg| !arg.is_positional() && !arg.is_required_set());
         for arg in flags.filter(|arg| !matches!(arg.get_id().as_str(), "help" | "version")) {
             let id = arg.get_id().as_str();
+            let flag = format!("--{}", arg.get_long().expect("every flag has a long name"));
+            if base.contains(&flag) {
+                continue;
+            }
             let mut words = base.clone();
-            if command.get_arg_conflicts_with(arg).iter().any(|other| other.get_id() == "out") {
+            let without_out = command.get_arg_conflicts_with(arg).iter().any(|other| other.get_id() == "out");
+            if words.ends_with(&OUT.map(String::from)) && without_out {
                 words.truncate(words.len() - OUT.len());
             }
-            words.push(format!("--{}", arg.get_long().expect("every flag has a long name")));
+            words.push(flag);
             if matches!(arg.get_action(), ArgAction::Set | ArgAction::Append) {
                 words.push(if id == "config" { file.to_string_lossy().into_owned() } else { example(arg) });
             }
