@@ -86,6 +86,8 @@ fn settings_and_flags_are_checked_before_any_work() {
         assert!(!refused.status.success() && text(&refused.stderr).contains(problem), "{refused:?}");
         assert!(!out.exists(), "{problem}");
     }
+    let refused = bench(&suite, &out, &["--wait"], &[]);
+    assert!(refused.status.code() == Some(2) && text(&refused.stderr).contains("hint: leave it out"), "{refused:?}");
 }
 
 /// Slurm's and Python's places are taken by scripts that do what is looked at here.

@@ -8,7 +8,7 @@ use gic_bench::others::{Method, export_suite};
 use gic_bench::plan::{Plan, Task, tasks};
 use gic_bench::record::{Cost, Outcome, Record, begin, unfinished};
 use gic_bench::sweep::Sweep;
-use gic_bench::{Evaluation, Truth, collect, find_scenes};
+use gic_bench::{BenchError, Evaluation, Truth, collect, find_scenes};
 use gic_scene::Scene;
 use gic_simd::Level;
 
@@ -26,6 +26,14 @@ const STAGE: &str = "bench";
 const CLUSTER_THREADS: usize = 2;
 
 pub(crate) fn run(args: &BenchArgs, context: &Context) -> anyhow::Result<()> {
+    // With the way out and the kind of an error, which the program knows of its own errors.
+    bench(args, context).map_err(|error| match error.downcast::<BenchError>() {
+        Ok(error) => Error::from(error).into(),
+        Err(error) => error,
+    })
+}
+
+fn bench(args: &BenchArgs, context: &Context) -> anyhow::Result<()> {
     let out = args.out.as_deref().unwrap_or(&args.suite);
     if let Some(name) = &args.task {
         return run_task(name, out, context);

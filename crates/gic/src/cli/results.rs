@@ -35,7 +35,8 @@ pub(crate) fn eval(args: &EvalArgs, context: &Context) -> anyhow::Result<()> {
 }
 
 fn evaluate_run(run: &Path, scene: Option<&Path>, truth: &Path, context: &Context) -> anyhow::Result<()> {
-    let evaluation = evaluate(run, scene, &Truth::read(truth)?, &context.events, &context.interrupt)?;
+    let truth = Truth::read(truth).map_err(crate::Error::from)?;
+    let evaluation = evaluate(run, scene, &truth, &context.events, &context.interrupt)?;
     let file = run.join("eval.json");
     atomic::write_json(&file, &evaluation)?;
     context.print(evaluation.table().trim_end())?;
