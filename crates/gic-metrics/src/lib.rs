@@ -9,6 +9,7 @@ mod cloud;
 mod error;
 mod image;
 mod ssim;
+mod statistics;
 
 pub use assignment::{Assignment, assign};
 pub use cloud::{
@@ -18,3 +19,4 @@ pub use cloud::{
 pub use error::MetricError;
 pub use image::{Rectangle, mask_iou, psnr, soft_iou};
 pub use ssim::{ssim, ssim_with_gradient};
+pub use statistics::{mean, mean_and_variance};

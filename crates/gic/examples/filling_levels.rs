@@ -14,8 +14,8 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 
 use gic::config::{Config, Layer};
-use gic::eval::Truth;
 use gic::pipeline::{FillSummary, open_scene};
+use gic_bench::Truth;
 use gic_continuum::{FillSettings, Filling, MaskedView, fill};
 use gic_motion::DynamicGaussians;
 use glam::DVec3;

@@ -3,6 +3,7 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use gic_bench::BenchError;
 use gic_calibrate::CalibrateError;
 use gic_files::LockError;
 use gic_film::FilmError;
@@ -28,6 +29,9 @@ pub enum Error {
     /// Calibration.
     #[error(transparent)]
     Calibrate(#[from] CalibrateError),
+    /// A suite of scenes, or the truth of one.
+    #[error(transparent)]
+    Bench(#[from] BenchError),
     /// A file could not be read.
     #[error("cannot read {}", path.display())]
     Read {
@@ -152,6 +156,7 @@ impl Error {
             Self::View(error) => error.hint(),
             Self::Film(error) => error.hint(),
             Self::Calibrate(error) => error.hint(),
+            Self::Bench(error) => error.hint(),
             Self::Read { source, .. } if source.kind() == io::ErrorKind::NotFound => {
                 Some("check the path; relative paths inside a twin are relative to the twin's own folder".into())
             }
@@ -179,6 +184,7 @@ impl Error {
             Self::View(error) => error.is_interrupt(),
             Self::Film(error) => error.is_interrupt(),
             Self::Calibrate(error) => error.is_interrupt(),
+            Self::Bench(error) => error.is_interrupt(),
             Self::Interrupted { .. } => true,
             _ => false,
         }
@@ -189,6 +195,7 @@ impl Error {
         match self {
             Self::Film(error) => error.is_usage(),
             Self::Calibrate(error) => error.is_usage(),
+            Self::Bench(error) => error.is_usage(),
             _ => matches!(self, Self::Setting { .. } | Self::Settings { .. }),
         }
     }

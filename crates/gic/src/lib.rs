@@ -1,7 +1,6 @@
 //! The pipeline as a library: run folder, stages, configuration, report; and the command line, which the binary `gic`
 //! and the Python package call.
 
-pub mod bench;
 pub mod cli;
 pub mod config;
 pub mod demo;
@@ -13,7 +12,6 @@ pub mod outputs;
 pub mod pipeline;
 pub mod recording;
 pub mod report;
-mod statistics;
 
 pub use error::{Error, Result};
 pub use explanation::Explanation;

@@ -33,7 +33,7 @@ _LAZY = {
     **dict.fromkeys(["Body", "BodyGradient", "Jacobian", "Recording", "Rollout", "Simulator", "block"], "simulator"),
     "Twin": "twin",
 }
-_MODULES = ["errors", "jax", "pipeline", "simulator", "splat", "torch", "twin"]
+_MODULES = ["bench", "errors", "jax", "pipeline", "simulator", "splat", "torch", "twin"]
 
 __all__ = [*_LAZY, "__version__", "errors", "splat"]
 

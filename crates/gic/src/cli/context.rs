@@ -18,6 +18,8 @@ pub(crate) struct Context {
     pub(crate) given: Given,
     /// The file to call for gic itself.
     pub(crate) program: PathBuf,
+    /// Threads, where the command line says so.
+    pub(crate) threads: Option<usize>,
     /// Where results go.
     pub(super) output: Output,
 }

@@ -1,6 +1,7 @@
 //! The terminal's side: parse first, resolve once, run, report.
 
 mod args;
+mod bench;
 mod calibrate;
 mod context;
 mod flags;
@@ -74,8 +75,9 @@ pub fn call(words: impl IntoIterator<Item = OsString>, events: Events, interrupt
     };
     gic_simd::Level::from_env()?;
     let output = Output::Text(Mutex::default());
-    let context = Context { events, interrupt, given, program: "gic".into(), output };
-    match cli.global.threads {
+    let threads = cli.global.threads;
+    let context = Context { events, interrupt, given, program: "gic".into(), threads, output };
+    match threads {
         Some(threads) => {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build()?;
             pool.install(|| dispatch(cli.command, &context))?;
@@ -100,7 +102,8 @@ fn execute(cli: Cli, given: Given, program: PathBuf) -> anyhow::Result<()> {
     on_ctrl_c(&interrupt)?;
     let events = Events::default();
     events.add(progress::Progress::new(cli.global.quiet, cli.global.verbose));
-    dispatch(cli.command, &Context { events, interrupt, given, program, output: Output::Stdout })
+    let threads = cli.global.threads;
+    dispatch(cli.command, &Context { events, interrupt, given, program, threads, output: Output::Stdout })
 }
 
 fn dispatch(command: Command, context: &Context) -> anyhow::Result<()> {
@@ -120,7 +123,7 @@ fn run_command(command: Command, context: &Context) -> anyhow::Result<()> {
         Command::Inspect(args) => results::inspect(&args, context),
         Command::Report(args) => run::report(&args, context),
         Command::Eval(args) => results::eval(&args, context),
-        Command::Bench(args) => results::bench(&args, context),
+        Command::Bench(args) => bench::run(&args, context),
         Command::Export(args) => run::export(&args, context),
         Command::Run(args) => run::run(&args, context),
         Command::Reconstruct(args) => run::reconstruct(&args, context),

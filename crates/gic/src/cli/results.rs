@@ -1,4 +1,4 @@
-//! `gic inspect`, `gic eval`, `gic bench`, `gic demo`: looking at input and output.
+//! `gic inspect`, `gic eval`, `gic demo`: looking at input and output.
 
 use std::path::Path;
 
@@ -6,11 +6,12 @@ use gic_twin::atomic;
 use pipeline::{Access, Run};
 
 use super::Context;
-use super::args::{BenchArgs, DemoArgs, EvalArgs, InspectArgs};
+use super::args::{DemoArgs, EvalArgs, InspectArgs};
 use super::flags::Flags;
-use crate::eval::{Truth, evaluate};
+use crate::eval::evaluate;
 use crate::outputs::Inputs;
-use crate::{bench, demo, pipeline};
+use crate::{demo, pipeline};
+use gic_bench::Truth;
 
 pub(crate) fn inspect(args: &InspectArgs, context: &Context) -> anyhow::Result<()> {
     let config = crate::config::Config::resolve(args.flags().layers(&context.given)?)?;
@@ -34,35 +35,12 @@ pub(crate) fn eval(args: &EvalArgs, context: &Context) -> anyhow::Result<()> {
 }
 
 fn evaluate_run(run: &Path, scene: Option<&Path>, truth: &Path, context: &Context) -> anyhow::Result<()> {
-    let evaluation = evaluate(run, scene, &Truth::read(truth)?, &context.events, &context.interrupt)?;
+    let truth = Truth::read(truth).map_err(crate::Error::from)?;
+    let evaluation = evaluate(run, scene, &truth, &context.events, &context.interrupt)?;
     let file = run.join("eval.json");
     atomic::write_json(&file, &evaluation)?;
     context.print(evaluation.table().trim_end())?;
     context.events.note("eval", format!("also as {}", file.display()));
-    Ok(())
-}
-
-pub(crate) fn bench(args: &BenchArgs, context: &Context) -> anyhow::Result<()> {
-    let request = bench::BenchRequest {
-        suite: args.suite.clone(),
-        out: args.out.clone(),
-        jobs: args.jobs,
-        filter: args.filter.clone().unwrap_or_default(),
-        program: context.program.clone(),
-        arguments: args.arguments.clone(),
-    };
-    let tables = bench::bench(&request, &context.events, &context.interrupt)?;
-    context.print(format!(
-        "{:<14} {:<14} {:>6} {:>17} {:>17}",
-        "material", "parameter", "scenes", "gic, MAE x100", "paper"
-    ))?;
-    for r in &tables.parameters {
-        let paper = r.paper.map_or("-".into(), |[mean, deviation]| format!("{mean:.2} +- {deviation:.2}"));
-        let ours = format!("{:.2} +- {:.2}", r.mean, r.deviation);
-        context.print(format!("{:<14} {:<14} {:>6} {ours:>17} {paper:>17}", r.model, r.parameter, r.scenes))?;
-    }
-    context.print(tables.states.trim_end())?;
-    context.print(format!("tables in {}", args.out.join("results.md").display()))?;
     Ok(())
 }
 

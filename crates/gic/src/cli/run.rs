@@ -15,10 +15,15 @@ pub(crate) fn run(args: &RunArgs, context: &Context) -> anyhow::Result<()> {
 
 /// Brings a run up to date and prints its estimate.
 pub(crate) fn finish(run: &Run, context: &Context) -> anyhow::Result<()> {
+    bring_up_to_date(run)?;
+    print_estimate(run, context)
+}
+
+/// Runs all stages that a run asks for, and writes its report.
+pub(crate) fn bring_up_to_date(run: &Run) -> anyhow::Result<()> {
     let last = if run.config.appearance.enabled { Stage::Appearance } else { Stage::Predict };
     run.bring_up_to_date(last)?;
-    crate::report::write(run, &context.events)?;
-    print_estimate(run, context)
+    Ok(crate::report::write(run, run.events())?)
 }
 
 pub(crate) fn report(args: &ReportArgs, context: &Context) -> anyhow::Result<()> {

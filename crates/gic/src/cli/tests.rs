@@ -7,6 +7,9 @@ use super::args::{Cli, Command};
 use super::flags::Given;
 use crate::config::Config;
 
+/// An output folder.
+const OUT: [&str; 2] = ["--out", "some-name"];
+
 /// All commands with a name, each with what has to be given besides its flags.
 fn commands() -> Vec<(Clap, Vec<String>)> {
     let mut cli = Cli::command();
@@ -16,6 +19,10 @@ fn commands() -> Vec<(Clap, Vec<String>)> {
         for arg in command.get_arguments().filter(|arg| arg.is_required_set()) {
             all.extend(arg.get_long().map(|name| format!("--{name}")));
             all.push(example(arg));
+        }
+        // Needed but for a few flags.
+        if command.get_name() == "bench" {
+            all.extend(OUT.map(String::from));
         }
         all
     };
@@ -39,6 +46,7 @@ fn example(arg: &Arg) -> String {
         "K" => "3",
         "NAME=VALUE" => "poisson_ratio=0.25",
         "KEY=VALUE" => "reconstruct.loss.scale=0.5",
+        "KEY=V,V" => "fill.levels=3,4",
         "BOARD" => "kalibr:6x6",
         "[CAMERA:]x0,y0,x1,y1" => "left:1,2,30,40",
         "X,Y,Z" => "1,2,-3",
@@ -100,8 +108,16 @@ fn every_flag_is_accepted_and_those_of_settings_arrive() {
         let flags = command.get_arguments().filter(|arg| !arg.is_positional() && !arg.is_required_set());
         for arg in flags.filter(|arg| !matches!(arg.get_id().as_str(), "help" | "version")) {
             let id = arg.get_id().as_str();
+            let flag = format!("--{}", arg.get_long().expect("every flag has a long name"));
+            if base.contains(&flag) {
+                continue;
+            }
             let mut words = base.clone();
-            words.push(format!("--{}", arg.get_long().expect("every flag has a long name")));
+            let without_out = command.get_arg_conflicts_with(arg).iter().any(|other| other.get_id() == "out");
+            if words.ends_with(&OUT.map(String::from)) && without_out {
+                words.truncate(words.len() - OUT.len());
+            }
+            words.push(flag);
             if matches!(arg.get_action(), ArgAction::Set | ArgAction::Append) {
                 words.push(if id == "config" { file.to_string_lossy().into_owned() } else { example(arg) });
             }

@@ -2,110 +2,28 @@
 
 mod pictures;
 mod registration;
-mod table;
-mod truth;
 mod volume;
 
 use std::path::Path;
 
-use gic_metrics::{compare_clouds, noise_floor};
+use gic_bench::{Evaluation, FrameError, ParameterError, Truth, VelocityError, paper_name, paper_value};
+use gic_metrics::{compare_clouds, mean, noise_floor};
 use gic_twin::Interrupt;
 use gic_twin::atomic;
 use gic_twin::events::Events;
 use gic_twin::matter::read_particles;
-use serde::{Deserialize, Serialize};
 
 use crate::config::{Config, Layer};
 use crate::error::{Error, Result};
 use crate::pipeline::{
     FrameFilling, IdentifyRecord, Stage, check_results, filling_file, prediction_file, summary_of_body,
 };
-use crate::statistics::mean;
-pub use pictures::PictureError;
 use pictures::Pictures;
-pub use registration::RegistrationError;
 use registration::registration_error;
-pub(crate) use table::mean_of;
-pub use truth::Truth;
 
 const STAGE: &str = "eval";
 /// Seed of the random points that clouds are compared with: the same for every run, so that runs can be compared.
 const SEED: u64 = 0;
-
-/// A run against the truth.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Evaluation {
-    /// Model of the material.
-    pub model: String,
-    /// Every parameter that was sought.
-    pub parameters: Vec<ParameterError>,
-    /// Initial velocity.
-    pub velocity: VelocityError,
-    /// Frames with true particles.
-    pub frames: Vec<FrameError>,
-    /// Volume of the continuum over that of the truth, less one.
-    pub volume_error: Option<f64>,
-    /// Mean overlap of re-rendered masks at the first frame.
-    pub mask_iou: f64,
-    /// Where a scan was registered and the truth tells where it lies.
-    #[serde(default)]
-    pub registration: Option<RegistrationError>,
-}
-
-/// Error of a parameter.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct ParameterError {
-    /// Its key in `twin.json`.
-    pub name: String,
-    /// What the paper's table calls it.
-    pub paper_name: String,
-    /// The estimate.
-    pub estimate: f64,
-    /// Its 95 % interval.
-    pub interval_95: [f64; 2],
-    /// Whether the run says that the video determines it.
-    pub identifiable: bool,
-    /// The truth.
-    pub truth: f64,
-    /// Absolute error in the paper's unit: log10 (nu: as is; friction angle: radians), times 100.
-    pub error_x100: f64,
-    /// Whether the interval holds the truth.
-    pub inside: bool,
-}
-
-/// Error of the initial velocity.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct VelocityError {
-    /// The estimate [m/s].
-    pub estimate_m_s: [f64; 3],
-    /// The truth [m/s].
-    pub truth_m_s: [f64; 3],
-    /// Mean absolute error of its components, times 100.
-    pub error_x100: f64,
-    /// How many components lie in their interval.
-    pub inside: usize,
-}
-
-/// One frame: distances of particle clouds, chamfer [1e3 mm^2] and earth mover's [m], and pictures.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FrameError {
-    /// Number of the frame.
-    pub frame: usize,
-    /// Whether the run was fitted to this frame; otherwise it is a prediction.
-    pub observed: bool,
-    /// The continuum filled from this frame's Gaussians against the truth; `None` for frames that were not fitted to.
-    pub filling: Option<[f64; 2]>,
-    /// The simulated twin against the truth, where it was simulated.
-    pub prediction: Option<[f64; 2]>,
-    /// Volume of the filled body over that of the truth in this frame, less one.
-    pub volume_error: Option<f64>,
-    /// Mean overlap of the re-rendered filled body with the masks.
-    pub mask_iou: Option<f64>,
-    /// Two samplings of the truth against each other: what a perfect answer would score.
-    pub floor: [f64; 2],
-    /// The twin's pictures, where it was simulated and has colours.
-    pub pictures: Option<PictureError>,
-}
 
 /// Compares a run with the truth; its scene lies at `scene`, or where the run says.
 ///
@@ -191,29 +109,6 @@ fn parameter_errors(found: &IdentifyRecord, truth: &Truth) -> Vec<ParameterError
         .collect()
 }
 
-/// A parameter's value on the scale of the paper's table.
-fn paper_value(name: &str, value: f64) -> f64 {
-    match name {
-        "poisson_ratio" => value,
-        "friction_angle_deg" => value.to_radians(),
-        _ => value.log10(),
-    }
-}
-
-/// What the paper's table calls a parameter.
-fn paper_name(model: &str, name: &str) -> &'static str {
-    match (model, name) {
-        (_, "youngs_modulus_pa") => "log10(E)",
-        (_, "poisson_ratio") => "nu",
-        (_, "yield_stress_pa") => "log10(tau_Y)",
-        (_, "friction_angle_deg") => "theta_fric",
-        (_, "viscosity_pa_s" | "shear_modulus_pa") => "log10(mu)",
-        (_, "bulk_modulus_pa") => "log10(kappa)",
-        (_, "retardation_time_s") => "t_r",
-        _ => "log10(eta)",
-    }
-}
-
 fn velocity_error(found: &IdentifyRecord, truth: &Truth) -> VelocityError {
     let error = |axis: usize| (found.velocity_m_s[axis] - truth.velocity_m_s[axis]).abs();
     VelocityError {
@@ -250,17 +145,4 @@ fn frame_error(
         mask_iou: filled.and_then(|filled| filled.mask_iou),
         pictures: None,
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn errors_are_in_the_papers_units() {
-        let error = |name: &str, a: f64, b: f64| 100.0 * (paper_value(name, a) - paper_value(name, b)).abs();
-        assert!((error("youngs_modulus_pa", 1.1e5, 1.0e5) - 4.139).abs() < 1e-3);
-        assert!((error("poisson_ratio", 0.31, 0.30) - 1.0).abs() < 1e-9);
-        assert!((error("friction_angle_deg", 32.4, 30.0) - 4.189).abs() < 1e-3);
-    }
 }

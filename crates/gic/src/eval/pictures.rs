@@ -3,38 +3,17 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use gic_metrics::{MetricError, Rectangle, mask_iou, psnr, ssim};
+use gic_bench::PictureError;
+use gic_metrics::{MetricError, Rectangle, mask_iou, mean, psnr, ssim};
 use gic_scene::{Camera, Mask, Picture, Scene, View};
 use gic_splat::{Gaussians, RenderSettings, render};
 use gic_twin::matter::read_particles;
 use gic_view::skinned_gaussians::SkinnedGaussians;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use crate::config::Config;
 use crate::error::{Error, Result};
 use crate::pipeline::{TWIN_MATTER, moment_file, scene_of_run};
-use crate::statistics::mean;
-
-/// Pictures of the twin against those of the video, both over black: means over cameras.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PictureError {
-    /// PSNR of whole pictures [dB], as the paper measures.
-    pub psnr_db: f64,
-    /// SSIM of whole pictures.
-    pub ssim: f64,
-    /// PSNR inside the box around the object's mask [dB].
-    pub box_psnr_db: f64,
-    /// SSIM inside that box.
-    pub box_ssim: f64,
-    /// Overlap of alpha and mask.
-    pub mask_iou: f64,
-    /// `psnr_db` of the cameras whose pictures nothing was trained on; `None` where no camera was held out.
-    #[serde(default)]
-    pub held_out_psnr_db: Option<f64>,
-    /// `box_psnr_db` of those cameras.
-    pub held_out_box_psnr_db: Option<f64>,
-}
 
 /// The twin of a run in its colours, and the scene to compare with.
 pub(super) struct Pictures<'a> {

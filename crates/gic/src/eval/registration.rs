@@ -2,26 +2,14 @@
 
 use std::path::Path;
 
+use gic_bench::{RegistrationError, Truth};
 use gic_scene::Similarity;
 use gic_twin::atomic;
 use glam::{DMat3, DQuat, DVec3};
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
-use super::Truth;
 use crate::error::Result;
 use crate::pipeline::RegistrationRecord;
-
-/// Errors of a registration.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct RegistrationError {
-    /// Angle between the rotations [degrees].
-    pub rotation_deg: f64,
-    /// How far the object's centre is placed from where it is [m]. (The translation itself depends on where the scan's
-    /// origin lies.)
-    pub centre_m: f64,
-    /// Scale over the true one, less one.
-    pub scale: f64,
-}
 
 /// `gt/registration.json`: x_video = scale * R * x_scan + t.
 #[derive(Deserialize)]

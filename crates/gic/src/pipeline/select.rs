@@ -6,6 +6,7 @@
 
 use gic_continuum::{Appearance, Drawing, informed_gaussians};
 use gic_identify::{Estimates, Input};
+use gic_metrics::{mean, mean_and_variance};
 use gic_mpm::MaterialKind;
 use gic_splat::{RenderSettings, render};
 use gic_twin::atomic;
@@ -16,7 +17,6 @@ use super::identify::motion_of;
 use super::stamp::Recipe;
 use super::{Run, Stage};
 use crate::error::{Error, Result};
-use crate::statistics::{mean, mean_and_variance};
 
 /// Share of the frames that the laws have to predict.
 const HELD_BACK_SHARE: f64 = 0.3;

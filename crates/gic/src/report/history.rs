@@ -13,21 +13,21 @@ type Steps = Vec<(String, u64, BTreeMap<String, f64>)>;
 
 /// The log, by stage.
 #[derive(Default)]
-pub(super) struct History {
+pub(crate) struct History {
     pub(super) steps: BTreeMap<String, Steps>,
-    pub(super) costs: BTreeMap<String, Cost>,
+    pub(crate) costs: BTreeMap<String, Cost>,
     warnings: Vec<(String, String)>,
 }
 
 /// What a stage took.
-pub(super) struct Cost {
-    pub(super) seconds: f64,
-    pub(super) cpu_seconds: Option<f64>,
-    pub(super) peak_memory_bytes: Option<u64>,
+pub(crate) struct Cost {
+    pub(crate) seconds: f64,
+    pub(crate) cpu_seconds: Option<f64>,
+    pub(crate) peak_memory_bytes: Option<u64>,
 }
 
 impl History {
-    pub(super) fn read(path: &Path) -> Result<Self> {
+    pub(crate) fn read(path: &Path) -> Result<Self> {
         let text = std::fs::read_to_string(path).map_err(Error::read(path))?;
         let mut history = Self::default();
         text.lines().filter_map(event).for_each(|event| history.take(event));

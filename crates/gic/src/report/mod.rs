@@ -2,7 +2,7 @@
 
 mod curves;
 mod estimate;
-mod history;
+pub(crate) mod history;
 mod pictures;
 mod truth;
 

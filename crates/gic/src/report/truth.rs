@@ -5,8 +5,8 @@ use gic_twin::events::Events;
 
 use super::STAGE;
 use crate::error::Result;
-use crate::eval::{Evaluation, Truth};
 use crate::pipeline::{IdentifyRecord, Run};
+use gic_bench::{Evaluation, Truth};
 
 /// What is true of a run's object.
 pub(super) struct RunTruth {

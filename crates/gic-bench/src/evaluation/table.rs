@@ -1,7 +1,7 @@
 //! The evaluation as text.
 
 use super::{Evaluation, FrameError, PictureError};
-use crate::statistics::mean;
+use gic_metrics::mean;
 
 impl Evaluation {
     /// The evaluation as a table for people.

@@ -2,8 +2,8 @@
 
 use serde::Serialize;
 
-use crate::eval::{Evaluation, FrameError, mean_of};
-use crate::statistics::mean;
+use crate::evaluation::{Evaluation, FrameError, mean_of};
+use gic_metrics::mean;
 
 /// The Spring-Gaus set's objects, in the order of the paper's columns.
 const OBJECTS: [&str; 7] = ["torus", "cross", "cream", "apple", "paste", "chess", "banana"];
@@ -92,14 +92,14 @@ pub struct StateRow {
 }
 
 /// A scene's name, whether it is of the Spring-Gaus synthetic set, and its evaluation.
-pub(super) struct SceneColumn<'a> {
-    pub(super) name: &'a str,
-    pub(super) spring_gaus: bool,
-    pub(super) evaluation: Option<&'a Evaluation>,
+pub(crate) struct SceneColumn<'a> {
+    pub(crate) name: &'a str,
+    pub(crate) spring_gaus: bool,
+    pub(crate) evaluation: Option<&'a Evaluation>,
 }
 
 /// All rows: the paper's only where the suite has scenes of the Spring-Gaus synthetic set.
-pub(super) fn rows(columns: &[SceneColumn]) -> Vec<StateRow> {
+pub(crate) fn rows(columns: &[SceneColumn]) -> Vec<StateRow> {
     let mut rows = Vec::new();
     for observed in [true, false] {
         for figure in Figure::ALL {
@@ -140,7 +140,7 @@ fn published((observed, figure, method, values): &PaperRow, columns: &[SceneColu
 }
 
 /// The two tables.
-pub(super) fn markdown(rows: &[StateRow], columns: &[SceneColumn]) -> String {
+pub(crate) fn markdown(rows: &[StateRow], columns: &[SceneColumn]) -> String {
     let mut text = String::new();
     for (observed, title) in [(true, "Observed frames"), (false, "Future frames")] {
         let part: Vec<&StateRow> = rows.iter().filter(|row| row.observed == observed).collect();
@@ -169,38 +169,7 @@ pub(super) fn markdown(rows: &[StateRow], columns: &[SceneColumn]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::eval::{PictureError, VelocityError};
-
-    fn evaluation(values: &[(bool, f64)]) -> Evaluation {
-        let pictures = PictureError {
-            psnr_db: 30.0,
-            ssim: 0.9,
-            box_psnr_db: 0.0,
-            box_ssim: 0.0,
-            mask_iou: 0.0,
-            held_out_psnr_db: None,
-            held_out_box_psnr_db: None,
-        };
-        let frame = |(i, &(observed, v)): (usize, &(bool, f64))| FrameError {
-            frame: i,
-            observed,
-            filling: None,
-            prediction: Some([v, v / 10.0]),
-            volume_error: None,
-            mask_iou: None,
-            floor: [0.0; 2],
-            pictures: Some(pictures),
-        };
-        Evaluation {
-            model: "elastic".into(),
-            parameters: Vec::new(),
-            velocity: VelocityError { estimate_m_s: [0.0; 3], truth_m_s: [0.0; 3], error_x100: 0.0, inside: 3 },
-            frames: values.iter().enumerate().map(frame).collect(),
-            volume_error: None,
-            mask_iou: 1.0,
-            registration: None,
-        }
-    }
+    use crate::evaluation::tests::evaluation;
 
     #[test]
     fn states_stand_beside_the_papers_rows() {

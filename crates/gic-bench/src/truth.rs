@@ -5,7 +5,7 @@ use std::path::Path;
 use gic_mpm::Material;
 use serde_json::Value;
 
-use crate::error::{Error, Result};
+use crate::error::{BenchError, Result};
 
 /// Ground truth of a scene in PAC-NeRF's layout: `params.json` and `particles_{frame}.npz`.
 pub struct Truth {
@@ -27,13 +27,13 @@ impl Truth {
     /// Missing or damaged files, an unknown material.
     pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join("params.json");
-        let text = gic_files::input::read_to_string(&path).map_err(Error::read(&path))?;
-        let json: Value = serde_json::from_str(&text).map_err(|source| Error::Syntax {
+        let text = gic_files::input::read_to_string(&path).map_err(BenchError::read(&path))?;
+        let json: Value = serde_json::from_str(&text).map_err(|source| BenchError::Syntax {
             path: path.clone(),
             format: "JSON",
             source: source.into(),
         })?;
-        let missing = |field: &str| Error::Field {
+        let missing = |field: &str| BenchError::Field {
             path: path.clone(),
             field: field.into(),
             problem: "is missing or of the wrong kind".into(),
@@ -84,7 +84,7 @@ impl Truth {
     }
 
     /// The folder.
-    pub(super) fn folder(&self) -> &Path {
+    pub fn folder(&self) -> &Path {
         &self.folder
     }
 
@@ -97,12 +97,12 @@ impl Truth {
         if !path.exists() {
             return Ok(None);
         }
-        let content = |problem: String| Error::Content { path: path.clone(), problem, hint: None };
+        let content = |problem: String| BenchError::Content { path: path.clone(), problem, hint: None };
         let read = || -> std::io::Result<Option<Vec<f32>>> {
             let mut archive = npyz::npz::NpzArchive::open(&path)?;
             archive.by_name("x")?.map(|array| array.into_vec::<f32>()).transpose()
         };
-        let numbers = read().map_err(Error::read(&path))?.ok_or_else(|| content("has no array `x`".into()))?;
+        let numbers = read().map_err(BenchError::read(&path))?.ok_or_else(|| content("has no array `x`".into()))?;
         if numbers.is_empty() || numbers.len() % 3 != 0 {
             return Err(content(format!("`x` holds {} numbers, not three per particle", numbers.len())));
         }
