@@ -87,7 +87,7 @@ fn mujocos_cells_are_as_large_as_the_impact_compresses_and_its_contact_is_stiffe
         let counts = text.split("cellcount=\"").nth(1).unwrap().split('"').next().unwrap();
         counts.split(' ').map(|n| n.parse().unwrap()).collect::<Vec<u32>>()
     };
-    // A cube that meets the floor with 9.7 kPa is compressed by .51 of 20 kPa, by .27 of 100 kPa, and of 100 MPa hardly,
+    // A cube that meets the floor with 9.7 kPa is compressed by .51 of 20 kPa, by .27 of 100 kPa, and of 100 MPa not,
     // where the number of cells has its bound. Its mesh is up to a particle wider than it.
     assert_eq!(of(2e4), [2; 3]);
     assert_eq!(of(1e5), [5; 3]);

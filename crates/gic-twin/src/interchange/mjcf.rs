@@ -16,7 +16,7 @@ const LEAST_CELL_SHARE: f64 = 0.15;
 /// Side of a cell over the depth of the impact. Fitted on: cat, bunny, a ball and a box of 20 and 100 kPa.
 const CELL_DEPTH_SHARE: f64 = 0.9;
 /// Cells that the fastest wave passes in a time step: steps are implicit and take energy from what moves fast. Fitted
-/// on: cat, bunny, a ball and a box of 20 and 100 kPa; with half of it soft bodies spring up to 11 % of the drop higher.
+/// on: cat, bunny, a ball and a box of 20 and 100 kPa; with half of it soft bodies spring 11 % of the drop higher.
 const COURANT_NUMBER: f64 = 0.125;
 /// Time constant of contact over the time step: what is shorter than the step MuJoCo replaces by the stiffest contact
 /// that the step resolves, and which does not throw back. Derived: any share below 1.
@@ -128,8 +128,8 @@ fn stored_pa(s: f64, moduli: [f64; 2]) -> f64 {
     0.5 * mu * (s * s - 1.0) - mu * s.ln() + 0.5 * lambda * s.ln().powi(2)
 }
 
-/// By which share of its length the neo-Hookean law is compressed, without widening, when it stores an energy per volume
-/// `w` [Pa].
+/// By which share of its length the neo-Hookean law is compressed, without widening, when it stores an energy per
+/// volume `w` [Pa].
 fn impact_compression(w: f64, moduli: [f64; 2]) -> f64 {
     let [mut low, mut high] = COMPRESSED;
     // The stored energy falls from the most compressed to the uncompressed.
