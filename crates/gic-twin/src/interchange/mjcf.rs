@@ -11,10 +11,16 @@ use crate::atomic;
 use crate::error::Result;
 use crate::twin::{Obstacle, ObstacleShape, Twin};
 
-/// Side of a cell over the cube root of the body's volume. Fitted on: cat, with moduli of 40 and 100 kPa.
-const CELL_SHARE: f64 = 0.3;
-/// Cells that the fastest wave passes in a time step. Fitted on: cat; half of it changes the fall by less than 1 %.
+/// Least side of a cell over the cube root of the body's volume. Budget: a second of a hard body in ten minutes.
+const LEAST_CELL_SHARE: f64 = 0.15;
+/// Side of a cell over the depth of the impact. Fitted on: cat, bunny, a ball and a box of 20 and 100 kPa.
+const CELL_DEPTH_SHARE: f64 = 0.9;
+/// Cells that the fastest wave passes in a time step: steps are implicit and take energy from what moves fast. Fitted
+/// on: cat, bunny, a ball and a box of 20 and 100 kPa; with half of it soft bodies spring 11 % of the drop higher.
 const COURANT_NUMBER: f64 = 0.125;
+/// Time constant of contact over the time step: what is shorter than the step MuJoCo replaces by the stiffest contact
+/// that the step resolves, and which does not throw back. Derived: any share below 1.
+const CONTACT_STEPS: f64 = 0.5;
 /// Radius of the vertices in contact, over the particles' spacing.
 const CONTACT_RADIUS: f64 = 0.1;
 /// Compressions, as shares of the length, between which that of an impact is sought.
@@ -23,7 +29,8 @@ const COMPRESSED: [f64; 2] = [0.05, 1.0];
 /// Writes the twin as a MuJoCo model (4.0 and later) in SI units: tetrahedra in a grid of trilinear cells with
 /// corotated elasticity, the body's mass, gravity, the obstacles that rest, and the initial velocity as the numbers
 /// `initial_velocity_m_s` and `initial_angular_velocity_rad_s`. MuJoCo starts every file at rest, so a loader that sets
-/// these velocities is written beside it; returns its path.
+/// these velocities, and those of the keyframe, is written beside it; returns its path. How many nodes the body has is
+/// for MuJoCo's compiler to say: the file cannot hold a velocity of each.
 ///
 /// # Errors
 /// Matter that is no elastic solid, unless `approximate` and it has elastic moduli; particles that cannot be meshed; an
@@ -32,8 +39,11 @@ pub fn write_mjcf(path: &Path, body: &ExportBody, approximate: bool) -> Result<P
     let twin = body.twin();
     let [young, poisson] = elastic_solid(twin, "MJCF", approximate)?;
     let mesh = body.tetrahedra()?;
-    let cell = CELL_SHARE * body.volume_m3().cbrt();
-    let factor = impact_factor(impact_energy_pa(body), [young, poisson]);
+    let energy = impact_energy_pa(body);
+    let compression = impact_compression(energy, [young, poisson]);
+    let factor = impact_factor(compression, [young, poisson]);
+    // MuJoCo's law turns cells inside out that are much smaller than the depth of the impact.
+    let cell = (CELL_DEPTH_SHARE * compression).max(LEAST_CELL_SHARE) * body.volume_m3().cbrt();
     let timestep = COURANT_NUMBER * cell / twin.material.wave_speed_m_s(twin.density_kg_m3);
     let low = mesh.vertices.iter().fold(DVec3::INFINITY, |low, p| low.min(*p));
     let high = mesh.vertices.iter().fold(DVec3::NEG_INFINITY, |high, p| high.max(*p));
@@ -63,7 +73,7 @@ pub fn write_mjcf(path: &Path, body: &ExportBody, approximate: bool) -> Result<P
         triple(body.centre_of_mass_m().to_array()),
     );
     for (index, obstacle) in twin.colliders.iter().enumerate() {
-        text += &geom(index, obstacle);
+        text += &geom(index, obstacle, CONTACT_STEPS * timestep);
     }
     let _ = write!(
         text,
@@ -81,7 +91,8 @@ pub fn write_mjcf(path: &Path, body: &ExportBody, approximate: bool) -> Result<P
     let _ = write!(
         text,
         "\">\n      <elasticity young=\"{:.8e}\" poisson=\"{poisson:.6}\" damping=\"{}\"/>\n      \
-         <contact selfcollide=\"none\" condim=\"3\"/>\n    </flexcomp>\n  </worldbody>\n</mujoco>\n",
+         <contact selfcollide=\"none\" condim=\"3\"/>\n    </flexcomp>\n  </worldbody>\n  <keyframe>\n    \
+         <key name=\"test\"/>\n  </keyframe>\n</mujoco>\n",
         factor * young,
         damping_s(twin)
     );
@@ -110,21 +121,32 @@ fn impact_energy_pa(body: &ExportBody) -> f64 {
     0.5 * twin.density_kg_m3 * speed_squared
 }
 
-/// By how much the modulus of a law that is linear in the stretch is raised so that it stores an energy per volume `w`
-/// [Pa] at the compression (to the share `s` of the length, without widening) at which the neo-Hookean law does:
-/// `w = mu (s^2 - 1) / 2 - mu ln s + lambda (ln s)^2 / 2` against `(lambda + 2 mu) (1 - s)^2 / 2`.
-fn impact_factor(w: f64, moduli: [f64; 2]) -> f64 {
+/// Energy per volume [Pa] of the neo-Hookean law compressed to the share `s` of its length without widening:
+/// `mu (s^2 - 1) / 2 - mu ln s + lambda (ln s)^2 / 2`.
+fn stored_pa(s: f64, moduli: [f64; 2]) -> f64 {
     let [mu, lambda] = lame(moduli);
-    let stored = |s: f64| 0.5 * mu * (s * s - 1.0) - mu * s.ln() + 0.5 * lambda * s.ln().powi(2);
+    0.5 * mu * (s * s - 1.0) - mu * s.ln() + 0.5 * lambda * s.ln().powi(2)
+}
+
+/// By which share of its length the neo-Hookean law is compressed, without widening, when it stores an energy per
+/// volume `w` [Pa].
+fn impact_compression(w: f64, moduli: [f64; 2]) -> f64 {
     let [mut low, mut high] = COMPRESSED;
     // The stored energy falls from the most compressed to the uncompressed.
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
-        *(if stored(middle) > w { &mut low } else { &mut high }) = middle;
+        *(if stored_pa(middle, moduli) > w { &mut low } else { &mut high }) = middle;
     }
-    let linear = 0.5 * (lambda + 2.0 * mu) * (1.0 - low).powi(2);
+    1.0 - low
+}
+
+/// By how much the modulus of a law that is linear in the stretch is raised so that it stores at a compression by the
+/// share `e` of the length what the neo-Hookean law does: `(lambda + 2 mu) e^2 / 2` against [`stored_pa`].
+fn impact_factor(e: f64, moduli: [f64; 2]) -> f64 {
+    let [mu, lambda] = lame(moduli);
+    let linear = 0.5 * (lambda + 2.0 * mu) * e * e;
     // Where hardly anything is compressed, both laws are the same.
-    if 1.0 - low < 1e-6 { 1.0 } else { (stored(low) / linear).max(1.0) }
+    if e < 1e-6 { 1.0 } else { (stored_pa(1.0 - e, moduli) / linear).max(1.0) }
 }
 
 /// Damping [s] of the stiffness: the retardation time of a viscoelastic solid, of which MuJoCo's law is that of small
@@ -140,9 +162,14 @@ fn loader_file(path: &Path) -> PathBuf {
 fn write_loader(path: &Path) -> Result<PathBuf> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let text = format!(
-        r#""""Loads {name} with the twin's initial velocity, which MuJoCo does not keep in files: pip install mujoco"""
+        r#""""Loads {name} with the twin's initial velocity, which MuJoCo does not take from it: pip install mujoco
+
+Without an argument it opens the viewer. With the name of an .mjb file it writes the model there, which MuJoCo's other
+programs load: its keyframe `test` starts with the velocity.
+"""
 
 import pathlib
+import sys
 
 import mujoco
 import numpy as np
@@ -155,14 +182,19 @@ def load(path=pathlib.Path(__file__).with_name({name:?})):
         "initial_velocity_m_s", "initial_angular_velocity_rad_s", "centre_of_mass_m"))
     at = model.body_pos[model.dof_bodyid] - centre
     data.qvel[:] = ((velocity + np.cross(spin, at)) * model.jnt_axis[model.dof_jntid]).sum(axis=1)
+    # Where a reset to the keyframe goes.
+    model.key_qvel[:] = data.qvel
     mujoco.mj_forward(model, data)
     return model, data
 
 
 if __name__ == "__main__":
-    import mujoco.viewer
+    if sys.argv[1:]:
+        mujoco.mj_saveModel(load()[0], sys.argv[1])
+    else:
+        import mujoco.viewer
 
-    mujoco.viewer.launch(*load())
+        mujoco.viewer.launch(*load())
 "#
     );
     let loader = loader_file(path);
@@ -178,8 +210,8 @@ fn triple(v: [f64; 3]) -> String {
     format!("{} {} {}", v[0], v[1], v[2])
 }
 
-/// An obstacle as a geom; one that moves as a comment.
-fn geom(index: usize, obstacle: &Obstacle) -> String {
+/// An obstacle as a geom with the time constant of its contact [s]; one that moves as a comment.
+fn geom(index: usize, obstacle: &Obstacle, contact_s: f64) -> String {
     let label = obstacle.label(index);
     if obstacle.moves() {
         return format!("    <!-- {label} moves and is left out -->\n");
@@ -216,9 +248,9 @@ fn geom(index: usize, obstacle: &Obstacle) -> String {
             quaternion(along_z)
         ),
     };
-    // MuJoCo's default contact gives way for 20 ms; the obstacle's values stand before the body's.
+    // MuJoCo's default contact gives way for 20 ms and takes energy; the obstacle's values stand before the body's.
     format!(
-        "    <geom name=\"obstacle{index}\" {shape} friction=\"{friction} 0.005 0.0001\" solref=\"0.002 1\" \
+        "    <geom name=\"obstacle{index}\" {shape} friction=\"{friction} 0.005 0.0001\" solref=\"{contact_s:.4e} 1\" \
          priority=\"1\"/>\n"
     )
 }
@@ -229,13 +261,15 @@ mod tests {
 
     #[test]
     fn the_modulus_is_raised_for_a_hard_impact_and_not_for_a_soft_one() {
-        assert_eq!(impact_factor(0.0, [4e4, 0.3]), 1.0);
-        assert!((impact_factor(1.0, [4e6, 0.3]) - 1.0).abs() < 1e-2);
-        let raised = impact_factor(5600.0, [4.04e4, 0.322]);
+        let factor = |w: f64, moduli: [f64; 2]| impact_factor(impact_compression(w, moduli), moduli);
+        assert_eq!(factor(0.0, [4e4, 0.3]), 1.0);
+        assert!((factor(1.0, [4e6, 0.3]) - 1.0).abs() < 1e-2);
+        let raised = factor(5600.0, [4.04e4, 0.322]);
         assert!(raised > 1.3 && raised < 1.45, "{raised}");
         // Without Poisson's ratio both energies are written down for one compression, to half the length.
         let mu = 0.5e4;
         let w = mu * (-0.375 + 2f64.ln());
-        assert!((impact_factor(w, [1e4, 0.0]) - w / (mu * 0.25)).abs() < 1e-6);
+        assert!((impact_compression(w, [1e4, 0.0]) - 0.5).abs() < 1e-9);
+        assert!((factor(w, [1e4, 0.0]) - w / (mu * 0.25)).abs() < 1e-6);
     }
 }
