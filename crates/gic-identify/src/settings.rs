@@ -84,8 +84,8 @@ pub enum Optimizer {
 
 /// Settings of identification; [`Default`] is right for every scene but for the material, which has to be said.
 ///
-/// `material` to `substeps_per_frame` say what is assumed: whoever makes the [`crate::Input`] reads them. `joint` and
-/// `start_is_fitted` are the caller's own and in no file.
+/// `material` to `substeps_per_frame` say what is assumed: whoever makes the [`crate::Input`] reads them. `joint` is
+/// the caller's own and in no file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "cli", derive(clap::Args), group(skip), command(next_help_heading = "Identification"))]
 #[serde(default, deny_unknown_fields)]
@@ -160,10 +160,6 @@ pub struct Settings {
     #[cfg_attr(feature = "cli", arg(skip))]
     #[serde(skip)]
     pub joint: bool,
-    /// Whether `start` ended a fit to nearly the same body: search and material stage are then left out.
-    #[cfg_attr(feature = "cli", arg(skip))]
-    #[serde(skip)]
-    pub start_is_fitted: bool,
     /// Every tuned number; a file says only what differs from the default.
     #[cfg_attr(feature = "cli", arg(skip))]
     #[serde(skip_serializing_if = "Tuning::is_default")]
@@ -191,7 +187,6 @@ impl Default for Settings {
             frames: None,
             resolution_check: 1.25,
             joint: true,
-            start_is_fitted: false,
             tuning: Tuning::default(),
         }
     }

@@ -70,14 +70,13 @@ fn run(identification: &Identification, session: &mut Session) -> Result<Estimat
         session.warn([never.to_owned()]);
         return Ok(estimates::of_free_flight(identification, session));
     }
-    let fitted = search::given_start(identification).filter(|_| identification.settings.start_is_fitted);
-    let material = match (reached.material.or(fitted), reached.starts) {
-        (Some(state), _) => state,
-        (None, Some(starts)) => material::fit_material(identification, session, starts)?,
-        (None, None) => {
-            let starts = search::find_starts(identification, session)?;
-            material::fit_material(identification, session, starts)?
-        }
+    let starts = match reached.starts {
+        Some(starts) => starts,
+        None => search::find_starts(identification, session)?,
+    };
+    let material = match reached.material {
+        Some(state) => state,
+        None => material::fit_material(identification, session, starts)?,
     };
     if !identification.settings.joint {
         return estimates::without_intervals(identification, session, &material);

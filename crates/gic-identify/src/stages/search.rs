@@ -134,17 +134,14 @@ fn grid_of_starts(identification: &Identification) -> Vec<State> {
         };
         list = list.iter().flat_map(|state| values.iter().map(|value| with(state, *value))).collect();
     }
-    list.extend(given_start(identification));
-    list
-}
-
-/// The start that was given, with the motion of free flight.
-pub(crate) fn given_start(identification: &Identification) -> Option<State> {
-    let settings = identification.settings;
-    let start = settings.start.as_ref()?;
-    let mut given = identification.flight.state.clone();
-    for (i, p) in identification.parameters().iter().enumerate() {
-        given.material[i] = p.coordinate(settings.fixed_value(p).unwrap_or(start[i]));
+    if let Some(start) = &settings.start {
+        let mut given = from.clone();
+        for (i, p) in identification.parameters().iter().enumerate() {
+            if settings.fixed_value(p).is_none() {
+                given.material[i] = p.coordinate(start[i]);
+            }
+        }
+        list.push(given);
     }
-    Some(given)
+    list
 }

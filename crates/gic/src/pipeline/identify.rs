@@ -6,8 +6,8 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use gic_identify::{
-    Checkpoint, Estimates, Event, GroundEstimate, IdentifyError, Input, MaterialChoice, Observation, Optimizer,
-    Settings, Stage as IdentifyStage, Step, Target, View, identify, sought,
+    Checkpoint, Estimates, Event, GroundEstimate, IdentifyError, Input, MaterialChoice, Observation, Settings,
+    Stage as IdentifyStage, Step, Target, View, identify, sought,
 };
 use gic_mpm::{Body, MaterialKind, Options, Simulator, Stepping, World};
 use gic_scene::Camera;
@@ -171,8 +171,7 @@ impl Run<'_> {
         let mut settings = self.identify_settings(&input).among_laws(model);
         if self.refines() {
             settings.target = only_masks(settings.target);
-            settings.start = Some(self.refined()?.parameters);
-            settings.start_is_fitted = settings.optimizer == Optimizer::LevenbergMarquardt;
+            settings.start = Some(settings.start.map_or_else(|| Ok(self.refined()?.parameters), Ok::<_, Error>)?);
         }
         let found = self.fit(&input, model, &settings, (Stage::Identify, &checkpoint))?;
         for warning in &found.warnings {
