@@ -53,7 +53,7 @@ def test_a_run_has_a_twin_with_intervals(made):
 def test_progress_tells_every_event_in_order(made):
     run, events, told = made
     stages = [event["stage"] for event in events if event["event"] == "stage_done"]
-    assert stages[:4] == ["reconstruct", "fill", "identify", "simulate"]
+    assert stages[:5] == ["reconstruct", "fill", "refine", "identify", "simulate"]
     steps = [event["step"] for event in events if event["event"] == "step" and event["stage"] == "reconstruct"]
     assert steps == sorted(steps) and steps[-1] == 30
     assert [event["event"] for event in run.events] == [event["event"] for event in events][:len(run.events)]
