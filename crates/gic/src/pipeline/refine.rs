@@ -83,8 +83,8 @@ impl Run<'_> {
         let (mut continuum, mut filling) = (self.filled()?, self.first_filling()?);
         for checkpoint in &checkpoints {
             let record = self.refine_once(&continuum, &mut filling, &settings, checkpoint)?;
-            // A surface that settles at once moves no motion.
-            if record.rounds <= 2 {
+            // Where the shape was the smaller part of what outlines missed, another one moves the body alike.
+            if record.gap_after_m.powi(2) > 0.5 * record.gap_before_m.powi(2) {
                 break;
             }
             settings.start = Some(record.parameters);
