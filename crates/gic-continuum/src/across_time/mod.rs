@@ -10,6 +10,8 @@
 //! 4. [`colours`] tries each place at several depths: at the right one, all moments see the same colour there.
 //! 5. Each place moves to where both want it, as far as its neighbours share in that; the field is carried along.
 //!
+//! Of all rounds that one is kept whose outlines miss least: colours of a noisy film pull places about.
+//!
 //! How far a moment's outlines miss after its pose is fitted is the error of its motion: what a moment says counts by
 //! that, so that no tolerance has to be given.
 
@@ -76,7 +78,7 @@ impl MomentView {
 /// How the shape of the first moment was settled.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AcrossTime {
-    /// Rounds until it moved no more.
+    /// The round that was kept.
     pub rounds: usize,
     /// How far outlines were off, median over all moments, before [m].
     pub gap_before_m: f64,
@@ -102,7 +104,8 @@ impl Filling {
         let (first, unit) = (self.field.clone(), 0.5 * self.field.spacing);
         let mut poses = vec![Pose::default(); moments.len()];
         let mut moved = Displacement::none(&first);
-        let mut report: Option<AcrossTime> = None;
+        let mut best: Option<(AcrossTime, Vec<f32>)> = None;
+        let mut gap_before_m = None;
         for round in 1..=tuning.iterations.most_rounds {
             if stop() {
                 return None;
@@ -114,25 +117,27 @@ impl Filling {
                 .map(|m| SeenMoment::new(surface.moved(&moments[m].positions, &poses[m]), &outlines[m]))
                 .collect();
             find_errors_of_motion(&mut seen);
+            let gap_after_m = median(seen.iter().map(|seen| seen.miss).collect())?;
+            let gap_before_m = *gap_before_m.get_or_insert(gap_after_m);
             let mut wanted = wanted_by_colours(&surface, &seen, moments, &pictures, (unit, tuning));
             wanted_by_outlines(&mut wanted, &seen, (unit, &tuning.across_time));
+            let seen = wanted.iter().filter(|(_, weight)| *weight > 0.0).count() as f64 / wanted.len() as f64;
+            if best.as_ref().is_none_or(|(best, _)| gap_after_m < best.gap_after_m) {
+                let report = AcrossTime { rounds: round, gap_before_m, gap_after_m, seen };
+                best = Some((report, self.field.values.clone()));
+            }
             let outward = smoothed(&surface.adjacent, &wanted, tuning.across_time.neighbour_deviation, tuning);
             let step = Displacement::of(&first, &surface.places, &outward, unit, &tuning.carving);
             moved = moved.then(&step);
             self.field.values = moved.carry(&first);
-            let gap_after_m = median(seen.iter().map(|seen| seen.miss).collect())?;
             let squares: f64 = outward.iter().map(|d| d * d).sum();
-            report = Some(AcrossTime {
-                rounds: round,
-                gap_before_m: report.map_or(gap_after_m, |report| report.gap_before_m),
-                gap_after_m,
-                seen: wanted.iter().filter(|(_, weight)| *weight > 0.0).count() as f64 / wanted.len() as f64,
-            });
             if squares <= tuning.across_time.settled_move * tuning.across_time.settled_move * outward.len() as f64 {
                 break;
             }
         }
-        report
+        let (report, values) = best?;
+        self.field.values = values;
+        Some(report)
     }
 }
 

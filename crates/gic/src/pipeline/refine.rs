@@ -34,7 +34,7 @@ const ALTERNATIONS: usize = 2;
 pub(super) struct RefineRecord {
     /// The material's parameters of the first fit, in the order of its law.
     pub(super) parameters: Vec<f64>,
-    /// Rounds until the surface moved no more.
+    /// The round that was kept.
     pub(super) rounds: usize,
     /// How far outlines were off, median over all moments, before [m].
     pub(super) gap_before_m: f64,
