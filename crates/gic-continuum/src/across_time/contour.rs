@@ -100,12 +100,11 @@ fn contour_in(
         if edge < -1.0 {
             return None;
         }
-        let gap = within + edge;
         let direction = towards.x * right + towards.y * down;
         let alignment = direction.dot(mesh.normals[vertex]);
-        // Where the mask's outline looks another way than the surface, it is another part's.
         let deformation = surface.deformation[vertex];
-        let gap = gap * depth / focal;
+        let gap = (within + edge) * depth / focal;
+        // Where the mask's outline looks another way than the surface, it is another part's.
         (alignment > 0.0).then_some(ContourPoint { vertex, point, direction, gap, deformation, alignment })
     };
     (0..sides.len()).filter(|vertex| sides[*vertex] == [true; 2]).filter_map(point).collect()

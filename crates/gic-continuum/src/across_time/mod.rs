@@ -25,11 +25,12 @@ mod tracked;
 use gic_scene::{Camera, Mask, Picture};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use self::colours::{ShadeFree, wanted_by_colours};
 use self::contour::{ContourPoint, MARGIN_PX, MomentOutlines, OUTLINE_ERROR_PX};
 use self::pose::Pose;
-use self::tracked::{MovedSurface, TrackedSurface};
+use self::tracked::{CarriedSurface, MovedSurface, TrackedSurface};
 use crate::carve::{Displacement, smoothed};
 use crate::{AcrossTimeTuning, Filling, Tuning};
 
@@ -76,7 +77,7 @@ impl MomentView {
 }
 
 /// How the shape of the first moment was settled.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct AcrossTime {
     /// The round that was kept.
     pub rounds: usize,
@@ -111,10 +112,12 @@ impl Filling {
                 return None;
             }
             let surface = TrackedSurface::new(self.surface_mesh(), body, spacing);
-            pose::follow(&mut poses, &surface, moments, &outlines, round == 1);
+            let carried: Vec<CarriedSurface> =
+                moments.par_iter().map(|moment| surface.carried(&moment.positions)).collect();
+            pose::follow(&mut poses, &carried, moments, &outlines, round == 1);
             let mut seen: Vec<SeenMoment> = (0..moments.len())
                 .into_par_iter()
-                .map(|m| SeenMoment::new(surface.moved(&moments[m].positions, &poses[m]), &outlines[m]))
+                .map(|m| SeenMoment::new(carried[m].moved(&poses[m]), &outlines[m]))
                 .collect();
             find_errors_of_motion(&mut seen);
             let gap_after_m = median(seen.iter().map(|seen| seen.miss).collect())?;

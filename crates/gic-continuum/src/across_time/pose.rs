@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use super::Moment;
 use super::contour::{MomentOutlines, deviation};
-use super::tracked::TrackedSurface;
+use super::tracked::CarriedSurface;
 
 /// Steps of the first fit of a moment. Budget: a turn of twenty degrees is found in ten.
 const FIRST_STEPS: usize = 12;
@@ -39,7 +39,7 @@ impl Pose {
 /// grow with time.
 pub(super) fn follow(
     poses: &mut [Pose],
-    surface: &TrackedSurface,
+    carried: &[CarriedSurface],
     moments: &[Moment],
     outlines: &[MomentOutlines],
     first: bool,
@@ -47,26 +47,21 @@ pub(super) fn follow(
     if first {
         for m in 1..moments.len() {
             if !moments[m].flies {
-                poses[m] = aligned(poses[m - 1], surface, (&moments[m], &outlines[m]), FIRST_STEPS);
+                poses[m] = aligned(poses[m - 1], &carried[m], &outlines[m], FIRST_STEPS);
             }
         }
     } else {
         let touched = poses.par_iter_mut().enumerate().filter(|(m, _)| !moments[*m].flies);
-        touched.for_each(|(m, pose)| *pose = aligned(*pose, surface, (&moments[m], &outlines[m]), STEPS));
+        touched.for_each(|(m, pose)| *pose = aligned(*pose, &carried[m], &outlines[m], STEPS));
     }
 }
 
 /// Gauss-Newton's method on the gaps between contours and outlines: a turn `w` about the centre `c` and a shift `t`
 /// move a contour by `direction . (t + w x (x - c))`.
-fn aligned(
-    start: Pose,
-    surface: &TrackedSurface,
-    (moment, outlines): (&Moment, &MomentOutlines),
-    steps: usize,
-) -> Pose {
+fn aligned(start: Pose, carried: &CarriedSurface, outlines: &MomentOutlines, steps: usize) -> Pose {
     let mut pose = start;
     for _ in 0..steps {
-        let moved = surface.moved(&moment.positions, &pose);
+        let moved = carried.moved(&pose);
         let contour = outlines.contour(&moved);
         let pixel = outlines.pixel(&moved);
         let deviation = deviation(&contour, pixel);

@@ -36,7 +36,16 @@ struct Anchor {
     offset: DVec3,
 }
 
-/// The surface in another moment.
+/// The surface in another moment, as the motion has it.
+pub(super) struct CarriedSurface<'a> {
+    triangles: &'a [[u32; 3]],
+    vertices: Vec<DVec3>,
+    outward: Vec<DVec3>,
+    deformation: Vec<f64>,
+    centre: DVec3,
+}
+
+/// The surface in another moment, under a pose.
 pub(super) struct MovedSurface {
     /// The same triangles.
     pub(super) mesh: TriangleMesh,
@@ -57,8 +66,8 @@ impl TrackedSurface {
         TrackedSurface { adjacent: adjacent(&mesh), places, anchors, mesh }
     }
 
-    /// The surface in a moment with its particles at `positions` [m], then moved by `pose`.
-    pub(super) fn moved(&self, positions: &[DVec3], pose: &Pose) -> MovedSurface {
+    /// The surface in a moment with its particles at `positions` [m].
+    pub(super) fn carried(&self, positions: &[DVec3]) -> CarriedSurface<'_> {
         let moved = self.anchors.par_iter().zip(&self.places).map(|(anchor, place)| {
             let (point, map) = anchor.moved(positions);
             (point, map * place.normal)
@@ -66,11 +75,18 @@ impl TrackedSurface {
         let (vertices, outward): (Vec<DVec3>, Vec<DVec3>) = moved.unzip();
         let centre = vertices.iter().sum::<DVec3>() / vertices.len().max(1) as f64;
         let deformation = deformation(&self.mesh.vertices, &vertices);
-        let vertices: Vec<DVec3> = vertices.into_iter().map(|vertex| pose.moved(vertex, centre)).collect();
-        let outward = outward.into_iter().map(|outward| pose.turn * outward).collect();
-        let normals = normals(&vertices, &self.mesh.triangles);
-        let mesh = TriangleMesh { vertices, normals, triangles: self.mesh.triangles.clone() };
-        MovedSurface { mesh, outward, deformation, centre: centre + pose.shift }
+        CarriedSurface { triangles: &self.mesh.triangles, vertices, outward, deformation, centre }
+    }
+}
+
+impl CarriedSurface<'_> {
+    /// The same under a pose.
+    pub(super) fn moved(&self, pose: &Pose) -> MovedSurface {
+        let vertices: Vec<DVec3> = self.vertices.iter().map(|vertex| pose.moved(*vertex, self.centre)).collect();
+        let outward = self.outward.iter().map(|outward| pose.turn * *outward).collect();
+        let normals = normals(&vertices, self.triangles);
+        let mesh = TriangleMesh { vertices, normals, triangles: self.triangles.to_vec() };
+        MovedSurface { mesh, outward, deformation: self.deformation.clone(), centre: self.centre + pose.shift }
     }
 }
 
@@ -178,7 +194,7 @@ mod tests {
                 * DMat3::from_cols(DVec3::X * stretch, DVec3::new(shear, 1.0, 0.0), DVec3::Z);
             let image = |p: DVec3| map * p + shift * DVec3::Y;
             let positions: Vec<DVec3> = body.iter().map(|p| image(*p)).collect();
-            let moved = surface.moved(&positions, &Pose::default());
+            let moved = surface.carried(&positions).moved(&Pose::default());
             for (i, place) in surface.places.iter().enumerate() {
                 prop_assert!(moved.mesh.vertices[i].distance(image(place.point)) < 2e-4);
                 prop_assert!((stretch - 1.0).abs() + shear.abs() > 1e-2 || moved.deformation[i] < 2e-3);

@@ -144,7 +144,7 @@ impl Run<'_> {
                 gaussians: filling.gaussians_used,
                 views: filling.views_used,
                 surface_points,
-                mask_iou: (!ious.is_empty()).then(|| ious.iter().sum::<f64>() / ious.len() as f64),
+                mask_iou: mean_overlap(&ious),
             });
             let values = [("volume_m3", volume_m3), ("surface_points", surface_points as f64)];
             self.events.step(Stage::Fill.name(), "", frame as u64 + 1, Some(count as u64), &values);
@@ -318,6 +318,11 @@ pub(super) fn write_body(path: &Path, particles: &Particles) -> Result<()> {
         [x, y, z, density, f32::from(particles.surface[i]), factor, doubt]
     });
     Ok(write_particles(path, ["x", "y", "z", "density", "surface", "volume_factor", "doubt"], rows)?)
+}
+
+/// Mean overlap of the views that have a mask; `None` where none has.
+pub(super) fn mean_overlap(overlaps: &[f64]) -> Option<f64> {
+    (!overlaps.is_empty()).then(|| overlaps.iter().sum::<f64>() / overlaps.len() as f64)
 }
 
 /// Overlaps of the views that have a mask.

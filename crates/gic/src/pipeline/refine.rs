@@ -16,9 +16,10 @@ use gic_twin::matter::{read_particles, write_particles};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::fill::{overlaps, write_body};
+use super::fill::{mean_overlap, overlaps, write_body};
 use super::identify::{motion_of, only_masks};
 use super::stamp::Recipe;
+use super::surroundings::Surroundings;
 use super::{Continuum, FillSummary, Run, Stage};
 use crate::config::Config;
 use crate::error::{Error, Result};
@@ -34,14 +35,9 @@ const ALTERNATIONS: usize = 2;
 pub(super) struct RefineRecord {
     /// The material's parameters of the first fit, in the order of its law.
     pub(super) parameters: Vec<f64>,
-    /// The round that was kept.
-    pub(super) rounds: usize,
-    /// How far outlines were off, median over all moments, before [m].
-    pub(super) gap_before_m: f64,
-    /// The same afterwards [m].
-    pub(super) gap_after_m: f64,
-    /// Share of the surface that colours or outlines of some moment tell.
-    pub(super) seen: f64,
+    /// How its surface was settled.
+    #[serde(flatten)]
+    pub(super) settled: AcrossTime,
     /// Lower corner of the field's first voxel [m].
     pub(super) field_origin_m: [f64; 3],
     /// Voxels of the field along x, y, z.
@@ -81,10 +77,11 @@ impl Run<'_> {
         atomic::create_folder(&self.path(FOLDER))?;
         let mut settings = Settings { joint: false, resolution_check: 0.0, ..self.config.identify.clone() };
         let (mut continuum, mut filling) = (self.filled()?, self.first_filling()?);
+        let surroundings = self.surroundings()?;
         for checkpoint in &checkpoints {
-            let record = self.refine_once(&continuum, &mut filling, &settings, checkpoint)?;
+            let record = self.refine_once((&continuum, &mut filling), &surroundings, &settings, checkpoint)?;
             // Where the shape was the smaller part of what outlines missed, another one moves the body alike.
-            if record.gap_after_m.powi(2) > 0.5 * record.gap_before_m.powi(2) {
+            if record.settled.gap_after_m.powi(2) > 0.5 * record.settled.gap_before_m.powi(2) {
                 break;
             }
             settings.start = Some(record.parameters);
@@ -97,12 +94,12 @@ impl Run<'_> {
     /// Fits the material to a body and settles this by the motion of that fit.
     fn refine_once(
         &self,
-        continuum: &Continuum,
-        filling: &mut Filling,
+        (continuum, filling): (&Continuum, &mut Filling),
+        surroundings: &Surroundings,
         settings: &Settings,
         checkpoint: &Path,
     ) -> Result<RefineRecord> {
-        let input = self.identify_input(continuum, &self.surroundings()?)?;
+        let input = self.identify_input(continuum, surroundings)?;
         let model = self.model()?;
         let frames = self.identify_settings(&input).frames;
         let settings = Settings { frames, ..settings.among_laws(model) };
@@ -112,8 +109,7 @@ impl Run<'_> {
         let stop = || self.interrupt.requested();
         let settled = filling.settle_across_time((&particles.positions, particles.spacing), &moments, tuning, &stop);
         self.stop_if_asked("a fit of the material")?;
-        let settled = settled.unwrap_or(AcrossTime { rounds: 0, gap_before_m: 0.0, gap_after_m: 0.0, seen: 0.0 });
-        self.write_refined(continuum, filling, &found, settled)
+        self.write_refined(continuum, filling, &found, settled.unwrap_or_default())
     }
 
     /// The moments of the video that the first fit explains, with what the cameras saw of them.
@@ -173,7 +169,7 @@ impl Run<'_> {
         let mut frames = before.frames.clone();
         if let Some(first) = frames.first_mut() {
             first.volume_m3 = filling.volume();
-            first.mask_iou = (!mask_iou.is_empty()).then(|| mask_iou.iter().sum::<f64>() / mask_iou.len() as f64);
+            first.mask_iou = mean_overlap(&mask_iou);
         }
         self.events.note(
             Stage::Refine.name(),
@@ -188,10 +184,7 @@ impl Run<'_> {
         );
         let record = RefineRecord {
             parameters: found.estimates.iter().map(|estimate| estimate.value).collect(),
-            rounds: settled.rounds,
-            gap_before_m: settled.gap_before_m,
-            gap_after_m: settled.gap_after_m,
-            seen: settled.seen,
+            settled,
             field_origin_m: filling.field.origin.into(),
             field_size: filling.field.size,
             field_spacing_m: filling.field.spacing,
