@@ -12,7 +12,8 @@ use rayon::prelude::*;
 use super::tracked::TrackedSurface;
 use super::{Moment, MomentView, SeenMoment};
 use crate::carve::{
-    Coloured, ColouredView, Curve, Place, SeenColours, Visibility, depths_of_sweep, difference_of, visible_depth,
+    Coloured, ColouredView, Curve, DEPTH_STEP, Place, SeenColours, Visibility, depths_of_sweep, difference_of,
+    visible_depth,
 };
 use crate::tuning::{SWEEP_DEPTHS, SWEEP_SURFACE, Tuning};
 
@@ -84,20 +85,25 @@ impl<'a> MomentColours<'a> {
     }
 }
 
-/// How far outward each place wants to be by its colours, and with which weight, in halves of a voxel [m].
+/// How far outward each place wants to be by its colours, and with which weight, in `unit` [m]; the field's voxels are
+/// twice `half_voxel` [m].
 pub(super) fn wanted_by_colours(
     surface: &TrackedSurface,
     seen: &[SeenMoment],
     moments: &[Moment],
     pictures: &[Vec<ShadeFree>],
-    (half_voxel, tuning): (f64, &Tuning),
+    (unit, half_voxel, tuning): (f64, f64, &Tuning),
 ) -> Vec<(f64, f64)> {
     let views: Vec<Vec<ColouredView>> =
         moments.iter().zip(pictures).map(|(m, pictures)| coloured(m, pictures)).collect();
     let colours: Vec<MomentColours> = (seen.par_iter().zip(&views))
-        .map(|(seen, views)| MomentColours::new(seen, views, seen.motion_error / seen.pixel, half_voxel, tuning))
+        .map(|(seen, views)| {
+            // The surface may lie between two depths, half a step from either.
+            let error_px = seen.motion_error.hypot(0.5 * DEPTH_STEP * unit) / seen.pixel;
+            MomentColours::new(seen, views, error_px, half_voxel, tuning)
+        })
         .collect();
-    let depths = depths_of_sweep(half_voxel);
+    let depths = depths_of_sweep(unit);
     let visibility =
         Visibility { depth: visible_depth(half_voxel, &tuning.carving), least_cosine: tuning.facing_cosine };
     let own = |vertex: usize| -> Curve {

@@ -10,6 +10,9 @@
 //! 4. [`colours`] tries each place at several depths: at the right one, all moments see the same colour there.
 //! 5. Each place moves to where both want it, as far as its neighbours share in that; the field is carried along.
 //!
+//! The depths lie far apart first, and half as far whenever the surface has settled: what stands out too far by a tenth
+//! of the body differs in colour at all depths nearby, and agrees only further in.
+//!
 //! Of all rounds that one is kept whose outlines miss least: colours of a noisy film pull places about.
 //!
 //! How far a moment's outlines miss after its pose is fitted is the error of its motion: what a moment says counts by
@@ -33,6 +36,10 @@ use self::pose::Pose;
 use self::tracked::{CarriedSurface, MovedSurface, TrackedSurface};
 use crate::carve::{Displacement, smoothed};
 use crate::{AcrossTimeTuning, Filling, Tuning};
+
+/// Unit of the first rounds [voxels of half the field's side]: the sweep's depths are a voxel apart. Derived: a picture
+/// that fits the voxels shows nothing finer, and larger steps jump over where its colours agree.
+const FIRST_UNIT: f64 = 4.0;
 
 /// One moment of a motion, and the pictures of it.
 #[derive(Clone, Debug)]
@@ -102,7 +109,9 @@ impl Filling {
         let outlines: Vec<MomentOutlines> = moments.par_iter().map(MomentOutlines::new).collect();
         let pictures: Vec<Vec<ShadeFree>> =
             moments.par_iter().map(|moment| moment.views.iter().map(ShadeFree::new).collect()).collect();
-        let (first, unit) = (self.field.clone(), 0.5 * self.field.spacing);
+        let first = self.field.clone();
+        let finest = 0.5 * self.field.spacing;
+        let mut unit = FIRST_UNIT * finest;
         let mut poses = vec![Pose::default(); moments.len()];
         let mut moved = Displacement::none(&first);
         let mut best: Option<(AcrossTime, Vec<f32>)> = None;
@@ -122,20 +131,24 @@ impl Filling {
             find_errors_of_motion(&mut seen);
             let gap_after_m = median(seen.iter().map(|seen| seen.miss).collect())?;
             let gap_before_m = *gap_before_m.get_or_insert(gap_after_m);
-            let mut wanted = wanted_by_colours(&surface, &seen, moments, &pictures, (unit, tuning));
+            let mut wanted = wanted_by_colours(&surface, &seen, moments, &pictures, (unit, finest, tuning));
             wanted_by_outlines(&mut wanted, &seen, (unit, &tuning.across_time));
             let seen = wanted.iter().filter(|(_, weight)| *weight > 0.0).count() as f64 / wanted.len() as f64;
             if best.as_ref().is_none_or(|(best, _)| gap_after_m < best.gap_after_m) {
                 let report = AcrossTime { rounds: round, gap_before_m, gap_after_m, seen };
                 best = Some((report, self.field.values.clone()));
             }
-            let outward = smoothed(&surface.adjacent, &wanted, tuning.across_time.neighbour_deviation, tuning);
+            let neighbour_deviation = tuning.across_time.neighbour_deviation * finest / unit;
+            let outward = smoothed(&surface.adjacent, &wanted, neighbour_deviation, tuning);
             let step = Displacement::of(&first, &surface.places, &outward, unit, &tuning.carving);
             moved = moved.then(&step);
             self.field.values = moved.carry(&first);
             let squares: f64 = outward.iter().map(|d| d * d).sum();
             if squares <= tuning.across_time.settled_move * tuning.across_time.settled_move * outward.len() as f64 {
-                break;
+                if unit <= finest {
+                    break;
+                }
+                unit = finest.max(0.5 * unit);
             }
         }
         let (report, values) = best?;

@@ -65,22 +65,22 @@ impl Filling {
 /// How much colours differ at each depth that is tried.
 pub(crate) type Curve = Difference<SWEEP_DEPTHS>;
 
-/// Distance between two depths of the sweep [voxels].
-const DEPTH_STEP: f64 = 0.5;
+/// Distance between two depths of the sweep [units].
+pub(crate) const DEPTH_STEP: f64 = 0.5;
 
-/// How far outward a depth lies [voxels].
+/// How far outward a depth lies [units].
 fn outward(depth: f64) -> f64 {
     DEPTH_STEP * (depth - SWEEP_SURFACE as f64)
 }
 
-/// How far outward the depths of the sweep lie [m], on voxels of half a field's side.
-pub(crate) fn depths_of_sweep(half_voxel: f64) -> [f64; SWEEP_DEPTHS] {
-    std::array::from_fn(|k| outward(k as f64) * half_voxel)
+/// How far outward the depths of the sweep lie [m], in a unit [m].
+pub(crate) fn depths_of_sweep(unit: f64) -> [f64; SWEEP_DEPTHS] {
+    std::array::from_fn(|k| outward(k as f64) * unit)
 }
 
 impl Curve {
-    /// Where the curve is least [voxels outward], by a parabola through its lowest values, and its second derivative
-    /// there [1/voxels^2], that of a squared deviation in units of its variance: differences larger than expected count
+    /// Where the curve is least [units outward], by a parabola through its lowest values, and its second derivative
+    /// there [1/units^2], that of a squared deviation in units of its variance: differences larger than expected count
     /// for less.
     /// Only `depths` are looked at.
     pub(crate) fn least(&self, largest_difference: f32, depths: RangeInclusive<usize>) -> (f64, f64) {
