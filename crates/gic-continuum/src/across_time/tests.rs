@@ -28,9 +28,9 @@ fn turn(k: usize) -> DQuat {
     DQuat::from_axis_angle(DVec3::new(0.6, 0.64, 0.48), 0.35 * k as f64)
 }
 
-/// A cross whose notches are filled and whose faces are too far out, from which three cameras' pictures are far.
+/// A cross whose notches are filled up to a ball and whose faces are too far out.
 fn swollen(p: DVec3) -> f64 {
-    let (a, b) = (cross(p, DVec3::ZERO) - 0.006, (p - CENTRE).length() - 0.075);
+    let (a, b) = (cross(p, DVec3::ZERO) - 0.006, (p - CENTRE).length() - 0.1);
     a.min(b)
 }
 
@@ -92,7 +92,8 @@ fn errors(filling: &Filling) -> (f64, f64) {
     (filling.volume() / VOLUME - 1.0, (squares / vertices.len() as f64).sqrt())
 }
 
-/// Three cameras, and a motion that errs by 12 degrees at its end.
+/// Three cameras, and a motion that errs by 12 degrees at its end. Notches are filled deeper than colours agree around
+/// their surface: only depths that lie far apart reach their ground.
 #[test]
 fn a_tumbling_body_is_seen_from_all_sides() {
     let mut body = filling(swollen);
@@ -103,8 +104,8 @@ fn a_tumbling_body_is_seen_from_all_sides() {
         .expect("something is seen");
     let after = errors(&body);
     println!("{before:?} {after:?} {found:?}");
-    assert!(before.0 > 0.25 && after.0.abs() < 0.2 * before.0, "volume {before:?} {after:?}");
-    assert!(after.1 < 0.5 * before.1, "surface {before:?} {after:?}");
+    assert!(before.0 > 0.5 && after.0.abs() < 0.15 * before.0, "volume {before:?} {after:?}");
+    assert!(after.1 < 0.4 * before.1, "surface {before:?} {after:?}");
     assert!(found.gap_after_m < 0.5 * found.gap_before_m && found.seen > 0.9, "{found:?}");
 }
 
