@@ -71,6 +71,7 @@ impl ForwardModel for Flight<'_> {
             .collect();
         let scales = vec![self.input.scales.clone(); positions.len()];
         let outward_displacements = self.shape.outward_displacements(&state.shape);
-        Ok(Trajectories { positions, scales, splat_factor: state.splat.exp() as f32, outward_displacements })
+        let splat_factor = state.splat.exp() as f32;
+        Ok(Trajectories { positions, scales, dilutions: Vec::new(), splat_factor, outward_displacements })
     }
 }

@@ -1,4 +1,10 @@
-//! The re-rendered Gaussian-informed continuum: the alpha of isotropic Gaussians (paper eq. 2), forward and backward.
+//! The silhouette of the Gaussian-informed continuum: alpha of isotropic Gaussians (paper eq. 2), made opaque, forward
+//! and backward.
+//!
+//! The body is opaque, but where it is thin, few Gaussians lie behind each other and alpha stays below one, in gaps
+//! between them most. A mask shows none of that, and a pile of sand would have to spread further to look as large as
+//! it is. So the odds of alpha are squared: `C = A^2 / (A^2 + (1 - A)^2)`. Where alpha is one half, the outline stays;
+//! of what is missing inside and too much outside, most is gone.
 //!
 //! Alpha alone does not depend on the order of the Gaussians, A(u) = 1 - prod_i (1 - o_i exp(-|u - mu_i|^2 / 2
 //! sigma_i^2)), and an isotropic Gaussian separates into a row and a column. So neither sorting nor tiles are needed,
@@ -11,9 +17,24 @@ use gic_simd::{Kernel, Lanes, Level, MAX_LANES, dispatch};
 use crate::forward::footprint::{IsotropicGaussians, Projection};
 use crate::tuning::PIXEL_VARIANCE;
 
-/// Accumulated alpha of the particles in `camera`, row-major, shape [height * width].
-pub(crate) fn alpha(gaussians: IsotropicGaussians, camera: &Camera) -> Vec<f32> {
+/// Coverage of the pixels of `camera` by the particles, row-major, shape [height * width].
+pub(crate) fn coverage(gaussians: IsotropicGaussians, camera: &Camera) -> Vec<f32> {
     dispatch(Level::active(), Draw { gaussians, camera })
+}
+
+/// Coverage of a pixel with a transmittance: the odds of its alpha are squared.
+fn opaque(transmittance: f32) -> f32 {
+    let alpha = 1.0 - transmittance;
+    let square = alpha * alpha;
+    square / (square + transmittance * transmittance)
+}
+
+/// What one minus alpha is multiplied by for the derivative of the coverage c by alpha: with the odds r = A / (1 - A),
+/// r^2 = c / (1 - c) and dc/dA (1 - A) = 2 r (1 + r) / (1 + r^2)^2.
+fn slope_times_transmittance(coverage: f32) -> f32 {
+    let odds = (coverage / (1.0 - coverage).max(f32::MIN_POSITIVE)).sqrt();
+    let square = 1.0 + odds * odds;
+    2.0 * odds * (1.0 + odds) / (square * square)
 }
 
 struct Draw<'a> {
@@ -51,17 +72,17 @@ impl Kernel for Draw<'_> {
         }
         transmittance.truncate(width * height);
         for t in &mut transmittance {
-            *t = 1.0 - *t;
+            *t = opaque(*t);
         }
         transmittance
     }
 }
 
-/// Adds d loss / d position [per m] to `gradient`, given the rendered alpha and d loss / d alpha.
+/// Adds d loss / d position [per m] to `gradient`, given the rendered coverage and d loss / d coverage.
 ///
 /// dA/d alpha_i = (1 - A) / (1 - alpha_i). The change of a Gaussian's width with its depth is small against the motion
 /// of its centre across the outline, but it is included, so that finite differences agree.
-pub(crate) fn alpha_backward(
+pub(crate) fn coverage_backward(
     gaussians: IsotropicGaussians,
     camera: &Camera,
     rendered: &[f32],
@@ -87,7 +108,8 @@ impl Kernel for DrawBackward<'_> {
         let (width, height) = (self.camera.width, self.camera.height);
         let projection = Projection::new(self.camera);
         // d loss / d alpha_i, but for the share of the Gaussian itself.
-        let mut pull: Vec<f32> = self.bar.iter().zip(self.rendered).map(|(bar, a)| bar * (1.0 - a)).collect();
+        let mut pull: Vec<f32> =
+            (self.bar.iter().zip(self.rendered)).map(|(bar, c)| bar * slope_times_transmittance(*c)).collect();
         pull.resize(width * height + MAX_LANES, 0.0);
         let (mut row, mut column) = (vec![0.0f32; width + MAX_LANES], vec![0.0f32; height + MAX_LANES]);
         for first in (0..self.gaussians.positions.len()).step_by(L::LANES) {
@@ -164,7 +186,7 @@ mod tests {
     fn agrees_with_the_rasteriser() {
         let positions = points(60);
         let (opacities, scales) = (vec![0.6; 60], vec![0.03; 60]);
-        let own = alpha(gaussians(&positions, &opacities, &scales), &camera());
+        let own = coverage(gaussians(&positions, &opacities, &scales), &camera());
         let gaussians = gic_splat::Gaussians {
             positions,
             opacities,
@@ -175,15 +197,44 @@ mod tests {
         let reference = gic_splat::render(&gaussians, &camera(), &gic_splat::RenderSettings::default());
         // The rasteriser keeps the perspective's shear of each Gaussian and a wider low pass.
         let (mut difference, mut covered) = (0.0, 0.0);
-        for (a, b) in own.iter().zip(&reference.alpha) {
+        for (a, b) in own.iter().zip(reference.alpha.iter().map(|alpha| opaque(1.0 - alpha))) {
             difference += (a - b).abs();
             covered += b;
         }
         assert!(covered > 100.0 && difference < 0.05 * covered, "{difference} of {covered}");
     }
 
+    /// A sheet of Gaussians 2.3 standard deviations apart, with gaps of alpha in between.
+    #[test]
+    fn what_is_thin_is_opaque() {
+        let apart = |i: usize| 0.025 * (i as f32 - 4.5);
+        let positions: Vec<[f32; 3]> = (0..100).map(|i| [apart(i % 10), apart(i / 10), 0.0]).collect();
+        let (opacities, scales) = (vec![0.9; 100], vec![0.01; 100]);
+        let camera = Camera {
+            world_from_camera: DMat3::IDENTITY,
+            centre: DVec3::new(0.0, 0.0, -1.0),
+            focal: DVec2::splat(100.0),
+            ..camera()
+        };
+        let drawn = coverage(gaussians(&positions, &opacities, &scales), &camera);
+        let alpha = plain_alpha(gaussians(&positions, &opacities, &scales), &camera);
+        // Within the outermost Gaussians.
+        let inside = |i: &usize| (12..36).contains(&(i % 48)) && (8..32).contains(&(i / 48));
+        let missing = |values: &dyn Fn(usize) -> f64| (0..48 * 40).filter(inside).map(|i| 1.0 - values(i)).sum::<f64>();
+        let (before, after) = (missing(&|i| alpha[i]), missing(&|i| f64::from(drawn[i])));
+        println!("{before} missing in alpha, {after} in coverage");
+        assert!(after < 0.6 * before, "{before} {after}");
+        for (a, c) in alpha.iter().zip(&drawn) {
+            assert!((a - 0.5) * (f64::from(*c) - a) >= -1e-3, "{a} became {c}");
+        }
+    }
+
     /// The definition in f64, Gaussian by Gaussian and pixel by pixel.
     fn plain(gaussians: IsotropicGaussians, camera: &Camera) -> Vec<f64> {
+        plain_alpha(gaussians, camera).iter().map(|a| a * a / (a * a + (1.0 - a) * (1.0 - a))).collect()
+    }
+
+    fn plain_alpha(gaussians: IsotropicGaussians, camera: &Camera) -> Vec<f64> {
         let mut transmittance = vec![1.0f64; camera.width * camera.height];
         for (i, position) in gaussians.positions.iter().enumerate() {
             let p =
@@ -241,7 +292,7 @@ mod tests {
         let (opacities, scales) = (vec![0.6; 4], vec![0.03; 4]);
         let straight = Camera { world_from_camera: DMat3::IDENTITY, ..camera() };
         for camera in [camera(), straight] {
-            assert!(alpha(gaussians(&nowhere, &opacities, &scales), &camera).iter().all(|a| *a == 0.0));
+            assert!(coverage(gaussians(&nowhere, &opacities, &scales), &camera).iter().all(|a| *a == 0.0));
         }
     }
 
@@ -252,15 +303,15 @@ mod tests {
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(6);
         let bar: Vec<f32> = (0..48 * 40).map(|_| random.random::<f32>() - 0.5).collect();
         let loss = |positions: &[[f32; 3]]| -> f64 {
-            alpha(gaussians(positions, &opacities, &scales), &camera())
+            coverage(gaussians(positions, &opacities, &scales), &camera())
                 .iter()
                 .zip(&bar)
                 .map(|(a, b)| f64::from(*a) * f64::from(*b))
                 .sum()
         };
-        let rendered = alpha(gaussians(&positions, &opacities, &scales), &camera());
+        let rendered = coverage(gaussians(&positions, &opacities, &scales), &camera());
         let mut gradient = vec![DVec3::ZERO; 25];
-        alpha_backward(gaussians(&positions, &opacities, &scales), &camera(), &rendered, &bar, &mut gradient);
+        coverage_backward(gaussians(&positions, &opacities, &scales), &camera(), &rendered, &bar, &mut gradient);
         let largest = gradient.iter().map(|g| g.abs().max_element()).fold(0.0, f64::max);
         for i in 0..25 {
             for axis in 0..3 {

@@ -31,7 +31,7 @@ impl Linearisation {
         state: &State,
         trajectories: Trajectories,
     ) -> Result<Linearisation, FitError> {
-        let tangents = Tangents::of_runs(Tangents::runs(problem, state)?, &trajectories);
+        let tangents = Tangents::of_runs(problem, Tangents::runs(problem, state)?, &trajectories);
         Ok(Linearisation { trajectories, tangents, blocks: None })
     }
 
@@ -84,7 +84,7 @@ impl Tangents {
         let (trajectories, runs) =
             rayon::join(|| problem.forward.trajectories(state, &problem.selection), || Tangents::runs(problem, state));
         let trajectories = trajectories?;
-        let tangents = runs.map(|runs| Tangents::of_runs(runs, &trajectories));
+        let tangents = runs.map(|runs| Tangents::of_runs(problem, runs, &trajectories));
         Ok((trajectories, tangents))
     }
 
@@ -109,7 +109,7 @@ impl Tangents {
     fn runs(problem: &Problem, state: &State) -> Result<Vec<(Option<Trajectories>, f64)>, FitError> {
         let run = |unknown: &Unknown| {
             let step = problem.coordinates.difference(*unknown);
-            if *unknown == Unknown::Splat {
+            if unknown.is_of_drawing() {
                 return Ok((None, step));
             }
             let (_, high) = problem.coordinates.limits(*unknown);
@@ -123,10 +123,11 @@ impl Tangents {
         problem.unknowns.par_iter().with_max_len(1).map(run).collect()
     }
 
-    fn of_runs(runs: Vec<(Option<Trajectories>, f64)>, trajectories: &Trajectories) -> Tangents {
-        let drawn =
-            |(run, step): (Option<Trajectories>, f64)| (run.unwrap_or_else(|| trajectories.drawn_wider(step)), step);
-        let (perturbed, steps) = runs.into_iter().map(drawn).unzip();
+    fn of_runs(problem: &Problem, runs: Vec<(Option<Trajectories>, f64)>, trajectories: &Trajectories) -> Tangents {
+        let drawn = |((run, step), unknown): ((Option<Trajectories>, f64), &Unknown)| {
+            (run.unwrap_or_else(|| trajectories.drawn(*unknown, step)), step)
+        };
+        let (perturbed, steps) = runs.into_iter().zip(&problem.unknowns).map(drawn).unzip();
         Tangents { perturbed, steps, fresh: true }
     }
 
@@ -138,7 +139,7 @@ impl Tangents {
     fn carry(&mut self, problem: &Problem, old: &Trajectories, new: &Trajectories, delta: &[f64]) {
         // In units of the difference steps; the drawing's own unknown moves no particle.
         let moved: Vec<f64> = (problem.unknowns.iter().zip(delta).zip(&self.steps))
-            .map(|((unknown, d), step)| if *unknown == Unknown::Splat { 0.0 } else { d / step })
+            .map(|((unknown, d), step)| if unknown.is_of_drawing() { 0.0 } else { d / step })
             .collect();
         let square: f64 = moved.iter().map(|u| u * u).sum();
         let gains: Vec<f32> = moved.iter().map(|u| if square > 0.0 { (u / square) as f32 } else { 0.0 }).collect();
@@ -168,8 +169,8 @@ impl Tangents {
             trajectories.splat_factor = new.splat_factor;
             trajectories.outward_displacements =
                 sum_of(&new.outward_displacements, &trajectories.outward_displacements, &old.outward_displacements);
-            if *unknown == Unknown::Splat {
-                *trajectories = new.drawn_wider(*step);
+            if unknown.is_of_drawing() {
+                *trajectories = new.drawn(*unknown, *step);
             }
         }
         self.fresh = false;

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use crate::Loss;
 use crate::forward::footprint::IsotropicGaussians;
-use crate::forward::silhouette::{alpha, alpha_backward};
+use crate::forward::silhouette::{coverage, coverage_backward};
 use crate::forward::trajectories::Trajectories;
 use crate::observe::video::{ObservedFrame, ObservedVideo};
 use crate::solve::surface_residuals::SurfaceComparison;
@@ -43,7 +43,7 @@ pub(crate) fn frame_loss(
     }
     let views = observed.views.len().max(1) as f64;
     for view in &observed.views {
-        let rendered = alpha(gaussians, &view.camera);
+        let rendered = coverage(gaussians, &view.camera);
         let share = 1.0 / (rendered.len() as f64 * views);
         let difference: f64 = rendered.iter().zip(&view.mask).map(|(a, m)| f64::from((a - m).abs())).sum();
         loss.mask_l1 += difference * share;
@@ -51,7 +51,7 @@ pub(crate) fn frame_loss(
         loss.mask_difference.1 += view.mask.iter().map(|m| f64::from(*m)).sum::<f64>();
         if with_gradient {
             let bar: Vec<f32> = rendered.iter().zip(&view.mask).map(|(a, m)| (a - m).signum() * share as f32).collect();
-            alpha_backward(gaussians, &view.camera, &rendered, &bar, &mut loss.gradient);
+            coverage_backward(gaussians, &view.camera, &rendered, &bar, &mut loss.gradient);
         }
     }
     loss

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::forward::outline_window::outline_window;
-use crate::forward::silhouette::alpha;
+use crate::forward::silhouette::coverage;
 use crate::forward::trajectories::{FrameSelection, Trajectories};
 use crate::observe::mask_view::{MaskView, pool};
 use crate::observe::video::{ObservedFrame, ObservedVideo};
@@ -62,7 +62,7 @@ impl Objective<'_> {
         let window = outline_window(view, base.gaussians(o, self.opacities), pooling);
         let camera = &window.camera(&view.camera);
         let draw = |trajectories: &Trajectories| {
-            let full = alpha(trajectories.gaussians(o, self.opacities), camera);
+            let full = coverage(trajectories.gaussians(o, self.opacities), camera);
             pool(&full, camera.width, camera.height, pooling)
         };
         let observed = pool(&window.cut(&view.mask, view.camera.width), camera.width, camera.height, pooling);

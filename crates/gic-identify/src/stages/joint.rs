@@ -86,7 +86,9 @@ pub(crate) fn problem<'a>(
 /// The position stays that of free flight: free, it is traded for the velocity.
 fn unknowns(identification: &Identification) -> Vec<Unknown> {
     let mut unknowns = identification.free_materials();
-    unknowns.extend(identification.flight.unknowns.iter().filter(|u| matches!(u, Unknown::Splat)));
+    if !identification.video.frames[0].views.is_empty() {
+        unknowns.extend([Unknown::Splat, Unknown::Thinning]);
+    }
     unknowns.extend(&identification.flight.motion);
     unknowns.extend(identification.grounds());
     if !identification.video.frames[0].views.is_empty() {
@@ -98,10 +100,14 @@ fn unknowns(identification: &Identification) -> Vec<Unknown> {
 /// What is known of the joint stage's unknowns besides the pictures: of the Gaussians' size, of the shape, of the
 /// ground and, by the outlines, of the motion.
 pub(crate) fn prior(identification: &Identification) -> Prior {
-    let is_nuisance = |u: &Unknown| matches!(u, Unknown::Splat | Unknown::Shape(_));
+    let is_nuisance = |u: &Unknown| u.is_of_drawing() || matches!(u, Unknown::Shape(_));
     let unknowns: Vec<Unknown> = unknowns(identification).into_iter().filter(is_nuisance).collect();
-    let splat = identification.tuning.joint.splat_deviation;
-    let deviation = |u: &Unknown| if *u == Unknown::Splat { splat } else { 1.0 };
+    let tuning = &identification.tuning.joint;
+    let deviation = |u: &Unknown| match u {
+        Unknown::Splat => tuning.splat_deviation,
+        Unknown::Thinning => tuning.thinning_deviation,
+        _ => 1.0,
+    };
     let information = DVector::from_iterator(unknowns.len(), unknowns.iter().map(|u| deviation(u).powi(-2)));
     let means = unknowns.iter().map(|u| identification.flight.state.get(*u));
     let nuisances = Prior {

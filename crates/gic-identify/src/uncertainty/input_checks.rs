@@ -3,7 +3,7 @@
 use gic_scene::touches_border;
 
 use crate::forward::footprint::IsotropicGaussians;
-use crate::forward::silhouette::alpha;
+use crate::forward::silhouette::coverage;
 use crate::observe::mask_view::MaskView;
 use crate::tuning::VerdictTuning;
 use crate::{Input, Target};
@@ -26,7 +26,7 @@ pub(crate) fn wrong_cameras(
         .iter()
         .map(|view| {
             let view = MaskView::new(view.camera, &input.cameras[view.camera], &view.mask, 1);
-            let rendered = alpha(gaussians, &view.camera);
+            let rendered = coverage(gaussians, &view.camera);
             let (mut both, mut either) = (0.0, 0.0);
             for (a, m) in rendered.iter().zip(&view.mask) {
                 both += f64::from(a.min(*m));
@@ -132,7 +132,7 @@ mod tests {
         let positions: Vec<[f32; 3]> = input.positions.iter().map(|p| p.as_vec3().to_array()).collect();
         let (opacities, scales) = (&input.opacities, &input.scales);
         let gaussians = IsotropicGaussians { positions: &positions, opacities, scales, factor: 1.0 };
-        let draw = |camera: &Camera| alpha(gaussians, camera).iter().map(|a| a.clamp(0.0, 1.0)).collect();
+        let draw = |camera: &Camera| coverage(gaussians, camera).iter().map(|a| a.clamp(0.0, 1.0)).collect();
         input.cameras.iter().enumerate().map(|(camera, c)| View { camera, mask: draw(c) }).collect()
     }
 
