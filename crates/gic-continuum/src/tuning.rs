@@ -272,8 +272,8 @@ tuned! {
     /// Particles and how they are drawn.
     ParticleTuning {
         /// Cells of the simulation's grid along the side of a cube with the body's volume, before their side is
-        /// rounded. Paper: 0.02 m for objects whose boxes are 0.3 to 0.45 m.
-        cells_across: f64 = 8.0,
+        /// rounded: 8,000 particles. Paper: 0.02 m for objects whose boxes are 0.3 to 0.45 m.
+        cells_across: f64 = 10.0,
         /// Distance of neighbouring particles [cells]. Paper: two a cell along each axis.
         spacing: f64 = 0.5,
         /// Points along each axis of a particle's cell that are asked to which particle they belong. Budget.

@@ -29,9 +29,15 @@ impl Minimum {
         (self.residuals.norm_squared() / self.residuals.len().max(1) as f64).sqrt()
     }
 
-    /// J^T J of the residuals here, shape [n, n], by differences of the unknowns as in [`least_squares`].
+    /// J^T J of the residuals here, shape [n, n], by `differences` of the unknowns to both sides. A residual that has a
+    /// kink bounds the unknowns on one side only: its flatter side counts.
     pub fn curvature(&self, residuals: impl Fn(&DVector<f64>) -> DVector<f64>, differences: &[f64]) -> DMatrix<f64> {
-        let mut jacobian = jacobian(&residuals, self, differences);
+        let backward: Vec<f64> = differences.iter().map(|difference| -difference).collect();
+        let (ahead, behind) = (jacobian(&residuals, self, differences), jacobian(&residuals, self, &backward));
+        let flatter = |ahead: f64, behind: f64| {
+            if ahead * behind <= 0.0 { 0.0 } else { ahead.signum() * ahead.abs().min(behind.abs()) }
+        };
+        let mut jacobian = ahead.zip_map(&behind, |ahead, behind| flatter(ahead, -behind));
         for (mut column, difference) in jacobian.column_iter_mut().zip(differences) {
             column /= *difference;
         }

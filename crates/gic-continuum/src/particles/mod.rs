@@ -3,6 +3,7 @@
 mod drawing;
 mod informed;
 mod sample;
+mod thickness;
 
 pub use drawing::Drawing;
 pub use informed::{Agreement, Appearance, agreement, calibrate, compare_with_masks, informed_gaussians};

@@ -24,6 +24,10 @@ const PARABOLA_FRAMES: usize = 3;
 /// Rounds of fitting with a prior, whose weight follows from the misses. Budget: these settle to a tenth.
 const PRIOR_ROUNDS: usize = 2;
 
+/// Steps over which it is measured how well the outlines tell the unknowns, in those of the fit. Derived: they move
+/// outlines by up to a pixel, as far as corners of their hulls lie apart, from one of which to the next tangents go.
+const CORNERS: f64 = 10.0;
+
 /// What a flight may show of the cameras.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Seek {
@@ -188,7 +192,9 @@ impl FreeFlight {
         let fit = least_squares(residuals, unknowns.of(self), &differences);
         let flight = unknowns.put(self, &fit.unknowns);
         let miss_px = rms(&fit.residuals.rows(0, 2 * pairs.len()).into_owned()).unwrap_or_default();
-        let inverse = inverse(fit.curvature(residuals, &differences));
+        let inverse = inverse(
+            fit.curvature(residuals, &differences.iter().map(|difference| CORNERS * difference).collect::<Vec<_>>()),
+        );
         let told = 2.0 * moments.len() as f64 - unknowns.told(&inverse, noise * shared.sqrt());
         let spread_px = miss_px * (2.0 * moments.len() as f64 / told.max(0.0)).sqrt();
         // Each of the outlines takes part in as many pairs as there are others, and these share its error: together

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use gic_continuum::{
-    Agreement, Appearance, Drawing, FillSettings, Filling, MirrorPlane, ParticleTuning, Particles, calibrate,
+    Agreement, Appearance, Drawing, FillSettings, Filling, MirrorPlane, ParticleTuning, Particles, Tuning, calibrate,
     compare_with_masks, sample_particles, sample_points,
 };
 use gic_scene::{Camera, Hull, HullSettings, HullView, Mask};
@@ -31,6 +31,10 @@ pub struct FillSummary {
     pub particle_volume_m3: f64,
     /// Number of particles.
     pub particles: usize,
+    /// Share of them in parts of the body that are thinner than two cells of the simulation's grid, which does not
+    /// resolve how they bend; `None` in runs that were filled without that figure.
+    #[serde(default)]
+    pub thin_share: Option<f64>,
     /// Standard deviation of a particle's Gaussian, in units of the particle spacing.
     pub splat_scale: f64,
     /// Opacity of a particle of density 1.
@@ -48,6 +52,26 @@ pub struct FillSummary {
     pub outline_frames: usize,
     /// Every frame.
     pub frames: Vec<FrameFilling>,
+}
+
+/// The body of the first frame, which is simulated.
+struct FirstBody {
+    particles: Particles,
+    appearance: Appearance,
+    /// How its finer points are drawn.
+    drawn: Appearance,
+    mask_iou: Vec<f64>,
+    thin_share: f64,
+}
+
+impl FillSummary {
+    /// What the simulation's grid does not resolve, in words; `None` of less than a hundredth of the body.
+    pub fn thin_part_remark(&self) -> Option<String> {
+        let percent = 100.0 * self.thin_share.filter(|share| *share >= 0.01)?;
+        Some(format!(
+            "{percent:.0} % of the body is thinner than two cells of the grid, which does not resolve its bending"
+        ))
+    }
 }
 
 /// The filling of one frame.
@@ -113,7 +137,7 @@ impl Run<'_> {
             atomic::create_folder(&self.path(folder))?;
         }
         let mut frames = Vec::new();
-        let (mut first, mut filler) = (None, self.frame_filler());
+        let (mut first, mut filler) = (None::<FirstBody>, self.frame_filler());
         let count = input.frames();
         for (frame, &time_s) in input.scene.times[..count].iter().enumerate() {
             self.check_interrupt(Stage::Fill)?;
@@ -132,7 +156,7 @@ impl Run<'_> {
             let points = place(tuning.particles.drawing_spacing * spacing).map_err(Error::filling(frame))?;
             let surface_points = self.write_frame(frame, &filling, &particles)?;
             let drawn = match &first {
-                Some((_, _, drawn, _)) => *drawn,
+                Some(first) => first.drawn,
                 None => calibrate(&points, &views, tuning).map_err(Error::filling(frame))?,
             };
             let volume_m3 = filling.volume();
@@ -150,12 +174,13 @@ impl Run<'_> {
             self.events.step(Stage::Fill.name(), "", frame as u64 + 1, Some(count as u64), &values);
             if frame == 0 {
                 let appearance = calibrate(&particles, &views, tuning).map_err(Error::filling(frame))?;
-                first = Some((particles, appearance, drawn, ious));
+                let thin_share = thin_share(&filling, &particles, tuning);
+                first = Some(FirstBody { particles, appearance, drawn, mask_iou: ious, thin_share });
                 // More is seen of a body in the air than of one on the ground.
                 settings.volume = Some(volume_m3);
             }
         }
-        let Some((particles, appearance, drawn, mask_iou)) = first else {
+        let Some(FirstBody { particles, appearance, drawn, mask_iou, thin_share }) = first else {
             return Err(Error::Usage { problem: "the scene has no frames".into(), hint: None });
         };
         write_body(&self.path("continuum.ply"), &particles)?;
@@ -177,6 +202,7 @@ impl Run<'_> {
             particle_spacing_m: particles.spacing,
             particle_volume_m3: particles.volume,
             particles: particles.positions.len(),
+            thin_share: Some(thin_share),
             splat_scale: appearance.scale,
             splat_opacity: appearance.opacity,
             drawing_scale: drawn.scale,
@@ -330,12 +356,17 @@ pub(super) fn overlaps(agreements: &[Option<Agreement>]) -> Vec<f64> {
     agreements.iter().flatten().map(|agreement| agreement.iou).collect()
 }
 
-/// The nearest of the round numbers ... 0.01, 0.02, 0.05, 0.1 ... [m], by ratio. Grid nodes lie on multiples of the
-/// spacing, and grounds are put at round heights, so a round spacing puts the plane on nodes.
+/// Share of the particles in parts that are thinner than two cells of the simulation's grid.
+pub(super) fn thin_share(filling: &Filling, particles: &Particles, tuning: &Tuning) -> f64 {
+    filling.thin_share(&particles.positions, 2.0 * particles.spacing / tuning.particles.spacing)
+}
+
+/// The nearest of the round numbers ... 0.01, 0.015, 0.02, 0.03, 0.05, 0.07, 0.1 ... [m], by ratio. Grid nodes lie on
+/// multiples of the spacing, and most grounds at zero or at round heights, so that the plane lies on nodes.
 fn round_length(length: f64) -> f64 {
     let decade = 10f64.powf(length.log10().floor());
     let distance = |candidate: &f64| (candidate / length).ln().abs();
-    let candidates = [1.0, 2.0, 5.0, 10.0].map(|m| m * decade);
+    let candidates = [1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0].map(|m| m * decade);
     candidates.into_iter().min_by(|a, b| distance(a).total_cmp(&distance(b))).unwrap_or(length)
 }
 
@@ -345,9 +376,15 @@ mod tests {
 
     #[test]
     fn lengths_round_by_ratio() {
-        for (length, round) in
-            [(0.0221, 0.02), (0.0259, 0.02), (0.0163, 0.02), (0.034, 0.05), (0.0075, 0.01), (1.2, 1.0)]
-        {
+        for (length, round) in [
+            (0.0221, 0.02),
+            (0.0249, 0.03),
+            (0.0163, 0.015),
+            (0.034, 0.03),
+            (0.0075, 0.007),
+            (0.0096, 0.01),
+            (1.2, 1.0),
+        ] {
             assert!((round_length(length) / round - 1.0).abs() < 1e-12, "{length} to {}", round_length(length));
         }
     }

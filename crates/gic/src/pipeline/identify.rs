@@ -261,7 +261,11 @@ impl Run<'_> {
         let scale = (continuum.appearance.scale * particles.spacing) as f32;
         self.events.note(
             Stage::Identify.name(),
-            format!("grid {:.2} mm, {substeps_per_frame} substeps a frame", 1e3 * grid_spacing_m),
+            format!(
+                "grid {:.2} mm, {substeps_per_frame} substeps a frame{}",
+                1e3 * grid_spacing_m,
+                continuum.summary.thin_part_remark().map_or(String::new(), |remark| format!("; {remark}"))
+            ),
         );
         let mut cameras = self.scene.cameras.clone();
         if let Some(scan) = self.scan() {

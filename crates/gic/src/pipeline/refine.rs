@@ -16,7 +16,7 @@ use gic_twin::matter::{read_particles, write_particles};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::fill::{mean_overlap, overlaps, write_body};
+use super::fill::{mean_overlap, overlaps, thin_share, write_body};
 use super::identify::{motion_of, only_masks};
 use super::stamp::Recipe;
 use super::surroundings::Surroundings;
@@ -191,6 +191,7 @@ impl Run<'_> {
             summary: FillSummary {
                 particle_volume_m3: particles.volume,
                 particles: particles.positions.len(),
+                thin_share: Some(thin_share(filling, &particles, tuning)),
                 splat_scale: appearance.scale,
                 splat_opacity: appearance.opacity,
                 drawing_scale: drawn.scale,

@@ -14,7 +14,7 @@ use gic_view::template::{self, Template};
 use serde::Serialize;
 
 use crate::error::{Error, Result};
-use crate::pipeline::{IdentifyRecord, Run, Selection, Stage};
+use crate::pipeline::{IdentifyRecord, Run, Selection, Stage, config_of_run, summary_of_body};
 use estimate::EstimateRow;
 use history::History;
 use pictures::Pictures;
@@ -100,13 +100,16 @@ fn report(run: &Run, found: &IdentifyRecord, events: &Events) -> Result<Report> 
     let pictures = Pictures::draw(run, found, events)?;
     let motion = SimulatedMotion::open(run.folder())?;
     let config = run.folder().join("config.toml");
+    let thin_parts = summary_of_body(run.folder(), &config_of_run(run.folder())?)?.thin_part_remark();
     Ok(Report {
         model: found.model.clone(),
         verdict: estimate::verdict(found, &pictures.overlap),
         warnings: found.warnings.iter().cloned().chain(history.warnings(&found.warnings)).map(sentence).collect(),
         rows: estimate::rows(found, truth.as_ref()),
         has_truth: truth.is_some(),
-        remarks: remarks(found).into_iter().chain(run.video().corrections().into_iter().map(sentence)).collect(),
+        remarks: (remarks(found).into_iter())
+            .chain(thin_parts.into_iter().chain(run.video().corrections()).map(sentence))
+            .collect(),
         selection: run.selection_if_any()?.map(|selection| ranking(&selection)),
         fitted_frames: run.fitted_frames(),
         frames: run.video().times.len(),
