@@ -123,4 +123,15 @@ mod tests {
             least_squares(|u| DVector::from_element(1, u[0] - 3.0), DVector::from_vec(vec![0.0, 7.0]), &[1e-3; 2]);
         assert!((found.unknowns[0] - 3.0).abs() < 1e-6 && found.unknowns[1] == 7.0, "{}", found.unknowns);
     }
+
+    /// A residual that is steep on one side and flat on the other bounds the unknown as the flat side does; where it
+    /// comes back on both sides it says nothing.
+    #[test]
+    fn the_flatter_side_of_a_kink_counts() {
+        let kinked =
+            |x: &DVector<f64>| DVector::from_vec(vec![if x[0] < 0.0 { 10.0 * x[0] } else { x[0] }, x[1].abs()]);
+        let here = Minimum { unknowns: DVector::zeros(2), residuals: DVector::zeros(2) };
+        let curvature = here.curvature(kinked, &[0.1, 0.1]);
+        assert!((curvature[(0, 0)] - 1.0).abs() < 1e-12 && curvature[(1, 1)] == 0.0, "{curvature}");
+    }
 }
