@@ -260,9 +260,6 @@ impl Default for NoiseTuning {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct FreeFlightTuning {
-    /// Rotation shows when the cost with it is less than this share of that without. Fitted on: the nine scenes, which
-    /// do not rotate.
-    pub rotation_cost_share: f64,
     /// Rotation shows when one of its components is larger than so many standard errors. Fitted on: the nine scenes,
     /// which do not rotate.
     pub rotation_significance: f64,
@@ -270,7 +267,7 @@ pub struct FreeFlightTuning {
 
 impl Default for FreeFlightTuning {
     fn default() -> FreeFlightTuning {
-        FreeFlightTuning { rotation_cost_share: 0.9, rotation_significance: 5.0 }
+        FreeFlightTuning { rotation_significance: 5.0 }
     }
 }
 

@@ -4,12 +4,8 @@ use glam::DVec3;
 
 use super::tracked::MovedSurface;
 use super::{Moment, MomentView, median};
-use crate::fill::SilhouetteWindow;
+use crate::fill::{MARGIN_PX, SilhouetteWindow};
 use crate::symmetry::Outline;
-
-/// Pixels around a mask's box in which a silhouette's edge is looked for. Derived: a turn of ten degrees moves the ends
-/// of a body that is 250 pixels long by so much.
-pub(super) const MARGIN_PX: usize = 24;
 
 /// How well a mask tells an outline, as a standard deviation [pixels]. Derived: distances from the centres of whole
 /// pixels err by up to half a pixel to both sides.

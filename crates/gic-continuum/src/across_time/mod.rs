@@ -31,10 +31,11 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use self::colours::{ShadeFree, wanted_by_colours};
-use self::contour::{ContourPoint, MARGIN_PX, MomentOutlines, OUTLINE_ERROR_PX};
+use self::contour::{ContourPoint, MomentOutlines, OUTLINE_ERROR_PX};
 use self::pose::Pose;
 use self::tracked::{CarriedSurface, MovedSurface, TrackedSurface};
 use crate::carve::{Displacement, smoothed};
+use crate::fill::MARGIN_PX;
 use crate::{AcrossTimeTuning, Filling, Tuning};
 
 /// Unit of the first rounds [voxels of half the field's side]: the sweep's depths are a voxel apart. Derived: a picture

@@ -37,7 +37,7 @@ use crate::{ContinuumError, FillSettings, MaskedView, Symmetry};
 
 pub(crate) use self::coarse_to_fine::smooth;
 pub use self::filling::Filling;
-pub(crate) use self::outlines::SilhouetteWindow;
+pub(crate) use self::outlines::{MARGIN_PX, SilhouetteWindow};
 
 /// Algorithm 1: the density field of one frame from its Gaussians and masks.
 pub fn fill(gaussians: &Gaussians, views: &[MaskedView], settings: &FillSettings) -> Result<Filling, ContinuumError> {

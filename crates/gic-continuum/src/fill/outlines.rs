@@ -15,8 +15,9 @@ use crate::symmetry::{Outline, Symmetry};
 
 /// Pixels of a silhouette along each side of one of the mask. Derived: outlines are told to a quarter of a pixel each.
 const FINENESS: usize = 2;
-/// Pixels around the mask's box in which silhouettes are drawn. Derived: further out no outline of the body is sought.
-const MARGIN_PX: usize = 8;
+/// Pixels around a mask's box in which a silhouette's edge is looked for. Derived: a turn of ten degrees moves the ends
+/// of a body that is 250 pixels long by so much.
+pub(crate) const MARGIN_PX: usize = 24;
 /// Voxels over which the field of the hull ramps. Derived: trilinear interpolation needs both sides of the surface.
 const HULL_RAMP_VOXELS: f64 = 4.0;
 

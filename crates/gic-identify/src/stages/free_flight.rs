@@ -82,10 +82,9 @@ pub(crate) fn fit_free_flight(
         with_rotation.extend((0..3).map(Unknown::Angular));
         let mut turning = stage.fit(fit.state.clone(), &with_rotation, free, 1)?;
         let turning_blocks = stage.blocks(&mut turning, &with_rotation, free);
-        // Rotation counts as shown when it explains some of the residual and stands above its own uncertainty.
+        // Rotation counts as shown when it stands above its own uncertainty.
         let significance = rotation_significance(&turning_blocks, &turning.state, &with_rotation, objective);
-        let tuning = &settings.tuning.free_flight;
-        if turning.cost < tuning.rotation_cost_share * fit.cost && significance > tuning.rotation_significance {
+        if significance > settings.tuning.free_flight.rotation_significance {
             (fit, unknowns, blocks) = (turning, with_rotation, turning_blocks);
         }
     }
