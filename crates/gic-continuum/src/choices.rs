@@ -10,8 +10,8 @@ use crate::{ContinuumError, FillSettings, Tuning, Unseen};
 #[cfg_attr(feature = "cli", derive(clap::Args), group(skip), command(next_help_heading = "Filling"))]
 #[serde(default, deny_unknown_fields)]
 pub struct Settings {
-    /// Distance of neighbouring particles [m]; by default half a grid cell, which is a round number (1, 2, 5 x 10^k)
-    /// near an eighth of the cube root of the body's volume.
+    /// Distance of neighbouring particles [m]; by default half a grid cell, which is a round number (1, 1.5, 2, 3, 5 or
+    /// 7 x 10^k) near a tenth of the cube root of the body's volume.
     #[cfg_attr(feature = "cli", arg(long, value_name = "M"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub particle_spacing_m: Option<f64>,
