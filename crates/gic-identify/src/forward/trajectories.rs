@@ -12,7 +12,7 @@ pub(crate) struct Trajectories {
     /// Standard deviations of the particles' Gaussians [m], shape [observations][n].
     pub scales: Vec<Vec<f32>>,
     /// How much thinner matter is around each particle than at rest: the logarithm of the ratio of densities, shape
-    /// [observations][n]; empty where nothing has thinned out, and of motions of which only differences are asked.
+    /// [observations][n]; empty before contact, where nothing thins out.
     pub dilutions: Vec<Vec<f32>>,
     /// Factor on all of them.
     pub splat_factor: f32,

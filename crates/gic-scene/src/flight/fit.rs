@@ -192,9 +192,8 @@ impl FreeFlight {
         let fit = least_squares(residuals, unknowns.of(self), &differences);
         let flight = unknowns.put(self, &fit.unknowns);
         let miss_px = rms(&fit.residuals.rows(0, 2 * pairs.len()).into_owned()).unwrap_or_default();
-        let inverse = inverse(
-            fit.curvature(residuals, &differences.iter().map(|difference| CORNERS * difference).collect::<Vec<_>>()),
-        );
+        let over_corners: Vec<f64> = differences.iter().map(|difference| CORNERS * difference).collect();
+        let inverse = inverse(fit.curvature(residuals, &over_corners));
         let told = 2.0 * moments.len() as f64 - unknowns.told(&inverse, noise * shared.sqrt());
         let spread_px = miss_px * (2.0 * moments.len() as f64 / told.max(0.0)).sqrt();
         // Each of the outlines takes part in as many pairs as there are others, and these share its error: together
