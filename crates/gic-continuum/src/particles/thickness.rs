@@ -15,7 +15,7 @@ impl Filling {
         let surface = Neighbours::new(&self.surface_mesh().vertices, field.spacing);
         let depth = radius - 0.5 * field.spacing;
         let is_core = |point: &DVec3| surface.nearest::<1>(*point)[0].0 >= depth * depth;
-        let full = (0..field.len()).into_par_iter().filter(|i| field.values[*i] as f64 >= self.th_min as f64);
+        let full = (0..field.len()).into_par_iter().filter(|i| f64::from(field.values[*i]) >= self.th_min);
         let core: Vec<DVec3> = full.map(|i| field.centre(field.voxel(i))).filter(is_core).collect();
         let core = Neighbours::new(&core, radius);
         let reach = std::f64::consts::SQRT_2 * radius;
