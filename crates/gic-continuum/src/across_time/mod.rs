@@ -8,7 +8,8 @@
 //! 2. [`pose`] lays the body of each moment after the flight into its outlines, for its turn is what errs most.
 //! 3. [`contour`] finds the places that make the silhouettes' edges: the mask tells how far each lies off.
 //! 4. [`colours`] tries each place at several depths: at the right one, all moments see the same colour there.
-//! 5. Each place moves to where both want it, as far as its neighbours share in that; the field is carried along.
+//! 5. Mirror images of a place, where the body has any, are further views of it: what is wanted of them is shared.
+//! 6. Each place moves to where all want it, as far as its neighbours share in that; the field is carried along.
 //!
 //! The depths lie far apart first, and half as far whenever the surface has settled: what stands out too far by a tenth
 //! of the body differs in colour at all depths nearby, and agrees only further in.
@@ -25,6 +26,7 @@ mod pose;
 mod tests;
 mod tracked;
 
+use gic_geometry::Neighbours;
 use gic_scene::{Camera, Mask, Picture};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -36,7 +38,7 @@ use self::pose::Pose;
 use self::tracked::{CarriedSurface, MovedSurface, TrackedSurface};
 use crate::carve::{Displacement, smoothed};
 use crate::fill::MARGIN_PX;
-use crate::{AcrossTimeTuning, Filling, Tuning};
+use crate::{AcrossTimeTuning, Filling, Symmetry, Tuning};
 
 /// Unit of the first rounds [voxels of half the field's side]: the sweep's depths are a voxel apart. Derived: a picture
 /// that fits the voxels shows nothing finer, and larger steps jump over where its colours agree.
@@ -99,11 +101,12 @@ pub struct AcrossTime {
 
 impl Filling {
     /// Moves the surface to where the pictures of all `moments` want it; `body` are the particles of the first moment
-    /// [m], `spacing` apart, that the moments carry on. `None` where `stop` says so, and where nothing is seen.
+    /// [m], `spacing` apart, that the moments carry on, and `symmetry` its mirror planes. `None` where `stop` says so, and where nothing is seen.
     pub fn settle_across_time(
         &mut self,
         (body, spacing): (&[DVec3], f64),
         moments: &[Moment],
+        symmetry: &Symmetry,
         tuning: &Tuning,
         stop: &dyn Fn() -> bool,
     ) -> Option<AcrossTime> {
@@ -134,6 +137,7 @@ impl Filling {
             let gap_before_m = *gap_before_m.get_or_insert(gap_after_m);
             let mut wanted = wanted_by_colours(&surface, &seen, moments, &pictures, (unit, finest, tuning));
             wanted_by_outlines(&mut wanted, &seen, (unit, &tuning.across_time));
+            share_with_images(&mut wanted, &surface.mesh.vertices, symmetry, first.spacing);
             let seen = wanted.iter().filter(|(_, weight)| *weight > 0.0).count() as f64 / wanted.len() as f64;
             if best.as_ref().is_none_or(|(best, _)| gap_after_m < best.gap_after_m) {
                 let report = AcrossTime { rounds: round, gap_before_m, gap_after_m, seen };
@@ -205,6 +209,21 @@ fn wanted_by_outlines(wanted: &mut [(f64, f64)], seen: &[SeenMoment], (unit, tun
         *at = (*weight * *at + sum) / (*weight + total);
         *weight += total;
     }
+}
+
+/// Adds to each of the `vertices` [m] what is wanted of its images by `symmetry`, those within a voxel of side `spacing`
+/// [m].
+fn share_with_images(wanted: &mut [(f64, f64)], vertices: &[DVec3], symmetry: &Symmetry, spacing: f64) {
+    if symmetry.planes.is_empty() {
+        return;
+    }
+    let (tree, images, own) = (Neighbours::new(vertices, spacing), symmetry.images(), wanted.to_vec());
+    wanted.par_iter_mut().zip(vertices).for_each(|(wanted, vertex)| {
+        let nearest = images.of(*vertex).map(|image| tree.nearest::<1>(image)[0]);
+        let near = nearest.filter(|(squared, _)| *squared <= spacing * spacing).map(|(_, i)| own[i]);
+        let (sum, total) = near.fold((0.0, 0.0), |(sum, total), (at, weight)| (sum + weight * at, total + weight));
+        *wanted = (if total > 0.0 { sum / total } else { 0.0 }, total);
+    });
 }
 
 /// The median; `None` of nothing.

@@ -3,8 +3,8 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::*;
-use crate::Filling;
-use crate::test_cross::{CENTRE, VOLUME, cameras, cross, hit};
+use crate::test_cross::{CENTRE, VOLUME, cameras, cross, hit, turned};
+use crate::{Filling, MirrorPlane};
 
 const SPACING: f64 = 0.01;
 
@@ -100,7 +100,13 @@ fn a_tumbling_body_is_seen_from_all_sides() {
     let particles = particles(swollen);
     let before = errors(&body);
     let found = body
-        .settle_across_time((&particles, SPACING), &moments(&particles, 0.035), &Tuning::default(), &|| false)
+        .settle_across_time(
+            (&particles, SPACING),
+            &moments(&particles, 0.035),
+            &Symmetry::default(),
+            &Tuning::default(),
+            &|| false,
+        )
         .expect("something is seen");
     let after = errors(&body);
     println!("{before:?} {after:?} {found:?}");
@@ -116,11 +122,36 @@ fn a_body_that_fits_its_pictures_keeps_its_volume() {
     let mut body = filling(right);
     let particles = particles(right);
     let before = errors(&body);
-    body.settle_across_time((&particles, SPACING), &moments(&particles, 0.0), &Tuning::default(), &|| false)
-        .expect("something is seen");
+    body.settle_across_time(
+        (&particles, SPACING),
+        &moments(&particles, 0.0),
+        &Symmetry::default(),
+        &Tuning::default(),
+        &|| false,
+    )
+    .expect("something is seen");
     let after = errors(&body);
     println!("{before:?} {after:?}");
     assert!((after.0 - before.0).abs() < 0.03, "{before:?} {after:?}");
+}
+
+/// What one octant of a body with three mirror planes wants, all eight want.
+#[test]
+fn mirror_images_share_what_they_want() {
+    let body = filling(|p| cross(p, DVec3::ZERO));
+    let planes = DVec3::AXES.iter().map(|axis| {
+        let normal = turned() * *axis;
+        MirrorPlane { normal, offset: normal.dot(CENTRE), misfit: 0.0 }
+    });
+    let symmetry = Symmetry { planes: planes.collect(), interchangeable_planes: Vec::new() };
+    let vertices = body.surface_mesh().vertices;
+    let is_seen = |p: &DVec3| (turned().inverse() * (*p - CENTRE)).min_element() > 0.0;
+    let mut wanted: Vec<(f64, f64)> =
+        vertices.iter().map(|p| if is_seen(p) { (0.7, 2.0) } else { (0.0, 0.0) }).collect();
+    let seen = wanted.iter().filter(|(_, weight)| *weight > 0.0).count();
+    share_with_images(&mut wanted, &vertices, &symmetry, body.field.spacing);
+    let told = wanted.iter().filter(|(at, weight)| (at - 0.7).abs() < 1e-9 && *weight >= 2.0).count();
+    assert!(seen < vertices.len() / 6 && told > vertices.len() * 9 / 10, "{seen}, then {told} of {}", vertices.len());
 }
 
 #[test]
@@ -128,7 +159,10 @@ fn who_is_stopped_says_nothing() {
     let mut body = filling(swollen);
     let particles = particles(swollen);
     let moments = moments(&particles, 0.0);
-    assert_eq!(body.settle_across_time((&particles, SPACING), &moments, &Tuning::default(), &|| true), None);
+    assert_eq!(
+        body.settle_across_time((&particles, SPACING), &moments, &Symmetry::default(), &Tuning::default(), &|| true),
+        None
+    );
 }
 
 /// The pose that undoes an error of the motion is found.

@@ -7,7 +7,9 @@
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-use gic_continuum::{AcrossTime, Filling, Moment, MomentView, calibrate, compare_with_masks, sample_particles};
+use gic_continuum::{
+    AcrossTime, Filling, Moment, MomentView, Symmetry, calibrate, compare_with_masks, sample_particles,
+};
 use gic_geometry::DensityField;
 use gic_identify::{Estimates, Input, Settings};
 use gic_scene::View;
@@ -107,7 +109,10 @@ impl Run<'_> {
         let moments = self.moments(&input, &found)?;
         let (tuning, particles) = (&self.config.fill.tuning, &continuum.particles);
         let stop = || self.interrupt.requested();
-        let settled = filling.settle_across_time((&particles.positions, particles.spacing), &moments, tuning, &stop);
+        let planes = continuum.summary.mirror_planes.clone();
+        let symmetry = Symmetry { planes, interchangeable_planes: Vec::new() };
+        let body = (particles.positions.as_slice(), particles.spacing);
+        let settled = filling.settle_across_time(body, &moments, &symmetry, tuning, &stop);
         self.stop_if_asked("a fit of the material")?;
         self.write_refined(continuum, filling, &found, settled.unwrap_or_default())
     }
