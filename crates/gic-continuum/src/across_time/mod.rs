@@ -101,7 +101,8 @@ pub struct AcrossTime {
 
 impl Filling {
     /// Moves the surface to where the pictures of all `moments` want it; `body` are the particles of the first moment
-    /// [m], `spacing` apart, that the moments carry on, and `symmetry` its mirror planes. `None` where `stop` says so, and where nothing is seen.
+    /// [m], `spacing` apart, that the moments carry on, and `symmetry` its mirror planes. `None` where `stop` says so,
+    /// and where nothing is seen.
     pub fn settle_across_time(
         &mut self,
         (body, spacing): (&[DVec3], f64),
@@ -211,8 +212,8 @@ fn wanted_by_outlines(wanted: &mut [(f64, f64)], seen: &[SeenMoment], (unit, tun
     }
 }
 
-/// Adds to each of the `vertices` [m] what is wanted of its images by `symmetry`, those within a voxel of side `spacing`
-/// [m].
+/// Adds to each of the `vertices` [m] what is wanted of its images by `symmetry`: of vertices within a voxel of side
+/// `spacing` [m] of them.
 fn share_with_images(wanted: &mut [(f64, f64)], vertices: &[DVec3], symmetry: &Symmetry, spacing: f64) {
     if symmetry.planes.is_empty() {
         return;
