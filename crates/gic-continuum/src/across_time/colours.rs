@@ -10,7 +10,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::tracked::TrackedSurface;
-use super::{Moment, MomentView, SeenMoment};
+use super::{Moment, MomentView, SeenMoment, median};
 use crate::carve::{
     Coloured, ColouredView, Curve, DEPTH_STEP, Place, SeenColours, Visibility, depths_of_sweep, difference_of,
     visible_depth,
@@ -24,7 +24,11 @@ const BOTH_SIDES: RangeInclusive<usize> = 2 * SWEEP_SURFACE + 1 - SWEEP_DEPTHS..
 const DARK: f32 = 0.05;
 
 /// A picture without its shades.
-pub(super) struct ShadeFree(Picture);
+pub(super) struct ShadeFree {
+    picture: Picture,
+    /// Standard deviation of its colours' noise, which is larger the darker they were.
+    noise: f32,
+}
 
 impl ShadeFree {
     pub(super) fn new(view: &MomentView) -> ShadeFree {
@@ -34,8 +38,19 @@ impl ShadeFree {
             (colour / colour.length().max(DARK)).to_array()
         };
         let rgb = picture.rgb.chunks_exact(3).flat_map(pixel).collect();
-        ShadeFree(Picture { width: picture.width, height: picture.height, rgb })
+        let picture = Picture { width: picture.width, height: picture.height, rgb };
+        ShadeFree { noise: noise(&picture, &view.mask.coverage), picture }
     }
+}
+
+/// Standard deviation of the noise of a picture's colours where it is covered: of white noise, second differences have
+/// six times its variance, and a median of 1 / 1.4826 of their standard deviation. A smooth texture has none.
+fn noise(picture: &Picture, coverage: &[f32]) -> f32 {
+    let inner = (1..picture.height * picture.width).filter(|i| (1..picture.width - 1).contains(&(i % picture.width)));
+    let colour = |i: usize| Vec3::from_slice(&picture.rgb[3 * i..]);
+    let covered = inner.filter(|i| coverage[i - 1].min(coverage[*i]).min(coverage[i + 1]) > 0.99);
+    let bends = covered.flat_map(|i| (colour(i - 1) - 2.0 * colour(i) + colour(i + 1)).abs().to_array());
+    median(bends.map(f64::from).collect()).map_or(0.0, |bend| (1.4826 * bend / 6f64.sqrt()) as f32)
 }
 
 /// The pictures of a moment, and its surface as they see it.
@@ -53,12 +68,21 @@ struct MomentColours<'a> {
 
 impl<'a> MomentColours<'a> {
     /// `error_px` is how far the moment's motion errs.
-    fn new(seen: &SeenMoment, views: &'a [ColouredView<'a>], error_px: f64, half_voxel: f64, tuning: &Tuning) -> Self {
+    fn new(
+        seen: &SeenMoment,
+        (views, pictures): (&'a [ColouredView<'a>], &[ShadeFree]),
+        error_px: f64,
+        half_voxel: f64,
+        tuning: &Tuning,
+    ) -> Self {
         let mesh = &seen.surface.mesh;
         let place = |voxel: usize| Place { voxel, point: mesh.vertices[voxel], normal: mesh.normals[voxel] };
         let places: Vec<Place> = (0..mesh.vertices.len()).map(place).collect();
-        let views: Vec<Coloured> =
-            views.iter().map(|view| Coloured::new(view, error_px.hypot(0.5) as f32, tuning)).collect();
+        let error_px = error_px.hypot(0.5) as f32;
+        let coloured = |(view, picture): (&'a ColouredView<'a>, &ShadeFree)| {
+            Coloured::new(view, error_px, picture.noise.max(tuning.carving.colour_noise), tuning)
+        };
+        let views: Vec<Coloured> = views.iter().zip(pictures).map(coloured).collect();
         let depths = views.iter().map(|view| view.depths(&places, 2.0 * half_voxel)).collect();
         let stretch = seen.surface.outward.iter().zip(&mesh.normals).map(|(out, normal)| out.dot(*normal)).collect();
         let inflation = seen.surface.deformation.iter().map(|deformation| {
@@ -96,11 +120,11 @@ pub(super) fn wanted_by_colours(
 ) -> Vec<(f64, f64)> {
     let views: Vec<Vec<ColouredView>> =
         moments.iter().zip(pictures).map(|(m, pictures)| coloured(m, pictures)).collect();
-    let colours: Vec<MomentColours> = (seen.par_iter().zip(&views))
-        .map(|(seen, views)| {
+    let colours: Vec<MomentColours> = (seen.par_iter().zip(&views).zip(pictures))
+        .map(|((seen, views), pictures)| {
             // The surface may lie between two depths, half a step from either.
             let error_px = seen.motion_error.hypot(0.5 * DEPTH_STEP * unit) / seen.pixel;
-            MomentColours::new(seen, views, error_px, half_voxel, tuning)
+            MomentColours::new(seen, (views, pictures), error_px, half_voxel, tuning)
         })
         .collect();
     let depths = depths_of_sweep(unit);
@@ -123,7 +147,7 @@ pub(super) fn wanted_by_colours(
 fn coloured<'a>(moment: &'a Moment, pictures: &'a [ShadeFree]) -> Vec<ColouredView<'a>> {
     let view = |(view, picture): (&'a MomentView, &'a ShadeFree)| ColouredView {
         camera: &view.camera,
-        picture: &picture.0,
+        picture: &picture.picture,
         mask: &view.mask.coverage,
         moment: 0,
     };

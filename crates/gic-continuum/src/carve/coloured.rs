@@ -31,8 +31,9 @@ pub(crate) struct Coloured<'a> {
 }
 
 impl Coloured<'_> {
-    /// `error_px` is how far what the picture shows may be from where it is looked for, as a standard deviation.
-    pub(crate) fn new<'a>(view: &'a ColouredView<'a>, error_px: f32, tuning: &Tuning) -> Coloured<'a> {
+    /// `error_px` is how far what the picture shows may be from where it is looked for, as a standard deviation, and
+    /// `noise` that of a colour.
+    pub(crate) fn new<'a>(view: &'a ColouredView<'a>, error_px: f32, noise: f32, tuning: &Tuning) -> Coloured<'a> {
         let (width, height) = (view.camera.width, view.camera.height);
         let colour = |x: usize, y: usize| Vec3::from_array(view.picture.at(x, y));
         let near = |x: usize, n: usize| x.saturating_sub(1)..=(x + 1).min(n - 1);
@@ -49,7 +50,6 @@ impl Coloured<'_> {
         };
         let steepest = |i: usize| around(i).map(|k| slopes[k]).fold(Vec3::ZERO, Vec3::max);
         let covered = 1.0 - tuning.iterations.tolerance as f32;
-        let noise = tuning.carving.colour_noise;
         Coloured {
             view,
             variance: (0..width * height)

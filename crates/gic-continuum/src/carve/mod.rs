@@ -46,7 +46,9 @@ impl Filling {
     /// Takes away of a body what the colours of `views` contradict at a place and at its images by `symmetry`, and
     /// moves the surface of what is left to where they agree best.
     pub fn carve(&mut self, views: &[ColouredView], symmetry: &Symmetry, tuning: &Tuning) {
-        let views: Vec<Coloured> = views.par_iter().map(|view| Coloured::new(view, HALF_PIXEL, tuning)).collect();
+        let noise = tuning.carving.colour_noise;
+        let views: Vec<Coloured> =
+            views.par_iter().map(|view| Coloured::new(view, HALF_PIXEL, noise, tuning)).collect();
         let mut body = Solid::new(&self.field, self.th_min);
         let whole = body.inside.clone();
         let filled = body.filled(&views, tuning);
