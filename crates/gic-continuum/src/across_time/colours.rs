@@ -10,7 +10,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::tracked::TrackedSurface;
-use super::{Moment, MomentView, SeenMoment, median};
+use super::{Moment, MomentView, SeenMoment, robust_deviation};
 use crate::carve::{
     Coloured, ColouredView, Curve, DEPTH_STEP, Place, SeenColours, Visibility, depths_of_sweep, difference_of,
     visible_depth,
@@ -44,13 +44,13 @@ impl ShadeFree {
 }
 
 /// Standard deviation of the noise of a picture's colours where it is covered: of white noise, second differences have
-/// six times its variance, and a median of 1 / 1.4826 of their standard deviation. A smooth texture has none.
+/// six times its variance. A smooth texture has none.
 fn noise(picture: &Picture, coverage: &[f32]) -> f32 {
     let inner = (1..picture.height * picture.width).filter(|i| (1..picture.width - 1).contains(&(i % picture.width)));
     let colour = |i: usize| Vec3::from_slice(&picture.rgb[3 * i..]);
     let covered = inner.filter(|i| coverage[i - 1].min(coverage[*i]).min(coverage[i + 1]) > 0.99);
     let bends = covered.flat_map(|i| (colour(i - 1) - 2.0 * colour(i) + colour(i + 1)).abs().to_array());
-    median(bends.map(f64::from).collect()).map_or(0.0, |bend| (1.4826 * bend / 6f64.sqrt()) as f32)
+    robust_deviation(bends.map(f64::from).collect()).map_or(0.0, |deviation| (deviation / 6f64.sqrt()) as f32)
 }
 
 /// The pictures of a moment, and its surface as they see it.

@@ -3,8 +3,8 @@
 use glam::DVec3;
 
 use super::tracked::MovedSurface;
-use super::{Moment, MomentView, median};
-use crate::fill::{MARGIN_PX, SilhouetteWindow};
+use super::{Moment, MomentView, robust_deviation};
+use crate::fill::SilhouetteWindow;
 use crate::symmetry::Outline;
 
 /// How well a mask tells an outline, as a standard deviation [pixels]. Derived: distances from the centres of whole
@@ -37,9 +37,8 @@ impl ContourPoint {
 
 /// Standard deviation of gaps, robustly, and at least a part of a pixel [m].
 pub(super) fn deviation(contour: &[ContourPoint], pixel: f64) -> f64 {
-    // Of a Gaussian: 1.4826 medians.
-    let robust = median(contour.iter().map(|point| point.gap.abs()).collect()).map_or(f64::INFINITY, |m| 1.4826 * m);
-    robust.max(OUTLINE_ERROR_PX * pixel)
+    let robust = robust_deviation(contour.iter().map(|point| point.gap.abs()).collect());
+    robust.unwrap_or(f64::INFINITY).max(OUTLINE_ERROR_PX * pixel)
 }
 
 /// The outlines of all masks of a moment.
@@ -50,7 +49,7 @@ pub(super) struct MomentOutlines<'a> {
 impl MomentOutlines<'_> {
     pub(super) fn new(moment: &Moment) -> MomentOutlines<'_> {
         let views = moment.views.iter().filter_map(|view| {
-            let window = SilhouetteWindow::around(&view.mask.coverage, view.mask.width, MARGIN_PX)?;
+            let window = SilhouetteWindow::around(&view.mask.coverage, view.mask.width)?;
             Some((view, Outline::new(&view.camera, &view.mask.coverage), window))
         });
         MomentOutlines { views: views.collect() }

@@ -36,13 +36,9 @@ use self::colours::{ShadeFree, wanted_by_colours};
 use self::contour::{ContourPoint, MomentOutlines, OUTLINE_ERROR_PX};
 use self::pose::Pose;
 use self::tracked::{CarriedSurface, MovedSurface, TrackedSurface};
-use crate::carve::{Displacement, smoothed};
+use crate::carve::{DEPTH_STEP, Displacement, smoothed};
 use crate::fill::MARGIN_PX;
 use crate::{AcrossTimeTuning, Filling, Symmetry, Tuning};
-
-/// Unit of the first rounds [voxels of half the field's side]: the sweep's depths are a voxel apart. Derived: a picture
-/// that fits the voxels shows nothing finer, and larger steps jump over where its colours agree.
-const FIRST_UNIT: f64 = 4.0;
 
 /// One moment of a motion, and the pictures of it.
 #[derive(Clone, Debug)]
@@ -116,7 +112,9 @@ impl Filling {
             moments.par_iter().map(|moment| moment.views.iter().map(ShadeFree::new).collect()).collect();
         let first = self.field.clone();
         let finest = 0.5 * self.field.spacing;
-        let mut unit = FIRST_UNIT * finest;
+        // The sweep's depths are a voxel apart: a picture that fits the voxels shows nothing finer, and larger steps
+        // jump over where its colours agree.
+        let mut unit = self.field.spacing / DEPTH_STEP;
         let mut poses = vec![Pose::default(); moments.len()];
         let mut moved = Displacement::none(&first);
         let mut best: Option<(AcrossTime, Vec<f32>)> = None;
@@ -154,7 +152,7 @@ impl Filling {
                 if unit <= finest {
                     break;
                 }
-                unit = finest.max(0.5 * unit);
+                unit *= 0.5;
             }
         }
         let (report, values) = best?;
@@ -225,6 +223,11 @@ fn share_with_images(wanted: &mut [(f64, f64)], vertices: &[DVec3], symmetry: &S
         let (sum, total) = near.fold((0.0, 0.0), |(sum, total), (at, weight)| (sum + weight * at, total + weight));
         *wanted = (if total > 0.0 { sum / total } else { 0.0 }, total);
     });
+}
+
+/// Standard deviation of Gaussian numbers of these absolute values, robustly; `None` of nothing.
+fn robust_deviation(absolute: Vec<f64>) -> Option<f64> {
+    median(absolute).map(|middle| 1.4826 * middle)
 }
 
 /// The median; `None` of nothing.

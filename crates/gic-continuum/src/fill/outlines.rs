@@ -73,7 +73,7 @@ fn outline_gap(body: &TriangleMesh, views: &[MaskedView]) -> Option<f64> {
 /// How far places along the outline of a mask lie outside of that of a body [m].
 fn gaps_of(mesh: &TriangleMesh, view: &MaskedView) -> Vec<f64> {
     let Some((mask, window)) =
-        view.mask.and_then(|mask| Some((mask, SilhouetteWindow::around(mask, view.camera.width, MARGIN_PX)?)))
+        view.mask.and_then(|mask| Some((mask, SilhouetteWindow::around(mask, view.camera.width)?)))
     else {
         return Vec::new();
     };
@@ -107,13 +107,13 @@ pub(crate) struct SilhouetteWindow {
 }
 
 impl SilhouetteWindow {
-    /// Around the covered pixels, with a margin; `None` of an empty mask.
-    pub(crate) fn around(mask: &[f32], width: usize, margin: usize) -> Option<SilhouetteWindow> {
+    /// Around the covered pixels, with a margin of [`MARGIN_PX`]; `None` of an empty mask.
+    pub(crate) fn around(mask: &[f32], width: usize) -> Option<SilhouetteWindow> {
         let covered = || mask.iter().enumerate().filter(|(_, m)| **m > 0.0).map(|(i, _)| (i % width, i / width));
         let (x0, y0) = covered().fold((usize::MAX, usize::MAX), |(a, b), (x, y)| (a.min(x), b.min(y)));
         let (x1, y1) = covered().fold((0, 0), |(a, b), (x, y)| (a.max(x + 1), b.max(y + 1)));
-        let (x, y) = (x0.saturating_sub(margin), y0.saturating_sub(margin));
-        (x1 > x0).then(|| SilhouetteWindow { x, y, width: x1 + margin - x, height: y1 + margin - y })
+        let (x, y) = (x0.saturating_sub(MARGIN_PX), y0.saturating_sub(MARGIN_PX));
+        (x1 > x0).then(|| SilhouetteWindow { x, y, width: x1 + MARGIN_PX - x, height: y1 + MARGIN_PX - y })
     }
 
     /// Image coordinates on the grid of fine pixels, whose centres are at whole numbers.

@@ -86,12 +86,13 @@ pub(crate) fn problem<'a>(
 /// The position stays that of free flight: free, it is traded for the velocity.
 fn unknowns(identification: &Identification) -> Vec<Unknown> {
     let mut unknowns = identification.free_materials();
-    if !identification.video.frames[0].views.is_empty() {
+    let has_masks = !identification.video.frames[0].views.is_empty();
+    if has_masks {
         unknowns.extend([Unknown::Splat, Unknown::Thinning]);
     }
     unknowns.extend(&identification.flight.motion);
     unknowns.extend(identification.grounds());
-    if !identification.video.frames[0].views.is_empty() {
+    if has_masks {
         unknowns.extend((0..identification.shape.count()).map(Unknown::Shape));
     }
     unknowns

@@ -188,7 +188,7 @@ impl Run<'_> {
             self.events.note(Stage::Fill.name(), filler.symmetry_summary(symmetry));
             &symmetry.planes
         });
-        let mean = mask_iou.iter().sum::<f64>() / mask_iou.len().max(1) as f64;
+        let mean = mean_overlap(&mask_iou).unwrap_or_default();
         self.events.note(
             Stage::Fill.name(),
             format!(

@@ -68,6 +68,14 @@ impl Run<'_> {
         self.config.fill.refine && self.scan().is_none()
     }
 
+    /// What filling found of the body, as refined where it is.
+    ///
+    /// # Errors
+    /// A missing or damaged file.
+    pub(crate) fn body_summary(&self) -> Result<FillSummary> {
+        summary_of_body(&self.folder, &self.config)
+    }
+
     pub(super) fn refine(&self, recipe: &Recipe) -> Result<()> {
         let begun = self.path("stamps/refine.begun.json");
         let checkpoints: Vec<PathBuf> =

@@ -14,7 +14,7 @@ use gic_view::template::{self, Template};
 use serde::Serialize;
 
 use crate::error::{Error, Result};
-use crate::pipeline::{IdentifyRecord, Run, Selection, Stage, config_of_run, summary_of_body};
+use crate::pipeline::{IdentifyRecord, Run, Selection, Stage};
 use estimate::EstimateRow;
 use history::History;
 use pictures::Pictures;
@@ -100,7 +100,7 @@ fn report(run: &Run, found: &IdentifyRecord, events: &Events) -> Result<Report> 
     let pictures = Pictures::draw(run, found, events)?;
     let motion = SimulatedMotion::open(run.folder())?;
     let config = run.folder().join("config.toml");
-    let thin_parts = summary_of_body(run.folder(), &config_of_run(run.folder())?)?.thin_part_remark();
+    let thin_parts = run.body_summary()?.thin_part_remark();
     Ok(Report {
         model: found.model.clone(),
         verdict: estimate::verdict(found, &pictures.overlap),
