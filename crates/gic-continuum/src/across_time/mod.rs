@@ -26,7 +26,7 @@ mod pose;
 mod tests;
 mod tracked;
 
-use gic_geometry::Neighbours;
+use gic_geometry::{DensityField, Neighbours};
 use gic_scene::{Camera, Mask, Picture};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -84,6 +84,7 @@ impl MomentView {
 
 /// How the shape of the first moment was settled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct AcrossTime {
     /// The round that was kept.
     pub rounds: usize,
@@ -93,6 +94,17 @@ pub struct AcrossTime {
     pub gap_after_m: f64,
     /// Share of the surface that some moment's colours or outlines tell.
     pub seen: f64,
+    /// How far the surface was moved, mean distance over it [m].
+    pub moved_m: f64,
+    /// How well an outline tells where the surface is, as a standard deviation [m].
+    pub outline_error_m: f64,
+}
+
+impl AcrossTime {
+    /// Whether the surface was moved by less than outlines tell: then a motion of the new body shows nothing new.
+    pub fn is_settled(&self) -> bool {
+        self.moved_m <= self.outline_error_m
+    }
 }
 
 impl Filling {
@@ -133,13 +145,15 @@ impl Filling {
                 .collect();
             find_errors_of_motion(&mut seen);
             let gap_after_m = median(seen.iter().map(|seen| seen.miss).collect())?;
+            let outline_error_m = OUTLINE_ERROR_PX * median(seen.iter().map(|seen| seen.pixel).collect())?;
             let gap_before_m = *gap_before_m.get_or_insert(gap_after_m);
             let mut wanted = wanted_by_colours(&surface, &seen, moments, &pictures, (unit, finest, tuning));
             wanted_by_outlines(&mut wanted, &seen, (unit, &tuning.across_time));
             share_with_images(&mut wanted, &surface.mesh.vertices, symmetry, first.spacing);
             let seen = wanted.iter().filter(|(_, weight)| *weight > 0.0).count() as f64 / wanted.len() as f64;
             if best.as_ref().is_none_or(|(best, _)| gap_after_m < best.gap_after_m) {
-                let report = AcrossTime { rounds: round, gap_before_m, gap_after_m, seen };
+                let report =
+                    AcrossTime { rounds: round, gap_before_m, gap_after_m, seen, moved_m: 0.0, outline_error_m };
                 best = Some((report, self.field.values.clone()));
             }
             let neighbour_deviation = tuning.across_time.neighbour_deviation * finest / unit;
@@ -155,9 +169,18 @@ impl Filling {
                 unit *= 0.5;
             }
         }
-        let (report, values) = best?;
+        let (mut report, values) = best?;
         self.field.values = values;
+        report.moved_m = self.moved_from(&first);
         Some(report)
+    }
+
+    /// Mean distance over the surface from where it was in another field [m].
+    fn moved_from(&self, before: &DensityField) -> f64 {
+        // Each place leaves or takes the matter between where it was and where it is.
+        let pairs = self.field.values.iter().zip(&before.values);
+        let exchanged: f64 = pairs.map(|(now, then)| f64::from((now - then).abs())).sum();
+        exchanged * self.field.spacing.powi(3) / self.surface_mesh().area()
     }
 }
 

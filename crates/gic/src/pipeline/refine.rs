@@ -29,8 +29,8 @@ use crate::error::{Error, Result};
 /// Folder of the result, inside the run.
 pub(super) const FOLDER: &str = "refined";
 
-/// Fits of the material, each with the surface that its motion settles. Budget: the third moves little.
-const ALTERNATIONS: usize = 2;
+/// At most so many fits of the material, each with the surface that its motion settles. Budget.
+const ALTERNATIONS: usize = 3;
 
 /// `refined/refine.json`: how the body was settled.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -90,8 +90,7 @@ impl Run<'_> {
         let surroundings = self.surroundings()?;
         for checkpoint in &checkpoints {
             let record = self.refine_once((&continuum, &mut filling), &surroundings, &settings, checkpoint)?;
-            // Where the shape was the smaller part of what outlines missed, another one moves the body alike.
-            if record.settled.gap_after_m.powi(2) > 0.5 * record.settled.gap_before_m.powi(2) {
+            if record.settled.is_settled() {
                 break;
             }
             settings.start = Some(record.parameters);
@@ -187,7 +186,9 @@ impl Run<'_> {
         self.events.note(
             Stage::Refine.name(),
             format!(
-                "outlines of all frames {:.1} mm off, {:.1} mm before, after {} rounds; volume {:+.1} %; {} particles",
+                "the surface moved by {:.1} mm; outlines of all frames {:.1} mm off, {:.1} mm before, after {} rounds; \
+                 volume {:+.1} %; {} particles",
+                1e3 * settled.moved_m,
                 1e3 * settled.gap_after_m,
                 1e3 * settled.gap_before_m,
                 settled.rounds,
