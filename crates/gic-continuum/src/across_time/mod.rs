@@ -144,7 +144,8 @@ impl Filling {
                 .map(|m| SeenMoment::new(carried[m].moved(&poses[m]), &outlines[m]))
                 .collect();
             find_errors_of_motion(&mut seen);
-            let gap_after_m = median(seen.iter().map(|seen| seen.miss).collect())?;
+            // Infinite where most moments show no outline of the body: then they tell nothing of it.
+            let gap_after_m = median(seen.iter().map(|seen| seen.miss).collect()).filter(|gap| gap.is_finite())?;
             let outline_error_m = OUTLINE_ERROR_PX * median(seen.iter().map(|seen| seen.pixel).collect())?;
             let gap_before_m = *gap_before_m.get_or_insert(gap_after_m);
             let mut wanted = wanted_by_colours(&surface, &seen, moments, &pictures, (unit, finest, tuning));

@@ -135,6 +135,20 @@ fn a_body_that_fits_its_pictures_keeps_its_volume() {
     assert!((after.0 - before.0).abs() < 0.03, "{before:?} {after:?}");
 }
 
+/// A motion that carries the body out of all pictures tells nothing of it, and the body stays as it is.
+#[test]
+fn a_body_that_leaves_the_pictures_stays() {
+    let mut body = filling(swollen);
+    let (particles, before) = (particles(swollen), body.field.values.clone());
+    let mut moments = moments(&particles, 0.0);
+    let away = |moment: &mut Moment| moment.positions.iter_mut().for_each(|p| *p += DVec3::new(0.0, 50.0, 0.0));
+    moments.iter_mut().for_each(away);
+    let found =
+        body.settle_across_time((&particles, SPACING), &moments, &Symmetry::default(), &Tuning::default(), &|| false);
+    assert!(found.is_none(), "{found:?}");
+    assert_eq!(body.field.values, before);
+}
+
 /// What one octant of a body with three mirror planes wants, all eight want.
 #[test]
 fn mirror_images_share_what_they_want() {
