@@ -144,17 +144,26 @@ impl Filling {
                 .map(|m| SeenMoment::new(carried[m].moved(&poses[m]), &outlines[m]))
                 .collect();
             find_errors_of_motion(&mut seen);
-            // Infinite where most moments show no outline of the body: then they tell nothing of it.
-            let gap_after_m = median(seen.iter().map(|seen| seen.miss).collect()).filter(|gap| gap.is_finite())?;
-            let outline_error_m = OUTLINE_ERROR_PX * median(seen.iter().map(|seen| seen.pixel).collect())?;
+            let typical = |of: fn(&SeenMoment) -> f64| median(seen.iter().map(of).collect());
+            let (gap_after_m, pixel) = (typical(|seen| seen.miss)?, typical(|seen| seen.pixel)?);
+            // Where most moments show no outline of the body, they tell nothing of it.
+            if !gap_after_m.is_finite() {
+                break;
+            }
             let gap_before_m = *gap_before_m.get_or_insert(gap_after_m);
             let mut wanted = wanted_by_colours(&surface, &seen, moments, &pictures, (unit, finest, tuning));
             wanted_by_outlines(&mut wanted, &seen, (unit, &tuning.across_time));
             share_with_images(&mut wanted, &surface.mesh.vertices, symmetry, first.spacing);
             let seen = wanted.iter().filter(|(_, weight)| *weight > 0.0).count() as f64 / wanted.len() as f64;
             if best.as_ref().is_none_or(|(best, _)| gap_after_m < best.gap_after_m) {
-                let report =
-                    AcrossTime { rounds: round, gap_before_m, gap_after_m, seen, moved_m: 0.0, outline_error_m };
+                let report = AcrossTime {
+                    rounds: round,
+                    gap_before_m,
+                    gap_after_m,
+                    seen,
+                    moved_m: exchanged_m3(&first, &self.field) / surface.mesh.area(),
+                    outline_error_m: OUTLINE_ERROR_PX * pixel,
+                };
                 best = Some((report, self.field.values.clone()));
             }
             let neighbour_deviation = tuning.across_time.neighbour_deviation * finest / unit;
@@ -170,18 +179,9 @@ impl Filling {
                 unit *= 0.5;
             }
         }
-        let (mut report, values) = best?;
+        let (report, values) = best?;
         self.field.values = values;
-        report.moved_m = self.moved_from(&first);
         Some(report)
-    }
-
-    /// Mean distance over the surface from where it was in another field [m].
-    fn moved_from(&self, before: &DensityField) -> f64 {
-        // Each place leaves or takes the matter between where it was and where it is.
-        let pairs = self.field.values.iter().zip(&before.values);
-        let exchanged: f64 = pairs.map(|(now, then)| f64::from((now - then).abs())).sum();
-        exchanged * self.field.spacing.powi(3) / self.surface_mesh().area()
     }
 }
 
@@ -247,6 +247,13 @@ fn share_with_images(wanted: &mut [(f64, f64)], vertices: &[DVec3], symmetry: &S
         let (sum, total) = near.fold((0.0, 0.0), |(sum, total), (at, weight)| (sum + weight * at, total + weight));
         *wanted = (if total > 0.0 { sum / total } else { 0.0 }, total);
     });
+}
+
+/// How much matter lies elsewhere in one field than in the other [m^3]: of a surface that moves, its area times the
+/// mean distance.
+fn exchanged_m3(before: &DensityField, after: &DensityField) -> f64 {
+    let pairs = before.values.iter().zip(&after.values);
+    before.spacing.powi(3) * pairs.map(|(before, after)| f64::from((after - before).abs())).sum::<f64>()
 }
 
 /// Standard deviation of Gaussian numbers of these absolute values, robustly; `None` of nothing.

@@ -85,6 +85,11 @@ fn moments(body: &[DVec3], error: f64) -> Vec<Moment> {
     (0..7).map(moment).collect()
 }
 
+/// Settles a body without mirror planes.
+fn settle(body: &mut Filling, particles: &[DVec3], moments: &[Moment], stop: bool) -> Option<AcrossTime> {
+    body.settle_across_time((particles, SPACING), moments, &Symmetry::default(), &Tuning::default(), &|| stop)
+}
+
 /// The volume over the true one, and the root mean square distance of the surface from the true one [m].
 fn errors(filling: &Filling) -> (f64, f64) {
     let vertices = filling.surface_mesh().vertices;
@@ -99,15 +104,7 @@ fn a_tumbling_body_is_seen_from_all_sides() {
     let mut body = filling(swollen);
     let particles = particles(swollen);
     let before = errors(&body);
-    let found = body
-        .settle_across_time(
-            (&particles, SPACING),
-            &moments(&particles, 0.035),
-            &Symmetry::default(),
-            &Tuning::default(),
-            &|| false,
-        )
-        .expect("something is seen");
+    let found = settle(&mut body, &particles, &moments(&particles, 0.035), false).expect("something is seen");
     let after = errors(&body);
     println!("{before:?} {after:?} {found:?}");
     assert!(before.0 > 0.5 && after.0.abs() < 0.15 * before.0, "volume {before:?} {after:?}");
@@ -122,14 +119,7 @@ fn a_body_that_fits_its_pictures_keeps_its_volume() {
     let mut body = filling(right);
     let particles = particles(right);
     let before = errors(&body);
-    body.settle_across_time(
-        (&particles, SPACING),
-        &moments(&particles, 0.0),
-        &Symmetry::default(),
-        &Tuning::default(),
-        &|| false,
-    )
-    .expect("something is seen");
+    settle(&mut body, &particles, &moments(&particles, 0.0), false).expect("something is seen");
     let after = errors(&body);
     println!("{before:?} {after:?}");
     assert!((after.0 - before.0).abs() < 0.03, "{before:?} {after:?}");
@@ -143,8 +133,7 @@ fn a_body_that_leaves_the_pictures_stays() {
     let mut moments = moments(&particles, 0.0);
     let away = |moment: &mut Moment| moment.positions.iter_mut().for_each(|p| *p += DVec3::new(0.0, 50.0, 0.0));
     moments.iter_mut().for_each(away);
-    let found =
-        body.settle_across_time((&particles, SPACING), &moments, &Symmetry::default(), &Tuning::default(), &|| false);
+    let found = settle(&mut body, &particles, &moments, false);
     assert!(found.is_none(), "{found:?}");
     assert_eq!(body.field.values, before);
 }
@@ -173,10 +162,7 @@ fn who_is_stopped_says_nothing() {
     let mut body = filling(swollen);
     let particles = particles(swollen);
     let moments = moments(&particles, 0.0);
-    assert_eq!(
-        body.settle_across_time((&particles, SPACING), &moments, &Symmetry::default(), &Tuning::default(), &|| true),
-        None
-    );
+    assert_eq!(settle(&mut body, &particles, &moments, true), None);
 }
 
 /// The pose that undoes an error of the motion is found.
