@@ -155,7 +155,7 @@ impl Filling {
             wanted_by_outlines(&mut wanted, &seen, (unit, &tuning.across_time));
             share_with_images(&mut wanted, &surface.mesh.vertices, symmetry, first.spacing);
             let seen = wanted.iter().filter(|(_, weight)| *weight > 0.0).count() as f64 / wanted.len() as f64;
-            if best.as_ref().is_none_or(|(best, _)| gap_after_m < best.gap_after_m) {
+            if best.as_ref().is_none_or(|(best, _)| gap_after_m <= best.gap_after_m) {
                 let report = AcrossTime {
                     rounds: round,
                     gap_before_m,

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::*;
 use crate::test_cross::{CENTRE, VOLUME, cameras, cross, hit, turned};
-use crate::{Filling, MirrorPlane};
+use crate::{FillSettings, Filling, MirrorPlane};
 
 const SPACING: f64 = 0.01;
 
@@ -34,9 +34,14 @@ fn swollen(p: DVec3) -> f64 {
     a.min(b)
 }
 
+/// On voxels of 8 mm.
 fn filling(distance: impl Fn(DVec3) -> f64) -> Filling {
+    filling_on_voxels(0.008, distance)
+}
+
+fn filling_on_voxels(side: f64, distance: impl Fn(DVec3) -> f64) -> Filling {
     let half = DVec3::splat(0.22);
-    Filling::of_body((CENTRE - half, CENTRE + half), 0.008, 0.032, distance).expect("a small grid")
+    Filling::of_body((CENTRE - half, CENTRE + half), side, 4.0 * side, distance).expect("a small grid")
 }
 
 fn particles(distance: impl Fn(DVec3) -> f64) -> Vec<DVec3> {
@@ -112,17 +117,17 @@ fn a_tumbling_body_is_seen_from_all_sides() {
     assert!(found.gap_after_m < 0.5 * found.gap_before_m && found.seen > 0.9, "{found:?}");
 }
 
-/// What is right stays.
+/// What is right stays. On the voxels that filling has by default: coarser ones cut off the edges that make outlines.
 #[test]
 fn a_body_that_fits_its_pictures_keeps_its_volume() {
     let right = |p: DVec3| cross(p, DVec3::ZERO);
-    let mut body = filling(right);
+    let mut body = filling_on_voxels(FillSettings::for_size(0.32).finest_spacing(), right);
     let particles = particles(right);
     let before = errors(&body);
     settle(&mut body, &particles, &moments(&particles, 0.0), false).expect("something is seen");
     let after = errors(&body);
     println!("{before:?} {after:?}");
-    assert!((after.0 - before.0).abs() < 0.03, "{before:?} {after:?}");
+    assert!((after.0 - before.0).abs() < 0.01, "{before:?} {after:?}");
 }
 
 /// A motion that carries the body out of all pictures tells nothing of it, and the body stays as it is.
