@@ -1,6 +1,6 @@
 //! Where a surface makes the edge of its silhouette, and how far the mask's outline lies from there.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::tracked::MovedSurface;
 use super::{Moment, MomentView, robust_deviation};
@@ -43,64 +43,92 @@ pub(super) fn deviation(contour: &[ContourPoint], pixel: f64) -> f64 {
 
 /// The outlines of all masks of a moment.
 pub(super) struct MomentOutlines<'a> {
-    views: Vec<(&'a MomentView, Outline, SilhouetteWindow)>,
+    views: Vec<ViewOutline<'a>>,
+}
+
+struct ViewOutline<'a> {
+    view: &'a MomentView,
+    outline: Outline,
+    window: SilhouetteWindow,
+    /// Whether the mask lies in the picture as a whole.
+    is_whole: bool,
 }
 
 impl MomentOutlines<'_> {
     pub(super) fn new(moment: &Moment) -> MomentOutlines<'_> {
         let views = moment.views.iter().filter_map(|view| {
             let window = SilhouetteWindow::around(&view.mask.coverage, view.mask.width)?;
-            Some((view, Outline::new(&view.camera, &view.mask.coverage), window))
+            let outline = Outline::new(&view.camera, &view.mask.coverage);
+            Some(ViewOutline { view, outline, window, is_whole: !view.mask.touches_border() })
         });
         MomentOutlines { views: views.collect() }
     }
 
     /// Width of a pixel at the surface, mean of the views [m].
     pub(super) fn pixel(&self, surface: &MovedSurface) -> f64 {
-        let pixel = |(view, ..): &(&MomentView, Outline, SilhouetteWindow)| {
-            view.camera.to_camera(surface.centre).z / view.camera.focal.min_element()
+        let pixel = |seen: &ViewOutline| {
+            let camera = &seen.view.camera;
+            camera.to_camera(surface.centre).z / camera.focal.min_element()
         };
         self.views.iter().map(pixel).sum::<f64>() / self.views.len().max(1) as f64
     }
 
+    /// How far within the outlines of all views a point [m] appears [m]; infinitely where none can tell.
+    pub(super) fn depth(&self, point: DVec3) -> f64 {
+        self.views.iter().map(|seen| seen.depth(point)).fold(f64::INFINITY, f64::min)
+    }
+
     /// The surface's contours in all views.
     pub(super) fn contour(&self, surface: &MovedSurface) -> Vec<ContourPoint> {
-        self.views.iter().flat_map(|(view, outline, window)| contour_in(view, outline, window, surface)).collect()
+        self.views.iter().flat_map(|seen| seen.contour(surface)).collect()
     }
 }
 
-/// Vertices between triangles that face the camera and triangles that do not, at the edge of the silhouette.
-fn contour_in(
-    view: &MomentView,
-    outline: &Outline,
-    window: &SilhouetteWindow,
-    surface: &MovedSurface,
-) -> Vec<ContourPoint> {
-    let (camera, mesh) = (&view.camera, &surface.mesh);
-    let Some(silhouette) = window.silhouette(mesh, camera) else { return Vec::new() };
-    let mut sides = vec![[false; 2]; mesh.vertices.len()];
-    for triangle in &mesh.triangles {
-        let [a, b, c] = triangle.map(|i| mesh.vertices[i as usize]);
-        let faces = (b - a).cross(c - a).dot(camera.centre - a) > 0.0;
-        triangle.iter().for_each(|i| sides[*i as usize][usize::from(faces)] = true);
+impl ViewOutline<'_> {
+    /// How far within the outline a point [m] appears [m]; infinitely where the picture does not tell. It is cut around
+    /// the mask: what lies outside of it lies outside of the mask, by more than to the picture's edge and from there to
+    /// the mask, at right angles.
+    fn depth(&self, point: DVec3) -> f64 {
+        let depth = self.outline.depth(point);
+        let camera = &self.view.camera;
+        let outside = camera.project(point).filter(|_| depth.is_infinite() && self.is_whole);
+        outside.map_or(depth, |(pixel, along)| {
+            let size = DVec2::new(camera.width as f64, camera.height as f64);
+            let edge = pixel.clamp(DVec2::splat(0.5), size - 1.5);
+            let within = self.outline.at_pixel(edge).map_or(0.0, f64::from);
+            -within.hypot(pixel.distance(edge)) * along / (0.5 * (camera.focal.x + camera.focal.y))
+        })
     }
-    let [right, down] = [camera.world_from_camera.x_axis, camera.world_from_camera.y_axis];
-    let focal = 0.5 * (camera.focal.x + camera.focal.y);
-    let point = |vertex: usize| {
-        let point = mesh.vertices[vertex];
-        let (pixel, depth) = camera.project(point)?;
-        let (within, towards) = outline.gap_px(pixel)?;
-        // Vertices lie a little within the edge that the triangles around them make.
-        let edge = silhouette.outward_px(pixel);
-        if edge < -1.0 {
-            return None;
+
+    /// Vertices between triangles that face the camera and triangles that do not, at the edge of the silhouette.
+    fn contour(&self, surface: &MovedSurface) -> Vec<ContourPoint> {
+        let ViewOutline { view, outline, window, .. } = self;
+        let (camera, mesh) = (&view.camera, &surface.mesh);
+        let Some(silhouette) = window.silhouette(mesh, camera) else { return Vec::new() };
+        let mut sides = vec![[false; 2]; mesh.vertices.len()];
+        for triangle in &mesh.triangles {
+            let [a, b, c] = triangle.map(|i| mesh.vertices[i as usize]);
+            let faces = (b - a).cross(c - a).dot(camera.centre - a) > 0.0;
+            triangle.iter().for_each(|i| sides[*i as usize][usize::from(faces)] = true);
         }
-        let direction = towards.x * right + towards.y * down;
-        let alignment = direction.dot(mesh.normals[vertex]);
-        let deformation = surface.deformation[vertex];
-        let gap = (within + edge) * depth / focal;
-        // Where the mask's outline looks another way than the surface, it is another part's.
-        (alignment > 0.0).then_some(ContourPoint { vertex, point, direction, gap, deformation, alignment })
-    };
-    (0..sides.len()).filter(|vertex| sides[*vertex] == [true; 2]).filter_map(point).collect()
+        let [right, down] = [camera.world_from_camera.x_axis, camera.world_from_camera.y_axis];
+        let focal = 0.5 * (camera.focal.x + camera.focal.y);
+        let point = |vertex: usize| {
+            let point = mesh.vertices[vertex];
+            let (pixel, depth) = camera.project(point)?;
+            let (within, towards) = outline.gap_px(pixel)?;
+            // Vertices lie a little within the edge that the triangles around them make.
+            let edge = silhouette.outward_px(pixel);
+            if edge < -1.0 {
+                return None;
+            }
+            let direction = towards.x * right + towards.y * down;
+            let alignment = direction.dot(mesh.normals[vertex]);
+            let deformation = surface.deformation[vertex];
+            let gap = (within + edge) * depth / focal;
+            // Where the mask's outline looks another way than the surface, it is another part's.
+            (alignment > 0.0).then_some(ContourPoint { vertex, point, direction, gap, deformation, alignment })
+        };
+        (0..sides.len()).filter(|vertex| sides[*vertex] == [true; 2]).filter_map(point).collect()
+    }
 }

@@ -2,7 +2,8 @@
 //!
 //! Once the motion is known, every moment is a view of one body: one that tumbles shows three cameras dozens of sides
 //! (shape from silhouette across time: Cheung, Baker & Kanade 2005). The motion comes from a simulation that was fitted
-//! to the video with the shape as it was known before, so it errs, too. Round by round:
+//! to the video with the shape as it was known before, so it errs, too. What lies outside of the [`hull`] of all
+//! moments is taken away first. Then, round by round:
 //!
 //! 1. [`tracked`] carries the surface through the motion, each place with the affine map of the particles around it.
 //! 2. [`pose`] lays the body of each moment after the flight into its outlines, for its turn is what errs most.
@@ -14,13 +15,15 @@
 //! The depths lie far apart first, and half as far whenever the surface has settled: what stands out too far by a tenth
 //! of the body differs in colour at all depths nearby, and agrees only further in.
 //!
-//! Of all rounds that one is kept whose outlines miss least: colours of a noisy film pull places about.
+//! The last round is kept whose outlines miss by no more than those of any round, but for what an outline tells:
+//! colours of a noisy film pull places about.
 //!
 //! How far a moment's outlines miss after its pose is fitted is the error of its motion: what a moment says counts by
 //! that, so that no tolerance has to be given.
 
 mod colours;
 mod contour;
+mod hull;
 mod pose;
 #[cfg(test)]
 mod tests;
@@ -108,12 +111,12 @@ impl AcrossTime {
 }
 
 impl Filling {
-    /// Moves the surface to where the pictures of all `moments` want it; `body` are the particles of the first moment
-    /// [m], `spacing` apart, that the moments carry on, and `symmetry` its mirror planes. `None` where `stop` says so,
+    /// Moves the surface to where the pictures of all `moments` want it; `particles` are those of the first moment [m],
+    /// `spacing` apart, that the moments carry on, and `symmetry` its mirror planes. `None` where `stop` says so,
     /// and where nothing is seen.
     pub fn settle_across_time(
         &mut self,
-        (body, spacing): (&[DVec3], f64),
+        (particles, spacing): (&[DVec3], f64),
         moments: &[Moment],
         symmetry: &Symmetry,
         tuning: &Tuning,
@@ -122,49 +125,47 @@ impl Filling {
         let outlines: Vec<MomentOutlines> = moments.par_iter().map(MomentOutlines::new).collect();
         let pictures: Vec<Vec<ShadeFree>> =
             moments.par_iter().map(|moment| moment.views.iter().map(ShadeFree::new).collect()).collect();
+        let mut poses = vec![Pose::default(); moments.len()];
+        let look = |body: &Filling, poses: &mut [Pose], is_first: bool| {
+            let surface = TrackedSurface::new(body.surface_mesh(), particles, spacing);
+            let seen = seen_moments(&surface, moments, (poses, is_first), &outlines);
+            let gap = median(seen.iter().map(|seen| seen.miss).collect());
+            // Where most moments show no outline of the body, they tell nothing of it.
+            gap.filter(|gap| gap.is_finite()).map(|gap_m| (surface, seen, gap_m))
+        };
+        let (_, seen, gap_before_m) = look(self, &mut poses, true)?;
+        let before = self.field.clone();
+        let motion = (moments, poses.as_slice(), outlines.as_slice());
+        hull::cut((&mut self.field, self.th_min), (particles, spacing), motion, &seen, tuning);
         let first = self.field.clone();
-        let finest = 0.5 * self.field.spacing;
+        let finest = 0.5 * first.spacing;
         // The sweep's depths are a voxel apart: a picture that fits the voxels shows nothing finer, and larger steps
         // jump over where its colours agree.
-        let mut unit = self.field.spacing / DEPTH_STEP;
-        let mut poses = vec![Pose::default(); moments.len()];
+        let mut unit = first.spacing / DEPTH_STEP;
         let mut moved = Displacement::none(&first);
-        let mut best: Option<(AcrossTime, Vec<f32>)> = None;
-        let mut gap_before_m = None;
+        let (mut least_gap_m, mut kept) = (f64::INFINITY, None);
         for round in 1..=tuning.iterations.most_rounds {
             if stop() {
                 return None;
             }
-            let surface = TrackedSurface::new(self.surface_mesh(), body, spacing);
-            let carried: Vec<CarriedSurface> =
-                moments.par_iter().map(|moment| surface.carried(&moment.positions)).collect();
-            pose::follow(&mut poses, &carried, moments, &outlines, round == 1);
-            let mut seen: Vec<SeenMoment> = (0..moments.len())
-                .into_par_iter()
-                .map(|m| SeenMoment::new(carried[m].moved(&poses[m]), &outlines[m]))
-                .collect();
-            find_errors_of_motion(&mut seen);
-            let typical = |of: fn(&SeenMoment) -> f64| median(seen.iter().map(of).collect());
-            let (gap_after_m, pixel) = (typical(|seen| seen.miss)?, typical(|seen| seen.pixel)?);
-            // Where most moments show no outline of the body, they tell nothing of it.
-            if !gap_after_m.is_finite() {
-                break;
-            }
-            let gap_before_m = *gap_before_m.get_or_insert(gap_after_m);
+            let Some((surface, seen, gap_after_m)) = look(self, &mut poses, false) else { break };
+            let pixel = median(seen.iter().map(|seen| seen.pixel).collect())?;
             let mut wanted = wanted_by_colours(&surface, &seen, moments, &pictures, (unit, finest, tuning));
             wanted_by_outlines(&mut wanted, &seen, (unit, &tuning.across_time));
             share_with_images(&mut wanted, &surface.mesh.vertices, symmetry, first.spacing);
             let seen = wanted.iter().filter(|(_, weight)| *weight > 0.0).count() as f64 / wanted.len() as f64;
-            if best.as_ref().is_none_or(|(best, _)| gap_after_m <= best.gap_after_m) {
+            least_gap_m = gap_after_m.min(least_gap_m);
+            let outline_error_m = OUTLINE_ERROR_PX * pixel;
+            if gap_after_m <= least_gap_m.hypot(outline_error_m) {
                 let report = AcrossTime {
                     rounds: round,
                     gap_before_m,
                     gap_after_m,
                     seen,
-                    moved_m: exchanged_m3(&first, &self.field) / surface.mesh.area(),
-                    outline_error_m: OUTLINE_ERROR_PX * pixel,
+                    moved_m: exchanged_m3(&before, &self.field) / surface.mesh.area(),
+                    outline_error_m,
                 };
-                best = Some((report, self.field.values.clone()));
+                kept = Some((report, self.field.values.clone()));
             }
             let neighbour_deviation = tuning.across_time.neighbour_deviation * finest / unit;
             let outward = smoothed(&surface.adjacent, &wanted, neighbour_deviation, tuning);
@@ -179,9 +180,9 @@ impl Filling {
                 unit *= 0.5;
             }
         }
-        let (report, values) = best?;
-        self.field.values = values;
-        Some(report)
+        let (report, values) = kept.unzip();
+        self.field = DensityField { values: values.unwrap_or(before.values), ..before };
+        report
     }
 }
 
@@ -204,6 +205,22 @@ impl SeenMoment {
         let miss = contour::deviation(&contour, pixel);
         SeenMoment { miss, motion_error: miss, pixel, surface, contour }
     }
+}
+
+/// The surface in all moments as the motion and the poses have it, after these are fitted.
+fn seen_moments(
+    surface: &TrackedSurface,
+    moments: &[Moment],
+    (poses, is_first): (&mut [Pose], bool),
+    outlines: &[MomentOutlines],
+) -> Vec<SeenMoment> {
+    let carried: Vec<CarriedSurface> = moments.par_iter().map(|moment| surface.carried(&moment.positions)).collect();
+    pose::follow(poses, &carried, moments, outlines, is_first);
+    let all = carried.par_iter().zip(poses).zip(outlines);
+    let mut seen: Vec<SeenMoment> =
+        all.map(|((carried, pose), outlines)| SeenMoment::new(carried.moved(pose), outlines)).collect();
+    find_errors_of_motion(&mut seen);
+    seen
 }
 
 /// The shape is the same in all moments: what a moment misses by more than the best one is its motion's error.

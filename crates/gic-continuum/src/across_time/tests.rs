@@ -117,6 +117,24 @@ fn a_tumbling_body_is_seen_from_all_sides() {
     assert!(found.gap_after_m < 0.5 * found.gap_before_m && found.seen > 0.9, "{found:?}");
 }
 
+/// A limb that is not there: its outlines lie far outside of all masks. The motion errs by six degrees at its end.
+#[test]
+fn a_limb_that_no_mask_shows_is_taken_away() {
+    let with_limb = |p: DVec3| {
+        let own = turned().inverse() * (p - CENTRE);
+        let along = own.dot(DVec3::ONE).clamp(0.0, 0.3) / 3.0;
+        cross(p, DVec3::ZERO).min((own - along * DVec3::ONE).length() - 0.03)
+    };
+    let mut body = filling(with_limb);
+    let particles = particles(with_limb);
+    let before = errors(&body);
+    settle(&mut body, &particles, &moments(&particles, 0.0175), false).expect("something is seen");
+    let after = errors(&body);
+    println!("{before:?} {after:?}");
+    assert!(before.0 > 0.05 && after.0.abs() < 0.2 * before.0, "volume {before:?} {after:?}");
+    assert!(after.1 < 0.2 * before.1, "surface {before:?} {after:?}");
+}
+
 /// What is right stays. On the voxels that filling has by default: coarser ones cut off the edges that make outlines.
 #[test]
 fn a_body_that_fits_its_pictures_keeps_its_volume() {

@@ -23,16 +23,19 @@ pub(super) struct TrackedSurface {
     pub(super) places: Vec<Place>,
     /// Vertices beside each vertex.
     pub(super) adjacent: Vec<Vec<usize>>,
-    anchors: Vec<Anchor>,
+    anchors: Anchors,
 }
 
-/// What a vertex hangs on.
+/// What points of the first moment hang on.
+pub(super) struct Anchors(Vec<Anchor>);
+
+/// What a point hangs on.
 struct Anchor {
     particles: [usize; NEIGHBOURS],
     weights: [f64; NEIGHBOURS],
     /// The particles from their mean, times their weights and the inverse of their second moments [1/m].
     dual: [DVec3; NEIGHBOURS],
-    /// The vertex from their mean [m].
+    /// The point from their mean [m].
     offset: DVec3,
 }
 
@@ -59,8 +62,7 @@ pub(super) struct MovedSurface {
 
 impl TrackedSurface {
     pub(super) fn new(mesh: TriangleMesh, body: &[DVec3], spacing: f64) -> TrackedSurface {
-        let tree = Neighbours::new(body, spacing);
-        let anchors = mesh.vertices.par_iter().map(|vertex| Anchor::new(*vertex, &tree, body, spacing)).collect();
+        let anchors = Anchors::new(&mesh.vertices, body, spacing);
         let places = mesh.vertices.iter().zip(&mesh.normals).enumerate();
         let places = places.map(|(voxel, (point, normal))| Place { voxel, point: *point, normal: *normal }).collect();
         TrackedSurface { adjacent: adjacent(&mesh), places, anchors, mesh }
@@ -68,10 +70,8 @@ impl TrackedSurface {
 
     /// The surface in a moment with its particles at `positions` [m].
     pub(super) fn carried(&self, positions: &[DVec3]) -> CarriedSurface<'_> {
-        let moved = self.anchors.par_iter().zip(&self.places).map(|(anchor, place)| {
-            let (point, map) = anchor.moved(positions);
-            (point, map * place.normal)
-        });
+        let moved = self.anchors.moved(positions).zip(&self.places);
+        let moved = moved.map(|((point, map), place)| (point, map * place.normal));
         let (vertices, outward): (Vec<DVec3>, Vec<DVec3>) = moved.unzip();
         let centre = vertices.iter().sum::<DVec3>() / vertices.len().max(1) as f64;
         let deformation = deformation(&self.mesh.vertices, &vertices);
@@ -90,9 +90,22 @@ impl CarriedSurface<'_> {
     }
 }
 
+impl Anchors {
+    /// Of `points` in a body whose particles are `spacing` apart [m].
+    pub(super) fn new(points: &[DVec3], body: &[DVec3], spacing: f64) -> Anchors {
+        let tree = Neighbours::new(body, spacing);
+        Anchors(points.par_iter().map(|point| Anchor::new(*point, &tree, body, spacing)).collect())
+    }
+
+    /// Where the points are in a moment with its particles at `positions` [m], and the affine map around each.
+    pub(super) fn moved(&self, positions: &[DVec3]) -> impl IndexedParallelIterator<Item = (DVec3, DMat3)> {
+        self.0.par_iter().map(|anchor| anchor.moved(positions))
+    }
+}
+
 impl Anchor {
-    fn new(vertex: DVec3, tree: &Neighbours, body: &[DVec3], spacing: f64) -> Anchor {
-        let nearest = tree.nearest::<NEIGHBOURS>(vertex).map(|(squared, i)| (squared, i.min(body.len() - 1)));
+    fn new(point: DVec3, tree: &Neighbours, body: &[DVec3], spacing: f64) -> Anchor {
+        let nearest = tree.nearest::<NEIGHBOURS>(point).map(|(squared, i)| (squared, i.min(body.len() - 1)));
         let weights =
             nearest.map(|(squared, _)| if squared.is_finite() { (squared.sqrt() + spacing).powi(-2) } else { 0.0 });
         let total: f64 = weights.iter().sum();
@@ -105,10 +118,10 @@ impl Anchor {
         let least = DMat3::from_diagonal(DVec3::splat(1e-3 * spacing * spacing));
         let inverse = moments.fold(least, |sum, moment| sum + moment).inverse();
         let dual = std::array::from_fn(|k| inverse * (body[particles[k]] - mean) * weights[k]);
-        Anchor { particles, weights, dual, offset: vertex - mean }
+        Anchor { particles, weights, dual, offset: point - mean }
     }
 
-    /// Where the vertex is, and the affine map around it.
+    /// Where the point is, and the affine map around it.
     fn moved(&self, positions: &[DVec3]) -> (DVec3, DMat3) {
         let at = |k: usize| positions[self.particles[k]];
         let mean: DVec3 = (0..NEIGHBOURS).map(|k| self.weights[k] * at(k)).sum();
@@ -122,7 +135,7 @@ impl Anchor {
 }
 
 /// How far points are from where the rigid motion takes them that fits theirs best (Kabsch 1976) [m].
-fn deformation(before: &[DVec3], after: &[DVec3]) -> Vec<f64> {
+pub(super) fn deformation(before: &[DVec3], after: &[DVec3]) -> Vec<f64> {
     let mean = |points: &[DVec3]| points.iter().sum::<DVec3>() / points.len().max(1) as f64;
     let (a, b) = (mean(before), mean(after));
     let outer = |(p, q): (&DVec3, &DVec3)| {

@@ -53,7 +53,7 @@ impl Outline {
     }
 
     /// How far within the outline image coordinates are [pixels]; `None` outside the picture.
-    fn at_pixel(&self, pixel: DVec2) -> Option<f32> {
+    pub(crate) fn at_pixel(&self, pixel: DVec2) -> Option<f32> {
         let (w, h) = (self.camera.width, self.camera.height);
         let (x, y) = (pixel.x - 0.5, pixel.y - 0.5);
         if !(x >= 0.0 && y >= 0.0 && x < w as f64 - 1.0 && y < h as f64 - 1.0) {
