@@ -1,9 +1,11 @@
 //! Where a surface makes the edge of its silhouette, and how far the mask's outline lies from there.
 
 use glam::{DVec2, DVec3};
+use rayon::prelude::*;
 
 use super::tracked::MovedSurface;
 use super::{Moment, MomentView, robust_deviation};
+use crate::evidence::pixel_index;
 use crate::fill::SilhouetteWindow;
 use crate::symmetry::Outline;
 
@@ -78,6 +80,12 @@ impl MomentOutlines<'_> {
         self.views.iter().map(|seen| seen.depth(point)).fold(f64::INFINITY, f64::min)
     }
 
+    /// Which of the voxels around `points` [m], of side `spacing` [m], cover a part of a mask that those which are kept
+    /// leave uncovered.
+    pub(super) fn uncovered(&self, points: &[DVec3], is_kept: &[bool], spacing: f64) -> Vec<usize> {
+        self.views.par_iter().flat_map(|seen| seen.uncovered(points, is_kept, spacing)).collect()
+    }
+
     /// The surface's contours in all views.
     pub(super) fn contour(&self, surface: &MovedSurface) -> Vec<ContourPoint> {
         self.views.iter().flat_map(|seen| seen.contour(surface)).collect()
@@ -98,6 +106,22 @@ impl ViewOutline<'_> {
             let within = self.outline.at_pixel(edge).map_or(0.0, f64::from);
             -within.hypot(pixel.distance(edge)) * along / (0.5 * (camera.focal.x + camera.focal.y))
         })
+    }
+
+    fn uncovered(&self, points: &[DVec3], is_kept: &[bool], spacing: f64) -> Vec<usize> {
+        let MomentView { camera, mask, .. } = self.view;
+        let mut covered: Vec<bool> = mask.coverage.iter().map(|coverage| *coverage < 0.5).collect();
+        let pixels: Vec<Option<(DVec2, f64)>> = points.par_iter().map(|point| camera.project(*point)).collect();
+        for (pixel, depth) in pixels.iter().zip(is_kept).filter_map(|(pixel, is_kept)| pixel.filter(|_| *is_kept)) {
+            // A voxel to each side, so that what is kept has no gaps.
+            let reach = spacing * camera.focal / depth;
+            let size = DVec2::new(camera.width as f64, camera.height as f64);
+            let low = (pixel - reach).clamp(DVec2::ZERO, size).as_usizevec2();
+            let high = (pixel + reach).clamp(DVec2::ZERO, size).as_usizevec2();
+            (low.y..high.y).for_each(|y| covered[y * camera.width + low.x..y * camera.width + high.x].fill(true));
+        }
+        let is_uncovered = |(pixel, _)| pixel_index(camera, pixel).is_some_and(|i| !covered[i]);
+        (0..points.len()).filter(|i| !is_kept[*i] && pixels[*i].is_some_and(is_uncovered)).collect()
     }
 
     /// Vertices between triangles that face the camera and triangles that do not, at the edge of the silhouette.

@@ -3,6 +3,9 @@
 //! Places move along their normals to where they are wanted, which takes no limb away that is not there at all: its
 //! outlines lie so far off that each counts as explained by something else. But matter stays matter in all moments.
 //! What the motion carries out of a mask by more than it errs there belongs to no body.
+//!
+//! A thin part may move otherwise than the motion has it. It is in the masks of the flight, whose motion is known, and
+//! nothing else covers them there: that stays.
 
 use gic_geometry::DensityField;
 use glam::DVec3;
@@ -30,15 +33,25 @@ pub(super) fn cut(
     let points: Vec<DVec3> = full.iter().map(|i| field.centre(field.voxel(*i))).collect();
     let anchors = Anchors::new(&points, particles, spacing);
     let mut within = vec![f64::INFINITY; points.len()];
+    let mut flying = Vec::new();
     for (((moment, pose), outlines), seen) in moments.iter().zip(poses).zip(outlines).zip(seen) {
         let moved: Vec<DVec3> = anchors.moved(&moment.positions).map(|(point, _)| point).collect();
-        let errors =
-            deformation(&points, &moved).into_iter().map(|d| seen.miss.hypot(tuning.across_time.deformation_error * d));
+        let errors = deformation(&points, &moved);
         let centre = seen.surface.centre - pose.shift;
-        let places: Vec<(DVec3, f64)> = moved.into_iter().map(|point| pose.moved(point, centre)).zip(errors).collect();
-        within.par_iter_mut().zip(places).for_each(|(within, (point, error))| {
-            *within = within.min(outlines.depth(point) + CERTAIN_DEVIATIONS * error);
+        let moved: Vec<DVec3> = moved.into_iter().map(|point| pose.moved(point, centre)).collect();
+        within.par_iter_mut().zip(&moved).zip(errors).for_each(|((within, point), deformation)| {
+            let error = seen.miss.hypot(tuning.across_time.deformation_error * deformation);
+            *within = within.min(outlines.depth(*point) + CERTAIN_DEVIATIONS * error);
         });
+        if moment.flies {
+            flying.push((outlines, moved));
+        }
+    }
+    let is_kept: Vec<bool> =
+        full.iter().zip(&within).map(|(i, within)| f64::from(field.values[*i]) >= th_min && *within >= 0.0).collect();
+    for (outlines, moved) in flying {
+        let needed = outlines.uncovered(&moved, &is_kept, field.spacing);
+        needed.into_iter().for_each(|i| within[i] = f64::INFINITY);
     }
     for (i, within) in full.into_iter().zip(within) {
         // The density falls over a voxel to each side.
