@@ -7,48 +7,41 @@
 //! A thin part may move otherwise than the motion has it. It is in the masks of the flight, whose motion is known, and
 //! nothing else covers them there: that stays.
 
-use gic_geometry::DensityField;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::contour::MomentOutlines;
 use super::tracked::{Anchors, deformation};
-use super::{Moment, Pose, SeenMoment};
-use crate::Tuning;
+use super::{Observed, Pose, SeenMoment};
+use crate::Filling;
 
 /// What the motion carries out of a mask by so many standard deviations of its error is empty. Derived: of Gaussian
 /// errors one in 700 is larger.
 const CERTAIN_DEVIATIONS: f64 = 3.0;
 
-/// Takes from the `field` of a body with the boundary `th_min` what lies outside of the hull: its surface there lies
-/// where the motion errs by [`CERTAIN_DEVIATIONS`]. `particles` are what the moments carry on [m], `spacing` apart.
-pub(super) fn cut(
-    (field, th_min): (&mut DensityField, f64),
-    (particles, spacing): (&[DVec3], f64),
-    (moments, poses, outlines): (&[Moment], &[Pose], &[MomentOutlines]),
-    seen: &[SeenMoment],
-    tuning: &Tuning,
-) {
+/// Takes from a `body` what lies outside of the hull: its surface there lies where the motion errs by
+/// [`CERTAIN_DEVIATIONS`].
+pub(super) fn cut(body: &mut Filling, observed: &Observed, poses: &[Pose], seen: &[SeenMoment]) {
+    let (field, th_min) = (&mut body.field, body.th_min);
     let full: Vec<usize> = (0..field.len()).filter(|i| field.values[*i] > 0.0).collect();
     let points: Vec<DVec3> = full.iter().map(|i| field.centre(field.voxel(*i))).collect();
-    let anchors = Anchors::new(&points, particles, spacing);
+    let anchors = Anchors::new(&points, observed.particles, observed.spacing);
     let mut within = vec![f64::INFINITY; points.len()];
     let mut flying = Vec::new();
-    for (((moment, pose), outlines), seen) in moments.iter().zip(poses).zip(outlines).zip(seen) {
+    for (((moment, pose), outlines), seen) in observed.moments.iter().zip(poses).zip(&observed.outlines).zip(seen) {
         let moved: Vec<DVec3> = anchors.moved(&moment.positions).map(|(point, _)| point).collect();
         let errors = deformation(&points, &moved);
         let centre = seen.surface.centre - pose.shift;
         let moved: Vec<DVec3> = moved.into_iter().map(|point| pose.moved(point, centre)).collect();
         within.par_iter_mut().zip(&moved).zip(errors).for_each(|((within, point), deformation)| {
-            let error = seen.miss.hypot(tuning.across_time.deformation_error * deformation);
+            let error = seen.miss.hypot(observed.tuning.across_time.deformation_error * deformation);
             *within = within.min(outlines.depth(*point) + CERTAIN_DEVIATIONS * error);
         });
         if moment.flies {
             flying.push((outlines, moved));
         }
     }
-    let is_kept: Vec<bool> =
-        full.iter().zip(&within).map(|(i, within)| f64::from(field.values[*i]) >= th_min && *within >= 0.0).collect();
+    let is_kept = |(i, within): (&usize, &f64)| f64::from(field.values[*i]) >= th_min && *within >= 0.0;
+    let is_kept: Vec<bool> = full.iter().zip(&within).map(is_kept).collect();
     for (outlines, moved) in flying {
         let needed = outlines.uncovered(&moved, &is_kept, field.spacing);
         needed.into_iter().for_each(|i| within[i] = f64::INFINITY);

@@ -122,21 +122,11 @@ impl Filling {
         tuning: &Tuning,
         stop: &dyn Fn() -> bool,
     ) -> Option<AcrossTime> {
-        let outlines: Vec<MomentOutlines> = moments.par_iter().map(MomentOutlines::new).collect();
-        let pictures: Vec<Vec<ShadeFree>> =
-            moments.par_iter().map(|moment| moment.views.iter().map(ShadeFree::new).collect()).collect();
+        let observed = Observed::new(moments, (particles, spacing), tuning);
         let mut poses = vec![Pose::default(); moments.len()];
-        let look = |body: &Filling, poses: &mut [Pose], is_first: bool| {
-            let surface = TrackedSurface::new(body.surface_mesh(), particles, spacing);
-            let seen = seen_moments(&surface, moments, (poses, is_first), &outlines);
-            let gap = median(seen.iter().map(|seen| seen.miss).collect());
-            // Where most moments show no outline of the body, they tell nothing of it.
-            gap.filter(|gap| gap.is_finite()).map(|gap_m| (surface, seen, gap_m))
-        };
-        let (_, seen, gap_before_m) = look(self, &mut poses, true)?;
+        let (_, seen, gap_before_m) = observed.look_at(self, &mut poses, true)?;
         let before = self.field.clone();
-        let motion = (moments, poses.as_slice(), outlines.as_slice());
-        hull::cut((&mut self.field, self.th_min), (particles, spacing), motion, &seen, tuning);
+        hull::cut(self, &observed, &poses, &seen);
         let first = self.field.clone();
         let finest = 0.5 * first.spacing;
         // The sweep's depths are a voxel apart: a picture that fits the voxels shows nothing finer, and larger steps
@@ -148,20 +138,17 @@ impl Filling {
             if stop() {
                 return None;
             }
-            let Some((surface, seen, gap_after_m)) = look(self, &mut poses, false) else { break };
-            let pixel = median(seen.iter().map(|seen| seen.pixel).collect())?;
-            let mut wanted = wanted_by_colours(&surface, &seen, moments, &pictures, (unit, finest, tuning));
-            wanted_by_outlines(&mut wanted, &seen, (unit, &tuning.across_time));
-            share_with_images(&mut wanted, &surface.mesh.vertices, symmetry, first.spacing);
-            let seen = wanted.iter().filter(|(_, weight)| *weight > 0.0).count() as f64 / wanted.len() as f64;
+            let Some((surface, seen, gap_after_m)) = observed.look_at(self, &mut poses, false) else { break };
+            let wanted = observed.wanted(&surface, &seen, symmetry, (unit, finest));
             least_gap_m = gap_after_m.min(least_gap_m);
-            let outline_error_m = OUTLINE_ERROR_PX * pixel;
+            let outline_error_m = OUTLINE_ERROR_PX * median(seen.iter().map(|seen| seen.pixel).collect())?;
             if gap_after_m <= least_gap_m.hypot(outline_error_m) {
+                let told = wanted.iter().filter(|(_, weight)| *weight > 0.0).count();
                 let report = AcrossTime {
                     rounds: round,
                     gap_before_m,
                     gap_after_m,
-                    seen,
+                    seen: told as f64 / wanted.len() as f64,
                     moved_m: exchanged_m3(&before, &self.field) / surface.mesh.area(),
                     outline_error_m,
                 };
@@ -186,6 +173,68 @@ impl Filling {
     }
 }
 
+/// The moments, ready to be compared with a body.
+struct Observed<'a> {
+    moments: &'a [Moment],
+    outlines: Vec<MomentOutlines<'a>>,
+    pictures: Vec<Vec<ShadeFree>>,
+    /// Particles of the first moment [m], which the moments carry on.
+    particles: &'a [DVec3],
+    /// How far they are apart [m].
+    spacing: f64,
+    tuning: &'a Tuning,
+}
+
+impl<'a> Observed<'a> {
+    fn new(moments: &'a [Moment], (particles, spacing): (&'a [DVec3], f64), tuning: &'a Tuning) -> Observed<'a> {
+        let shade_free = |moment: &Moment| moment.views.iter().map(ShadeFree::new).collect();
+        Observed {
+            moments,
+            outlines: moments.par_iter().map(MomentOutlines::new).collect(),
+            pictures: moments.par_iter().map(shade_free).collect(),
+            particles,
+            spacing,
+            tuning,
+        }
+    }
+
+    /// A body's surface, what is seen of it in each moment after the poses are fitted, and how far outlines miss, the
+    /// median of the moments [m]. `None` where most moments show no outline of the body: they tell nothing of it.
+    fn look_at(
+        &self,
+        body: &Filling,
+        poses: &mut [Pose],
+        is_first: bool,
+    ) -> Option<(TrackedSurface, Vec<SeenMoment>, f64)> {
+        let surface = TrackedSurface::new(body.surface_mesh(), self.particles, self.spacing);
+        let carried: Vec<CarriedSurface> =
+            self.moments.par_iter().map(|moment| surface.carried(&moment.positions)).collect();
+        pose::follow(poses, &carried, self.moments, &self.outlines, is_first);
+        let all = carried.par_iter().zip(poses).zip(&self.outlines);
+        let mut seen: Vec<SeenMoment> =
+            all.map(|((carried, pose), outlines)| SeenMoment::new(carried.moved(pose), outlines)).collect();
+        find_errors_of_motion(&mut seen);
+        let gap_m = median(seen.iter().map(|seen| seen.miss).collect()).filter(|gap| gap.is_finite())?;
+        Some((surface, seen, gap_m))
+    }
+
+    /// How far outward each place of a surface wants to be, and with which weight, in `unit` [m]; the field's voxels
+    /// are twice `half_voxel` [m].
+    fn wanted(
+        &self,
+        surface: &TrackedSurface,
+        seen: &[SeenMoment],
+        symmetry: &Symmetry,
+        (unit, half_voxel): (f64, f64),
+    ) -> Vec<(f64, f64)> {
+        let scale = (unit, half_voxel, self.tuning);
+        let mut wanted = wanted_by_colours(surface, seen, self.moments, &self.pictures, scale);
+        wanted_by_outlines(&mut wanted, seen, (unit, &self.tuning.across_time));
+        share_with_images(&mut wanted, &surface.mesh.vertices, symmetry, 2.0 * half_voxel);
+        wanted
+    }
+}
+
 /// A moment's surface, and where its edges in the pictures lie.
 struct SeenMoment {
     surface: MovedSurface,
@@ -205,22 +254,6 @@ impl SeenMoment {
         let miss = contour::deviation(&contour, pixel);
         SeenMoment { miss, motion_error: miss, pixel, surface, contour }
     }
-}
-
-/// The surface in all moments as the motion and the poses have it, after these are fitted.
-fn seen_moments(
-    surface: &TrackedSurface,
-    moments: &[Moment],
-    (poses, is_first): (&mut [Pose], bool),
-    outlines: &[MomentOutlines],
-) -> Vec<SeenMoment> {
-    let carried: Vec<CarriedSurface> = moments.par_iter().map(|moment| surface.carried(&moment.positions)).collect();
-    pose::follow(poses, &carried, moments, outlines, is_first);
-    let all = carried.par_iter().zip(poses).zip(outlines);
-    let mut seen: Vec<SeenMoment> =
-        all.map(|((carried, pose), outlines)| SeenMoment::new(carried.moved(pose), outlines)).collect();
-    find_errors_of_motion(&mut seen);
-    seen
 }
 
 /// The shape is the same in all moments: what a moment misses by more than the best one is its motion's error.
