@@ -35,6 +35,10 @@ pub struct FillSummary {
     /// resolve how they bend; `None` in runs that were filled without that figure.
     #[serde(default)]
     pub thin_share: Option<f64>,
+    /// Share of the surface that the pictures of all frames tell, by outlines or by colours that agree; `None` of a body
+    /// that was not refined.
+    #[serde(default)]
+    pub told_share: Option<f64>,
     /// Standard deviation of a particle's Gaussian, in units of the particle spacing.
     pub splat_scale: f64,
     /// Opacity of a particle of density 1.
@@ -65,12 +69,19 @@ struct FirstBody {
 }
 
 impl FillSummary {
-    /// What the simulation's grid does not resolve, in words; `None` of less than a hundredth of the body.
-    pub fn thin_part_remark(&self) -> Option<String> {
-        let percent = 100.0 * self.thin_share.filter(|share| *share >= 0.01)?;
-        Some(format!(
-            "{percent:.0} % of the body is thinner than two cells of the grid, which does not resolve its bending"
-        ))
+    /// What to know of the body before its parameters are believed, in words: which part of its surface is a guess, and
+    /// which the simulation's grid does not resolve. Shares below a hundredth are not mentioned.
+    pub fn remarks(&self) -> Vec<String> {
+        let percent = |share: f64| Some(100.0 * share).filter(|percent| *percent >= 1.0);
+        let untold = self.told_share.and_then(|told| percent(1.0 - told));
+        let thin = self.thin_share.and_then(percent);
+        let guess = |percent| format!("no picture tells where {percent:.0} % of the surface lies");
+        let unresolved = |percent| {
+            format!(
+                "{percent:.0} % of the body is thinner than two cells of the grid, which does not resolve its bending"
+            )
+        };
+        untold.map(guess).into_iter().chain(thin.map(unresolved)).collect()
     }
 }
 
@@ -203,6 +214,7 @@ impl Run<'_> {
             particle_volume_m3: particles.volume,
             particles: particles.positions.len(),
             thin_share: Some(thin_share),
+            told_share: None,
             splat_scale: appearance.scale,
             splat_opacity: appearance.opacity,
             drawing_scale: drawn.scale,

@@ -259,14 +259,9 @@ impl Run<'_> {
         let particles = &continuum.particles;
         let (grid_spacing_m, substeps_per_frame) = config.resolution(particles.spacing);
         let scale = (continuum.appearance.scale * particles.spacing) as f32;
-        self.events.note(
-            Stage::Identify.name(),
-            format!(
-                "grid {:.2} mm, {substeps_per_frame} substeps a frame{}",
-                1e3 * grid_spacing_m,
-                continuum.summary.thin_part_remark().map_or(String::new(), |remark| format!("; {remark}"))
-            ),
-        );
+        let grid = format!("grid {:.2} mm, {substeps_per_frame} substeps a frame", 1e3 * grid_spacing_m);
+        let known = std::iter::once(grid).chain(continuum.summary.remarks());
+        self.events.note(Stage::Identify.name(), known.collect::<Vec<_>>().join("; "));
         let mut cameras = self.scene.cameras.clone();
         if let Some(scan) = self.scan() {
             cameras.extend(scan.moved(&self.registration()?.best.similarity()).cameras);

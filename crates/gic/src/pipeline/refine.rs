@@ -206,6 +206,7 @@ impl Run<'_> {
                 particle_volume_m3: particles.volume,
                 particles: particles.positions.len(),
                 thin_share: Some(thin_share(filling, &particles, tuning)),
+                told_share: Some(settled.seen),
                 splat_scale: appearance.scale,
                 splat_opacity: appearance.opacity,
                 drawing_scale: drawn.scale,

@@ -100,7 +100,7 @@ fn report(run: &Run, found: &IdentifyRecord, events: &Events) -> Result<Report> 
     let pictures = Pictures::draw(run, found, events)?;
     let motion = SimulatedMotion::open(run.folder())?;
     let config = run.folder().join("config.toml");
-    let thin_parts = run.body_summary()?.thin_part_remark();
+    let of_body = run.body_summary()?.remarks();
     Ok(Report {
         model: found.model.clone(),
         verdict: estimate::verdict(found, &pictures.overlap),
@@ -108,7 +108,7 @@ fn report(run: &Run, found: &IdentifyRecord, events: &Events) -> Result<Report> 
         rows: estimate::rows(found, truth.as_ref()),
         has_truth: truth.is_some(),
         remarks: (remarks(found).into_iter())
-            .chain(thin_parts.into_iter().chain(run.video().corrections()).map(sentence))
+            .chain(of_body.into_iter().chain(run.video().corrections()).map(sentence))
             .collect(),
         selection: run.selection_if_any()?.map(|selection| ranking(&selection)),
         fitted_frames: run.fitted_frames(),
