@@ -1,8 +1,8 @@
 //! Stage 2: starting points of the material.
 //!
 //! All points of a grid over the parameters' ranges are simulated on a coarse grid with fewer particles; the cheapest
-//! are improved there. The coarse grid is biased, so that the improved ones and the cheapest as they are compete again
-//! on the full grid.
+//! are improved there. The coarse grid is biased, so that the improved ones, the cheapest as they are and a start that
+//! was given compete again on the full grid.
 
 use glam::DVec3;
 
@@ -26,8 +26,9 @@ use crate::{FitError, IdentifyError};
 /// Where none can be simulated, and interruption.
 pub(crate) fn find_starts(identification: &Identification, session: &mut Session) -> Result<Vec<State>, IdentifyError> {
     let candidates = grid_of_starts(identification);
-    let found =
+    let mut found =
         coarse_starts(identification, session, &candidates).map_err(|error| error.of_stage(candidates.len()))?;
+    found.extend(given_start(identification).map(|given| (0.0, given)));
     let starts = rank_on_full_grid(identification, session, found).map_err(|error| error.of_stage(1))?;
     let reached = session.reach(Some(Stage::Search), |checkpoint| checkpoint.starts = Some(starts.clone()));
     reached.map_err(|error| error.of_stage(1))?;
@@ -115,7 +116,7 @@ fn rank_on_full_grid(
     Ok(ranked.into_iter().take(identification.tuning.search.starts).map(|(_, state)| state).collect())
 }
 
-/// Points of the grid of starts: over the whole range of each parameter, plus the start that was given.
+/// Points of the grid of starts: over the whole range of each parameter.
 fn grid_of_starts(identification: &Identification) -> Vec<State> {
     let (settings, from) = (identification.settings, &identification.flight.state);
     let mut list = vec![from.clone()];
@@ -134,14 +135,16 @@ fn grid_of_starts(identification: &Identification) -> Vec<State> {
         };
         list = list.iter().flat_map(|state| values.iter().map(|value| with(state, *value))).collect();
     }
-    if let Some(start) = &settings.start {
-        let mut given = from.clone();
-        for (i, p) in identification.parameters().iter().enumerate() {
-            if settings.fixed_value(p).is_none() {
-                given.material[i] = p.coordinate(start[i]);
-            }
-        }
-        list.push(given);
-    }
     list
+}
+
+/// The start that was given, with the values that are fixed.
+fn given_start(identification: &Identification) -> Option<State> {
+    let settings = identification.settings;
+    let start = settings.start.as_ref()?;
+    let mut given = identification.flight.state.clone();
+    for (i, p) in identification.parameters().iter().enumerate() {
+        given.material[i] = p.coordinate(settings.fixed_value(p).unwrap_or(start[i]));
+    }
+    Some(given)
 }
