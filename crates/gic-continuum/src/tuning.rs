@@ -32,9 +32,11 @@ macro_rules! tuned {
     };
 }
 
-/// Depths at which the plane sweep compares colours: the surface, and as many inside as outside, so that noise moves no
-/// surface. Budget: more cost time in proportion, and further away colours agree by chance.
-pub const SWEEP_DEPTHS: usize = 9;
+/// Depths at which the plane sweep compares colours: six inside of the surface, the surface itself, and four outside.
+/// Budget: more cost time in proportion.
+pub const SWEEP_DEPTHS: usize = 11;
+/// Number of the depth at the surface, from the innermost on. See [`SWEEP_DEPTHS`].
+pub const SWEEP_SURFACE: usize = 6;
 
 /// All tuned numbers of filling.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -84,26 +84,30 @@ impl Coloured<'_> {
         depths
     }
 
-    /// Colours of a place moved by each of `outward` [m] along its normal, where that lies well within the outline,
-    /// and their variance; `None` where this view does not see it.
+    /// Colours of a place moved by each of `outward` [m] along its normal, and their variance; `None` where this view
+    /// does not see it, and where any of these lies beside what it shows of the body: the background's colour tells
+    /// nothing, and depths that fewer views show look better or worse by chance.
     pub(crate) fn colours_along_normal<const N: usize>(
         &self,
         place: &Place,
         depths: &[f32],
         visibility: &Visibility,
         outward: &[f64; N],
-    ) -> Option<([Option<Vec3>; N], Vec3)> {
+    ) -> Option<([Vec3; N], Vec3)> {
         let (i, _, depth) = self.pixel(place.point)?;
         let towards = (self.view.camera.centre - place.point).normalize_or_zero();
         let seen = self.own[i]
             && depth < f64::from(depths[i]) + visibility.depth
             && place.normal.dot(towards) > visibility.least_cosine;
-        let colour = |distance: &f64| {
+        let mut colours = [Vec3::ZERO; N];
+        for (colour, distance) in colours.iter_mut().zip(outward).filter(|_| seen) {
             let (i, at, _) = self.pixel(place.point + *distance * place.normal)?;
-            let colour = self.own[i].then(|| self.view.picture.sample(at.x, at.y))?;
-            colour.map(Vec3::from_array)
-        };
-        seen.then(|| (outward.each_ref().map(colour), self.variance[i]))
+            if !self.own[i] {
+                return None;
+            }
+            *colour = Vec3::from_array(self.view.picture.sample(at.x, at.y)?);
+        }
+        seen.then_some((colours, self.variance[i]))
     }
 }
 

@@ -13,22 +13,22 @@ use super::place::Place;
 pub(crate) struct Difference<const N: usize> {
     /// Squared differences over their variances, summed, at each depth.
     pub(crate) squared: [f32; N],
-    /// Degrees of freedom of each of these sums: views do not see all depths.
-    pub(crate) freedom: [f32; N],
+    /// Degrees of freedom of these sums.
+    pub(crate) freedom: f32,
 }
 
 impl<const N: usize> Difference<N> {
-    pub(crate) const NONE: Difference<N> = Difference { squared: [0.0; N], freedom: [0.0; N] };
+    pub(crate) const NONE: Difference<N> = Difference { squared: [0.0; N], freedom: 0.0 };
 
     pub(crate) fn add(&mut self, other: &Difference<N>) {
         self.squared.iter_mut().zip(other.squared).for_each(|(own, other)| *own += other);
-        self.freedom.iter_mut().zip(other.freedom).for_each(|(own, other)| *own += other);
+        self.freedom += other.freedom;
     }
 
     /// So many times as much.
     pub(crate) fn scaled(mut self, factor: f32) -> Difference<N> {
-        self.squared.iter_mut().chain(&mut self.freedom).for_each(|sum| *sum *= factor);
-        self
+        self.squared.iter_mut().for_each(|squared| *squared *= factor);
+        Difference { freedom: factor * self.freedom, ..self }
     }
 }
 
@@ -80,8 +80,7 @@ pub(super) fn difference<const N: usize>(
 #[derive(Clone, Copy)]
 pub(crate) struct SeenColours<const N: usize> {
     pub(crate) moment: usize,
-    /// `None` at depths that it does not see.
-    pub(crate) colours: [Option<Vec3>; N],
+    pub(crate) colours: [Vec3; N],
     pub(crate) variance: Vec3,
 }
 
@@ -89,19 +88,13 @@ pub(crate) struct SeenColours<const N: usize> {
 pub(crate) fn difference_of<const N: usize>(seen: &[SeenColours<N>]) -> Difference<N> {
     let mut all = Difference::NONE;
     for same in seen.chunk_by(|a, b| a.moment == b.moment) {
+        let weight: Vec3 = same.iter().map(|view| view.variance.recip()).sum();
         for k in 0..N {
-            let seen = || same.iter().filter_map(|view| Some((view.colours[k]?, view.variance.recip())));
-            let (count, weight, sum) = seen()
-                .fold((0, Vec3::ZERO, Vec3::ZERO), |(count, total, sum), (colour, weight)| {
-                    (count + 1, total + weight, sum + weight * colour)
-                });
-            if count > 1 {
-                let mean = sum / weight;
-                all.squared[k] +=
-                    seen().map(|(c, weight)| (c - mean) * (c - mean) * weight).sum::<Vec3>().element_sum();
-                all.freedom[k] += 3.0 * (count - 1) as f32;
-            }
+            let mean = same.iter().map(|view| view.colours[k] * view.variance.recip()).sum::<Vec3>() / weight;
+            let square = |view: &SeenColours<N>| (view.colours[k] - mean) * (view.colours[k] - mean) / view.variance;
+            all.squared[k] += same.iter().map(square).sum::<Vec3>().element_sum();
         }
+        all.freedom += 3.0 * (same.len() - 1) as f32;
     }
     all
 }

@@ -6,6 +6,8 @@
 //! minimum: a fraction of a voxel, shared with its neighbours as far as the minimum is flat. With it, the field is
 //! carried along, so that edges stay as they are.
 
+use std::ops::RangeInclusive;
+
 use rayon::prelude::*;
 
 use super::coloured::Coloured;
@@ -13,7 +15,7 @@ use super::difference::Difference;
 use super::displacement::Displacement;
 use super::place::Place;
 use super::solid::Solid;
-use crate::tuning::{SWEEP_DEPTHS, Tuning};
+use crate::tuning::{SWEEP_DEPTHS, SWEEP_SURFACE, Tuning};
 use crate::{Filling, Symmetry};
 
 impl Filling {
@@ -60,12 +62,15 @@ impl Filling {
     }
 }
 
+/// How much colours differ at each depth that is tried.
+pub(crate) type Curve = Difference<SWEEP_DEPTHS>;
+
 /// Distance between two depths of the sweep [units].
 pub(crate) const DEPTH_STEP: f64 = 0.5;
 
 /// How far outward a depth lies [units].
 fn outward(depth: f64) -> f64 {
-    DEPTH_STEP * (depth - (SWEEP_DEPTHS / 2) as f64)
+    DEPTH_STEP * (depth - SWEEP_SURFACE as f64)
 }
 
 /// How far outward the depths of the sweep lie [m], in a unit [m].
@@ -73,25 +78,19 @@ pub(crate) fn depths_of_sweep(unit: f64) -> [f64; SWEEP_DEPTHS] {
     std::array::from_fn(|k| outward(k as f64) * unit)
 }
 
-/// How much colours differ at each depth that is tried.
-pub(crate) type Curve = Difference<SWEEP_DEPTHS>;
-
 impl Curve {
     /// Where the curve is least [units outward], by a parabola through its lowest values, and its second derivative
     /// there [1/units^2], that of a squared deviation in units of its variance: differences larger than expected count
     /// for less.
-    pub(crate) fn least(&self, largest_difference: f32) -> (f64, f64) {
-        let freedom = self.freedom.into_iter().fold(0.0, f32::max);
-        let level = self.squared.iter().sum::<f32>() / self.freedom.iter().sum::<f32>();
-        // What views do not show of a depth differs there as colours do at all depths: it tells nothing of the depth.
-        let at = |k: usize| f64::from(self.squared[k] + level * (freedom - self.freedom[k]));
-        let k = (0..SWEEP_DEPTHS).min_by(|a, b| at(*a).total_cmp(&at(*b))).unwrap_or_default();
-        let middle = k.clamp(1, SWEEP_DEPTHS - 2);
-        let [a, b, c] = [middle - 1, middle, middle + 1].map(at);
+    /// Only `depths` are looked at.
+    pub(crate) fn least(&self, largest_difference: f32, depths: RangeInclusive<usize>) -> (f64, f64) {
+        let k = depths.clone().min_by(|a, b| self.squared[*a].total_cmp(&self.squared[*b])).unwrap_or(SWEEP_SURFACE);
+        let middle = k.clamp(depths.start() + 1, depths.end() - 1);
+        let [a, b, c] = [middle - 1, middle, middle + 1].map(|k| f64::from(self.squared[k]));
         let bend = a - 2.0 * b + c;
-        let excess = at(k) / f64::from(freedom);
+        let excess = f64::from(self.squared[k]) / f64::from(self.freedom);
         // Flat, or colours that agree nowhere.
-        if freedom <= 0.0 || bend <= 0.0 || excess > f64::from(largest_difference) {
+        if self.freedom <= 0.0 || bend <= 0.0 || excess > f64::from(largest_difference) {
             return (0.0, 0.0);
         }
         let shift = (0.5 * (a - c) / bend).clamp(-1.0, 1.0);
@@ -111,7 +110,8 @@ impl Solid {
         let depths = depths_of_sweep(self.grid.spacing);
         let around = self.differences_around(views, surface, &depths, tuning);
         let images = symmetry.images();
-        let wanted = |place| self.at_images(&around, &images, place).least(tuning.carving.first_tolerance);
+        let wanted =
+            |place| self.at_images(&around, &images, place).least(tuning.carving.first_tolerance, 0..=SWEEP_DEPTHS - 1);
         let wanted: Vec<(f64, f64)> = surface.par_iter().map(wanted).collect();
         smoothed(&self.neighbours(surface), &wanted, tuning.carving.neighbour_deviation, tuning)
     }
@@ -154,34 +154,23 @@ pub(crate) fn smoothed(
 mod tests {
     use super::*;
 
-    /// A parabola with its least value, 3, at so many units outward.
-    fn parabola(at: f64, bend: f64) -> Curve {
-        let value = |k: usize| (bend * (outward(k as f64) - at).powi(2) + 3.0) as f32;
-        Curve { squared: std::array::from_fn(value), freedom: [6.0; SWEEP_DEPTHS] }
-    }
-
     #[test]
     fn the_least_of_a_parabola_is_found_exactly() {
-        for at in [-1.6, -1.13, 0.0, 0.4, 1.7] {
-            let (found, bend) = parabola(at, 5.0).least(2.88);
+        let curve = |at: f64, bend: f64| {
+            let value = |k: usize| (bend * (0.5 * (k as f64 - SWEEP_SURFACE as f64) - at).powi(2) + 3.0) as f32;
+            Curve { squared: std::array::from_fn(value), freedom: 6.0 }
+        };
+        for at in [-2.6, -1.13, 0.0, 0.4, 1.7] {
+            let (found, bend) = curve(at, 5.0).least(2.88, 0..=SWEEP_DEPTHS - 1);
             assert!((found - at).abs() < 1e-4 && (bend - 10.0).abs() < 1e-3, "{at}: {found} {bend}");
         }
-        assert_eq!(parabola(0.3, 0.0).least(2.88), (0.0, 0.0), "flat");
-        let nowhere = Curve { freedom: [0.5; SWEEP_DEPTHS], ..parabola(0.3, 5.0) };
-        assert_eq!(nowhere.least(2.88), (0.0, 0.0), "colours that differ at every depth");
-        let many = Curve { freedom: [1.5; SWEEP_DEPTHS], ..parabola(0.5, 5.0) };
-        assert!((many.least(2.88).1 - 5.0).abs() < 1e-3, "differences twice as large as expected count half");
-    }
-
-    /// Depths that fewer views show have smaller sums, and win nothing by that.
-    #[test]
-    fn depths_that_are_not_shown_do_not_attract() {
-        let mut curve = parabola(-0.4, 5.0);
-        for k in SWEEP_DEPTHS - 3..SWEEP_DEPTHS {
-            (curve.squared[k], curve.freedom[k]) = (0.1, 0.2);
-        }
-        assert!((curve.least(2.88).0 + 0.4).abs() < 1e-4, "{:?}", curve.least(2.88));
-        let unseen = Curve::NONE.least(2.88);
-        assert_eq!(unseen, (0.0, 0.0));
+        assert_eq!(curve(0.3, 0.0).least(2.88, 0..=SWEEP_DEPTHS - 1), (0.0, 0.0), "flat");
+        let nowhere = Curve { freedom: 0.5, ..curve(0.3, 5.0) };
+        assert_eq!(nowhere.least(2.88, 0..=SWEEP_DEPTHS - 1), (0.0, 0.0), "colours that differ at every depth");
+        let many = Curve { freedom: 1.5, ..curve(0.5, 5.0) };
+        assert!(
+            (many.least(2.88, 0..=SWEEP_DEPTHS - 1).1 - 5.0).abs() < 1e-3,
+            "differences twice as large as expected count half"
+        );
     }
 }

@@ -100,7 +100,7 @@ impl Solid {
             let around = self.differences_around(views, &surface, &[0.0], tuning);
             let contradicted = |place: &&Place| {
                 let all = self.at_images(&around, &images, place);
-                all.freedom[0] >= tuning.carving.fewest_differences && all.squared[0] > tolerance * all.freedom[0]
+                all.freedom >= tuning.carving.fewest_differences && all.squared[0] > tolerance * all.freedom
             };
             let carved: Vec<usize> = surface.par_iter().filter(contradicted).map(|place| place.voxel).collect();
             carved.iter().for_each(|i| self.inside[*i] = false);
@@ -130,8 +130,7 @@ impl Solid {
         let differences: Vec<Difference<N>> =
             surface.par_iter().map(|place| difference(place, views, &depths, &visibility, outward)).collect();
         let mut around = SumsAround::none(self.inside.len());
-        for (place, difference) in surface.iter().zip(&differences).filter(|(_, d)| d.freedom.iter().any(|f| *f > 0.0))
-        {
+        for (place, difference) in surface.iter().zip(&differences).filter(|(_, d)| d.freedom > 0.0) {
             self.grid.around(place.voxel).for_each(|i| around.add(i, difference));
         }
         around
