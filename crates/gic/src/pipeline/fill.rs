@@ -35,7 +35,7 @@ pub struct FillSummary {
     /// resolve how they bend; `None` in runs that were filled without that figure.
     #[serde(default)]
     pub thin_share: Option<f64>,
-    /// Share of the surface that the pictures of all frames tell, by outlines or by colours that agree; `None` of a body
+    /// Share of the surface that pictures of any frame tell, by outlines or by colours that agree; `None` of a body
     /// that was not refined.
     #[serde(default)]
     pub told_share: Option<f64>,
