@@ -12,7 +12,7 @@
 //! 5. Mirror images of a place, where the body has any, are further views of it: what is wanted of them is shared.
 //! 6. Each place moves to where all want it, as far as its neighbours share in that; the field is carried along.
 //!
-//! The depths lie far apart first, and half as far whenever the surface has settled: what stands out too far by a tenth
+//! The depths lie far apart first, and half as far whenever the surface has settled or its steps shrink no more: what stands out too far by a tenth
 //! of the body differs in colour at all depths nearby, and agrees only further in.
 //!
 //! The last round is kept whose outlines miss by no more than those of any round, but for what an outline tells:
@@ -133,7 +133,7 @@ impl Filling {
         // jump over where its colours agree.
         let mut unit = first.spacing / DEPTH_STEP;
         let mut moved = Displacement::none(&first);
-        let (mut least_gap_m, mut kept) = (f64::INFINITY, None);
+        let (mut least_gap_m, mut last_step, mut kept) = (f64::INFINITY, f64::INFINITY, None);
         for round in 1..=tuning.iterations.most_rounds {
             if stop() {
                 return None;
@@ -156,15 +156,19 @@ impl Filling {
             }
             let neighbour_deviation = tuning.across_time.neighbour_deviation * finest / unit;
             let outward = smoothed(&surface.adjacent, &wanted, neighbour_deviation, tuning);
-            let step = Displacement::of(&first, &surface.places, &outward, unit, &tuning.carving);
-            moved = moved.then(&step);
+            let further = Displacement::of(&first, &surface.places, &outward, unit, &tuning.carving);
+            moved = moved.then(&further);
             self.field.values = moved.carry(&first);
-            let squares: f64 = outward.iter().map(|d| d * d).sum();
-            if squares <= tuning.across_time.settled_move * tuning.across_time.settled_move * outward.len() as f64 {
+            let step = (outward.iter().map(|d| d * d).sum::<f64>() / outward.len() as f64).sqrt();
+            // Steps that shrink no more are noise.
+            if step <= tuning.across_time.settled_move || step >= last_step {
                 if unit <= finest {
                     break;
                 }
                 unit *= 0.5;
+                last_step = f64::INFINITY;
+            } else {
+                last_step = step;
             }
         }
         let (report, values) = kept.unzip();
