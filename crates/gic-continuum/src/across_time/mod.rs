@@ -12,8 +12,8 @@
 //! 5. Mirror images of a place, where the body has any, are further views of it: what is wanted of them is shared.
 //! 6. Each place moves to where all want it, as far as its neighbours share in that; the field is carried along.
 //!
-//! The depths lie far apart first, and half as far whenever the surface has settled or its steps shrink no more: what stands out too far by a tenth
-//! of the body differs in colour at all depths nearby, and agrees only further in.
+//! The depths lie far apart first, and half as far whenever the surface has settled or its steps shrink no more: what
+//! stands out too far by a tenth of the body differs in colour at all depths nearby, and agrees only further in.
 //!
 //! The last round is kept whose outlines miss by no more than those of any round, but for what an outline tells:
 //! colours of a noisy film pull places about.
