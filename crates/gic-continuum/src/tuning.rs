@@ -262,9 +262,6 @@ tuned! {
         /// Share of a place's deformation by which it errs, as a standard deviation. Derived: moduli of a first fit err
         /// by a tenth to a fifth, and small strains go with their inverse.
         deformation_error: f64 = 0.2,
-        /// The surface has settled where it moves by less than this in a round, root mean square [voxels of half the
-        /// field's side]. Budget.
-        settled_move: f64 = 0.1,
     }
 }
 

@@ -63,7 +63,13 @@ pub struct Input {
     pub opacities: Vec<f32>,
     /// Standard deviation of each particle's Gaussian [m], shape [n].
     pub scales: Vec<f32>,
-    /// Cameras of the views, and others that saw the body at rest: what any of them saw of its shape is known better.
+    /// How much the surface at each particle is in doubt, in [0, 1], shape [n]: 1 where no picture tells where it is;
+    /// empty where none is.
+    pub doubts: Vec<f32>,
+    /// How far the surface is off where it is not in doubt, as a standard deviation [m]; `None` where nothing has
+    /// measured that.
+    pub surface_error_m: Option<f64>,
+    /// Cameras of the views.
     pub cameras: Vec<Camera>,
     /// Frames, ascending in time; the first is at time 0.
     pub observations: Vec<Observation>,
@@ -106,6 +112,14 @@ impl Input {
                 format!("{count} values for {n} particles"),
                 "give one each, or none",
             ));
+        }
+        let is_doubt = |doubt: &f32| (0.0..=1.0).contains(doubt);
+        if !self.doubts.is_empty() && (self.doubts.len() != n || !self.doubts.iter().all(is_doubt)) {
+            let problem = format!("{} values for {n} particles, or one that is not in [0, 1]", self.doubts.len());
+            return Err(IdentifyError::input("doubts", problem, "give one each, or none"));
+        }
+        if let Some(error) = self.surface_error_m.filter(|error| !(*error > 0.0 && error.is_finite())) {
+            return Err(IdentifyError::input("surface_error_m", format!("is {error}"), "it must be positive"));
         }
         if let Some(i) = self.volume_factors.iter().position(|f| !(*f > 0.0 && f.is_finite())) {
             let problem = format!("that of particle {i} is {}", self.volume_factors[i]);

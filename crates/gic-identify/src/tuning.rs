@@ -137,17 +137,12 @@ impl Default for SurfaceTuning {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ShapeTuning {
-    /// Standard deviation where a camera sees the surface, and of a common error of the whole surface [particle
-    /// spacings]. How far the matter that a particle stands for reaches beyond its centre is a convention to about a
-    /// fifth of a spacing, in a simulation as in the pictures made of one. Fitted on: the nine scenes, whose outlines
-    /// lie a quarter of a spacing inside their particles' cells.
-    pub seen_deviation_spacings: f64,
-    /// Standard deviation where no camera sees it [particle spacings]. Derived: half a spacing is what filling
-    /// resolves.
-    pub unseen_deviation_spacings: f64,
-    /// By how much the standard deviation of what no camera sees grows per distance to what one sees. Fitted on: the
+    /// Standard deviation of a surface that nothing has measured [particle spacings]. Derived: half a spacing is what
+    /// filling resolves.
+    pub unmeasured_deviation_spacings: f64,
+    /// By how much the standard deviation of what no picture tells grows per distance to what one tells. Fitted on: the
     /// nine scenes.
-    pub unseen_deviation_per_distance: f64,
+    pub untold_deviation_per_distance: f64,
     /// Standard deviation of how much a reconstruction is rounded, edges cut and notches filled at once, per unit of
     /// bluntness (1/2 at a right-angled edge) [particle spacings]. Fitted on: the eight crosses, which lose 2 to 4 mm
     /// of their edges and have 5 to 10 mm too many in their notches.
@@ -163,23 +158,18 @@ pub struct ShapeTuning {
     pub anchor_spacing_spacings: f64,
     /// Components with less than this share of the largest variance are left out. Budget: one rollout per component.
     pub least_variance_share: f64,
-    /// A camera sees a place only where the cosine between its normal and the direction to the camera is larger. Fitted
-    /// on: the nine scenes.
-    pub least_facing_cosine: f64,
 }
 
 impl Default for ShapeTuning {
     fn default() -> ShapeTuning {
         ShapeTuning {
-            seen_deviation_spacings: 0.2,
-            unseen_deviation_spacings: 0.5,
-            unseen_deviation_per_distance: 0.25,
+            unmeasured_deviation_spacings: 0.5,
+            untold_deviation_per_distance: 0.25,
             rounding_deviation_spacings: 0.6,
             bluntness_radius_spacings: 4.0,
             correlation_length_spacings: 3.0,
             anchor_spacing_spacings: 2.5,
             least_variance_share: 1e-3,
-            least_facing_cosine: 0.25,
         }
     }
 }

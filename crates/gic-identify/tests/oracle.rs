@@ -102,6 +102,8 @@ fn observed_on(floor: Collider, material: Material, velocity: DVec3, frames: usi
         positions,
         particle_volume_m3: volume,
         volume_factors: Vec::new(),
+        doubts: Vec::new(),
+        surface_error_m: None,
         opacities: vec![0.9; n],
         scales: vec![0.5 * 0.01; n],
         cameras: Vec::new(),

@@ -12,8 +12,8 @@
 //! 5. Mirror images of a place, where the body has any, are further views of it: what is wanted of them is shared.
 //! 6. Each place moves to where all want it, as far as its neighbours share in that; the field is carried along.
 //!
-//! The depths lie far apart first, and half as far whenever the surface has settled or its steps shrink no more: what
-//! stands out too far by a tenth of the body differs in colour at all depths nearby, and agrees only further in.
+//! The depths lie far apart first, and half as far whenever the surface has settled, that is its steps shrink no more:
+//! what stands out too far by a tenth of the body differs in colour at all depths nearby, and agrees only further in.
 //!
 //! The last round is kept whose outlines miss by no more than those of any round, but for what an outline tells:
 //! colours of a noisy film pull places about.
@@ -143,16 +143,17 @@ impl Filling {
             least_gap_m = gap_after_m.min(least_gap_m);
             let outline_error_m = OUTLINE_ERROR_PX * median(seen.iter().map(|seen| seen.pixel).collect())?;
             if gap_after_m <= least_gap_m.hypot(outline_error_m) {
-                let told = wanted.iter().filter(|(_, weight)| *weight > 0.0).count();
+                let untold: Vec<f32> = wanted.iter().map(|(_, weight)| f32::from(u8::from(*weight <= 0.0))).collect();
                 let report = AcrossTime {
                     rounds: round,
                     gap_before_m,
                     gap_after_m,
-                    seen: told as f64 / wanted.len() as f64,
+                    seen: 1.0 - f64::from(untold.iter().sum::<f32>()) / untold.len() as f64,
                     moved_m: exchanged_m3(&before, &self.field) / surface.mesh.area(),
                     outline_error_m,
                 };
-                kept = Some((report, self.field.values.clone()));
+                let doubt = doubt_of_voxels(&self.field, &surface.mesh.vertices, &untold);
+                kept = Some((report, (self.field.values.clone(), doubt)));
             }
             let neighbour_deviation = tuning.across_time.neighbour_deviation * finest / unit;
             let outward = smoothed(&surface.adjacent, &wanted, neighbour_deviation, tuning);
@@ -161,7 +162,7 @@ impl Filling {
             self.field.values = moved.carry(&first);
             let step = (outward.iter().map(|d| d * d).sum::<f64>() / outward.len() as f64).sqrt();
             // Steps that shrink no more are noise.
-            if step <= tuning.across_time.settled_move || step >= last_step {
+            if step >= last_step {
                 if unit <= finest {
                     break;
                 }
@@ -171,8 +172,10 @@ impl Filling {
                 last_step = step;
             }
         }
-        let (report, values) = kept.unzip();
-        self.field = DensityField { values: values.unwrap_or(before.values), ..before };
+        let (report, body) = kept.unzip();
+        let (values, doubt) = body.unwrap_or((before.values, std::mem::take(&mut self.doubt)));
+        self.field = DensityField { values, ..before };
+        self.doubt = doubt;
         report
     }
 }
@@ -301,6 +304,14 @@ fn share_with_images(wanted: &mut [(f64, f64)], vertices: &[DVec3], symmetry: &S
         let (sum, total) = near.fold((0.0, 0.0), |(sum, total), (at, weight)| (sum + weight * at, total + weight));
         *wanted = (if total > 0.0 { sum / total } else { 0.0 }, total);
     });
+}
+
+/// How much each voxel of a body is in doubt: as much as the place of its surface that is nearest.
+fn doubt_of_voxels(field: &DensityField, vertices: &[DVec3], doubts: &[f32]) -> Vec<f32> {
+    let tree = Neighbours::new(vertices, field.spacing);
+    let doubt = |i: usize| doubts[tree.nearest::<1>(field.centre(field.voxel(i)))[0].1];
+    let is_full = |i: usize| field.values[i] > 0.0;
+    (0..field.len()).into_par_iter().map(|i| if is_full(i) { doubt(i) } else { 0.0 }).collect()
 }
 
 /// How much matter lies elsewhere in one field than in the other [m^3]: of a surface that moves, its area times the

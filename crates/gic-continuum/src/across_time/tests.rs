@@ -131,6 +131,25 @@ fn a_tumbling_body_is_seen_from_all_sides() {
     assert!(found.gap_after_m < 0.5 * found.gap_before_m && found.seen > 0.9, "{found:?}");
 }
 
+/// One moment: places that look away from all cameras stay in doubt, and edges of silhouettes do not.
+#[test]
+fn what_no_picture_tells_is_in_doubt() {
+    let mut body = filling(right);
+    let particles = particles(right);
+    let found = settle(&mut body, &particles, &moments(&particles, 0.0)[..1], false).expect("outlines are seen");
+    let mesh = body.surface_mesh();
+    let is_hidden = |p: &DVec3, n: &DVec3| fine_cameras().iter().all(|c| n.dot((c.centre - p).normalize()) < -0.2);
+    let below = |p: DVec3, n: DVec3| body.field.discretize(p - 0.5 * body.field.spacing * n).expect("within the field");
+    let doubts: Vec<(bool, f64)> = (mesh.vertices.iter().zip(&mesh.normals))
+        .map(|(p, n)| (is_hidden(p, n), f64::from(body.doubt[below(*p, *n)])))
+        .collect();
+    let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len() as f64;
+    let hidden = mean(doubts.iter().filter(|(is_hidden, _)| *is_hidden).map(|(_, doubt)| *doubt).collect());
+    let all = mean(doubts.iter().map(|(_, doubt)| *doubt).collect());
+    println!("hidden {hidden:.2}, all {all:.2}, told {:.2}", found.seen);
+    assert!(hidden > 0.9 && (1.0 - all - found.seen).abs() < 0.05, "{hidden} {all}");
+}
+
 /// A limb that is not there: its outlines lie far outside of all masks. The motion errs by six degrees at its end.
 #[test]
 fn a_limb_that_no_mask_shows_is_taken_away() {

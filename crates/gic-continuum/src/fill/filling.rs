@@ -11,7 +11,8 @@ pub struct Filling {
     /// F(t) at the finest level.
     pub field: DensityField,
     /// How much the matter in each voxel of the field is in doubt, in [0, 1]: 1 at a boundary that no view sees, 0 well
-    /// below it; empty where nothing is.
+    /// below it, or, where moments settled the surface, 1 where none of them tells of the nearest place of it; empty
+    /// where nothing is.
     pub doubt: Vec<f32>,
     /// The level of the body's boundary in the field, the paper's th_min.
     pub th_min: f64,

@@ -110,6 +110,8 @@ mod tests {
             positions,
             particle_volume_m3: 0.02f64.powi(3),
             volume_factors: Vec::new(),
+            doubts: Vec::new(),
+            surface_error_m: None,
             opacities: vec![0.95; n],
             scales: vec![0.01; n],
             cameras,

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use gic_continuum::{
-    Agreement, Appearance, Drawing, FillSettings, Filling, MirrorPlane, ParticleTuning, Particles, Tuning, calibrate,
-    compare_with_masks, sample_particles, sample_points,
+    AcrossTime, Agreement, Appearance, Drawing, FillSettings, Filling, MirrorPlane, ParticleTuning, Particles, Tuning,
+    calibrate, compare_with_masks, sample_particles, sample_points,
 };
 use gic_scene::{Camera, Hull, HullSettings, HullView, Mask};
 use gic_twin::atomic;
@@ -116,8 +116,16 @@ pub struct Continuum {
     pub appearance: Appearance,
     /// The surface in every frame.
     pub surfaces: Vec<Surface>,
-    /// Whether the body is that of the stage `refine`.
-    is_refined: bool,
+    /// How the stage `refine` settled the body; `None` of one that filling made.
+    refined: Option<AcrossTime>,
+}
+
+impl Continuum {
+    /// How far the surface is off where it is not in doubt, as a standard deviation [m]; `None` where nothing has
+    /// measured it.
+    pub(super) fn surface_error_m(&self) -> Option<f64> {
+        self.refined.map(|settled| settled.gap_after_m).filter(|gap_m| *gap_m > 0.0)
+    }
 }
 
 /// Points on the surface of a body.
@@ -241,7 +249,7 @@ impl Run<'_> {
     /// # Errors
     /// Those of filling.
     pub fn drawing(&self, continuum: &Continuum) -> Result<(Drawing, Appearance)> {
-        let filling = if continuum.is_refined { self.refined_filling()? } else { self.first_filling()? };
+        let filling = if continuum.refined.is_some() { self.refined_filling()? } else { self.first_filling()? };
         let tuning = &self.config.fill.tuning.particles;
         let spacing = tuning.drawing_spacing * continuum.particles.spacing;
         let drawing = Drawing::new(&filling, &continuum.particles, spacing, tuning).map_err(Error::filling(0))?;
@@ -291,7 +299,8 @@ impl Run<'_> {
         if !self.refines() {
             return self.filled();
         }
-        self.continuum_of(self.refined()?.summary, &self.path(REFINED), true)
+        let record = self.refined()?;
+        self.continuum_of(record.summary, &self.path(REFINED), Some(record.settled))
     }
 
     /// The result of filling.
@@ -299,10 +308,10 @@ impl Run<'_> {
     /// # Errors
     /// Missing or damaged files.
     pub(super) fn filled(&self) -> Result<Continuum> {
-        self.continuum_of(atomic::read_json(&self.path("fill.json"))?, &self.folder, false)
+        self.continuum_of(atomic::read_json(&self.path("fill.json"))?, &self.folder, None)
     }
 
-    fn continuum_of(&self, summary: FillSummary, folder: &Path, is_refined: bool) -> Result<Continuum> {
+    fn continuum_of(&self, summary: FillSummary, folder: &Path, refined: Option<AcrossTime>) -> Result<Continuum> {
         let ply = read_particles(&folder.join("continuum.ply"))?;
         let particles = Particles {
             positions: ply.positions,
@@ -322,7 +331,7 @@ impl Run<'_> {
                 Ok(Surface { doubts: known_doubts(&ply.doubts), points: ply.positions })
             })
             .collect::<Result<_>>()?;
-        Ok(Continuum { summary, particles, appearance, surfaces, is_refined })
+        Ok(Continuum { summary, particles, appearance, surfaces, refined })
     }
 }
 

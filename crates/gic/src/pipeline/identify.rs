@@ -263,9 +263,6 @@ impl Run<'_> {
         let known = std::iter::once(grid).chain(continuum.summary.remarks());
         self.events.note(Stage::Identify.name(), known.collect::<Vec<_>>().join("; "));
         let mut cameras = self.scene.cameras.clone();
-        if let Some(scan) = self.scan() {
-            cameras.extend(scan.moved(&self.registration()?.best.similarity()).cameras);
-        }
         let clock = Clock::of(&self.scene.moments().times, frame_rate_hz);
         let mut observations = Vec::new();
         for frame in 0..self.scene.times.len() {
@@ -278,6 +275,8 @@ impl Run<'_> {
             volume_factors: particles.volume_factors.iter().map(|factor| f64::from(*factor)).collect(),
             opacities: particles.densities.iter().map(|d| continuum.appearance.opacity * d).collect(),
             scales: vec![scale; particles.positions.len()],
+            doubts: particles.doubts.clone(),
+            surface_error_m: continuum.surface_error_m(),
             cameras,
             observations,
             frame_rate_hz: clock.rate_hz(),

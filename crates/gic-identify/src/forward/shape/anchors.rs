@@ -1,18 +1,20 @@
-//! Places on the surface: which of them a camera sees, how certain they are, and whether they are edges or notches.
+//! Places on the surface: which of them pictures tell, how certain they are, and whether they are edges or notches.
 
 use gic_geometry::Neighbours;
 use glam::DVec3;
-use rayon::prelude::*;
 
 use crate::Input;
+use crate::forward::shape::Scale;
 use crate::forward::surface_membership::memberships;
-use crate::tuning::{ShapeTuning, SurfaceTuning};
+use crate::tuning::SurfaceTuning;
 
 /// A place on the surface.
 pub(crate) struct Anchor {
     pub position: DVec3,
     pub normal: DVec3,
-    pub seen: bool,
+    /// Whether a picture tells where it is.
+    pub is_told: bool,
+    /// Of its displacement along the normal [m].
     pub deviation: f64,
     /// How much emptier its vicinity is than that of a flat face, twice the share of a ball: positive at edges,
     /// negative in notches.
@@ -27,7 +29,8 @@ pub(crate) fn normals(input: &Input, (spacing, tuning): (f64, &SurfaceTuning)) -
 }
 
 /// Places on the surface, one per cell; `normals` are those of the particles.
-pub(crate) fn anchors(input: &Input, normals: &[Option<DVec3>], (spacing, tuning): (f64, &ShapeTuning)) -> Vec<Anchor> {
+pub(crate) fn anchors(input: &Input, normals: &[Option<DVec3>], scale: Scale) -> Vec<Anchor> {
+    let Scale { spacing, error_m, tuning } = scale;
     let tree = Neighbours::new(&input.positions, spacing);
     let side = tuning.anchor_spacing_spacings * spacing;
     let mut cells = std::collections::BTreeMap::<[i64; 3], (f64, usize)>::new();
@@ -40,38 +43,23 @@ pub(crate) fn anchors(input: &Input, normals: &[Option<DVec3>], (spacing, tuning
         }
     }
     let chosen: Vec<usize> = cells.into_values().map(|(_, i)| i).collect();
-    let places: Vec<(DVec3, DVec3, bool)> = chosen
-        .into_par_iter()
-        .map(|i| {
-            let (position, normal) = (input.positions[i], normals[i].unwrap_or(DVec3::Y));
-            let seen = input.cameras.iter().any(|camera| {
-                let direction = (camera.centre - position).normalize_or_zero();
-                let from = position + 2.0 * spacing * normal;
-                normal.dot(direction) > tuning.least_facing_cosine && is_free(&tree, from, camera.centre, spacing)
-            });
-            (position, normal, seen)
-        })
-        .collect();
-    let seen: Vec<DVec3> = places.iter().filter(|(.., seen)| *seen).map(|(p, ..)| *p).collect();
-    let to_seen = |p: DVec3| seen.iter().map(|q| q.distance(p)).fold(f64::INFINITY, f64::min);
+    let is_told = |i: usize| input.doubts.get(i).is_none_or(|doubt| *doubt < 0.5);
+    let told: Vec<DVec3> = chosen.iter().filter(|i| is_told(**i)).map(|i| input.positions[*i]).collect();
+    let centre = input.centre();
+    let to_told = |p: DVec3| told.iter().map(|q| q.distance(p)).reduce(f64::min).unwrap_or(p.distance(centre));
     let ball = 8.0 / 15.0 * std::f64::consts::PI * tuning.bluntness_radius_spacings.powi(3);
     let bluntness = |p: DVec3| {
         let (radius, mut full) = (tuning.bluntness_radius_spacings * spacing, 0.0);
         tree.within(p, radius, |squared, _, _| full += 1.0 - squared / (radius * radius));
         2.0 * (bluntness_of_flat(tuning.bluntness_radius_spacings) - full / ball)
     };
-    let deviation = |p: DVec3, is_seen: bool| {
-        if is_seen {
-            tuning.seen_deviation_spacings * spacing
-        } else {
-            tuning.unseen_deviation_spacings * spacing + tuning.unseen_deviation_per_distance * to_seen(p)
-        }
-    };
-    places
+    chosen
         .into_iter()
-        .map(|(position, normal, seen)| {
-            let (deviation, bluntness) = (deviation(position, seen), bluntness(position));
-            Anchor { position, normal, seen, deviation, bluntness }
+        .map(|i| {
+            let (position, normal, is_told) = (input.positions[i], normals[i].unwrap_or(DVec3::Y), is_told(i));
+            let untold = if is_told { 0.0 } else { to_told(position) };
+            let deviation = error_m.hypot(tuning.untold_deviation_per_distance * untold);
+            Anchor { position, normal, is_told, deviation, bluntness: bluntness(position) }
         })
         .collect()
 }
@@ -81,21 +69,4 @@ pub(crate) fn anchors(input: &Input, normals: &[Option<DVec3>], (spacing, tuning
 /// thick at its middle.
 fn bluntness_of_flat(radius: f64) -> f64 {
     0.5 + 15.0 / 16.0 * 0.5 / radius
-}
-
-/// Whether a ray that starts two spacings off the surface reaches the camera without coming as near to a particle as
-/// one.
-fn is_free(body: &Neighbours, from: DVec3, camera: DVec3, spacing: f64) -> bool {
-    let (length, direction) = (from.distance(camera), (camera - from).normalize_or_zero());
-    let mut travelled = 0.0;
-    while travelled < length {
-        let [(squared, _)] = body.nearest::<1>(from + travelled * direction);
-        let beyond = squared.sqrt() - spacing;
-        if beyond < 0.0 {
-            return false;
-        }
-        // Nothing is nearer than that; one spacing is too short to pass through the body.
-        travelled += beyond.max(spacing);
-    }
-    true
 }

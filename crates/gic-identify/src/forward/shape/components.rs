@@ -3,25 +3,25 @@
 use glam::DVec3;
 use nalgebra::DMatrix;
 
+use crate::forward::shape::Scale;
 use crate::forward::shape::anchors::Anchor;
-use crate::tuning::ShapeTuning;
 
 /// Prior covariance of the anchors' normal displacements [m^2].
-pub(crate) fn covariance(anchors: &[Anchor], (spacing, tuning): (f64, &ShapeTuning)) -> DMatrix<f64> {
+pub(crate) fn covariance(anchors: &[Anchor], scale: Scale) -> DMatrix<f64> {
+    let Scale { spacing, error_m, tuning } = scale;
     DMatrix::from_fn(anchors.len(), anchors.len(), |i, j| {
         let (a, b) = (&anchors[i], &anchors[j]);
         let near = (-0.5 * a.position.distance_squared(b.position)
             / (tuning.correlation_length_spacings * spacing).powi(2))
         .exp();
         let parallel = 0.5 * (1.0 + a.normal.dot(b.normal));
-        let common = tuning.seen_deviation_spacings.powi(2)
-            + tuning.rounding_deviation_spacings.powi(2) * a.bluntness * b.bluntness;
-        a.deviation * b.deviation * near * parallel + common * spacing.powi(2)
+        let rounding = (tuning.rounding_deviation_spacings * spacing).powi(2) * a.bluntness * b.bluntness;
+        a.deviation * b.deviation * near * parallel + error_m * error_m + rounding
     })
 }
 
 /// Values of the components at the anchors [m], those that vary most first.
-pub(crate) fn components(anchors: &[Anchor], up: DVec3, scale: (f64, &ShapeTuning)) -> Vec<Vec<f64>> {
+pub(crate) fn components(anchors: &[Anchor], up: DVec3, scale: Scale) -> Vec<Vec<f64>> {
     let covariance = covariance(anchors, scale);
     let mut functionals = functionals(anchors, up, scale);
     let fields = &covariance * &functionals;
@@ -34,14 +34,14 @@ pub(crate) fn components(anchors: &[Anchor], up: DVec3, scale: (f64, &ShapeTunin
     let eigen = (functionals.transpose() * &fields).symmetric_eigen();
     let mut order: Vec<usize> = (0..functionals.ncols()).collect();
     order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
-    let least = scale.1.least_variance_share * eigen.eigenvalues.max();
+    let least = scale.tuning.least_variance_share * eigen.eigenvalues.max();
     let kept = order.into_iter().filter(|k| eigen.eigenvalues[*k] > least);
     kept.map(|k| (&fields * eigen.eigenvectors.column(k) / eigen.eigenvalues[k].sqrt()).iter().copied().collect())
         .collect()
 }
 
 /// What the motion depends on, as weights of the anchors' normal displacements: shape [anchors, functionals].
-pub(crate) fn functionals(anchors: &[Anchor], up: DVec3, (spacing, tuning): (f64, &ShapeTuning)) -> DMatrix<f64> {
+pub(crate) fn functionals(anchors: &[Anchor], up: DVec3, scale: Scale) -> DMatrix<f64> {
     let n = anchors.len();
     let centre = anchors.iter().map(|a| a.position).sum::<DVec3>() / n as f64;
     let lowest = anchors.iter().map(|a| a.position.dot(up)).fold(f64::INFINITY, f64::min);
@@ -51,11 +51,11 @@ pub(crate) fn functionals(anchors: &[Anchor], up: DVec3, (spacing, tuning): (f64
         .map(|anchor| {
             let d = anchor.position - centre;
             let height = anchor.position.dot(up) - lowest;
-            let foot = (-height / (tuning.correlation_length_spacings * spacing)).exp();
+            let foot = (-height / (scale.tuning.correlation_length_spacings * scale.spacing)).exp();
             let frames = [d.x * d.x, d.y * d.y, d.z * d.z, d.x * d.y, d.y * d.z, d.x * d.z];
             let contact = [foot, foot * d.dot(east), foot * d.dot(north)];
-            let unseen = f64::from(u8::from(!anchor.seen));
-            [1.0, d.x, d.y, d.z].into_iter().chain(frames).chain(contact).chain([unseen, anchor.bluntness]).collect()
+            let untold = f64::from(u8::from(!anchor.is_told));
+            [1.0, d.x, d.y, d.z].into_iter().chain(frames).chain(contact).chain([untold, anchor.bluntness]).collect()
         })
         .collect();
     DMatrix::from_fn(n, rows[0].len(), |i, k| rows[i][k])

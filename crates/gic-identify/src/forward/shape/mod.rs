@@ -1,16 +1,17 @@
 //! How the body may differ from its reconstruction: a few displacement fields with a Gaussian prior.
 //!
-//! A surface that no camera sees (an underside) is known to half a particle spacing only, and it is what meets the
-//! ground first; the rest is known to a few millimetres, and may be too far in or out as a whole. The error of the
-//! surface along its normal is modelled as a Gaussian process whose standard deviation depends on whether the place is
-//! seen, correlated over a few particle spacings and among places that face the same way. Of its many directions those
-//! count that change what the motion depends on: volume, centre and second moments of the mass, where the lowest parts
-//! are, and how far what no camera sees is filled (a notch that is filled at the root of an arm makes it much stiffer).
+//! How far the surface is off where pictures tell of it is measured: by as much as the outlines of all moments miss.
+//! It may be too far in or out as a whole, too. A part that no picture tells of (an underside, which meets the ground
+//! first) errs the more the further it is from what one tells. The error of the surface along its normal is modelled
+//! as a Gaussian process of these standard deviations, correlated over a few particle spacings and among places that
+//! face the same way. Of its many directions those count that change what the motion depends on: volume, centre and
+//! second moments of the mass, where the lowest parts are, and how far what no picture tells of is filled (a notch that
+//! is filled at the root of an arm makes it much stiffer).
 //! For functionals l_i of the surface and the covariance K, the fields K l_i span all of the prior's variation of the
 //! functionals.
 //!
 //! `K_ij = sigma_i sigma_j exp(-|x_i - x_j|^2 / 2 l^2) (1 + n_i . n_j) / 2 + c^2 + rho^2 b_i b_j`, where sigma is the
-//! standard deviation of a place, l the length of correlation, c a common error, and rho the rounding, which acts on
+//! standard deviation of a place, l the length of correlation, c the measured error, and rho the rounding, which acts on
 //! the bluntness b. An orthonormal basis of them becomes unknowns of the joint stage beside the material, with unit
 //! variances: what the pictures say about the shape is then used, and what they leave open widens the intervals.
 
@@ -36,17 +37,35 @@ pub(crate) struct ShapeModes {
     divergences: Vec<Vec<f32>>,
 }
 
+/// What the surface's errors are measured by.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Scale<'a> {
+    /// Distance of the particles [m].
+    pub spacing: f64,
+    /// How far the surface is off where pictures tell of it, and as a whole, as a standard deviation [m].
+    pub error_m: f64,
+    pub tuning: &'a ShapeTuning,
+}
+
+impl Scale<'_> {
+    pub(crate) fn of<'a>(input: &Input, tuning: &'a ShapeTuning) -> Scale<'a> {
+        let spacing = input.particle_volume_m3.cbrt();
+        let error_m = input.surface_error_m.unwrap_or(tuning.unmeasured_deviation_spacings * spacing);
+        Scale { spacing, error_m, tuning }
+    }
+}
+
 impl ShapeModes {
     pub(crate) fn new(input: &Input, tuning: &ShapeTuning, surfaces: &SurfaceTuning) -> ShapeModes {
-        let spacing = input.particle_volume_m3.cbrt();
-        let normals = normals(input, (spacing, surfaces));
-        let anchors = anchors(input, &normals, (spacing, tuning));
+        let scale = Scale::of(input, tuning);
+        let normals = normals(input, (scale.spacing, surfaces));
+        let anchors = anchors(input, &normals, scale);
         if anchors.is_empty() {
             return ShapeModes::default();
         }
         let up = -input.gravity_m_s2.normalize_or(-DVec3::Y);
-        let components = components(&anchors, up, (spacing, tuning));
-        let reach = tuning.anchor_spacing_spacings * spacing;
+        let components = components(&anchors, up, scale);
+        let reach = tuning.anchor_spacing_spacings * scale.spacing;
         let fields: Vec<Vec<(DVec3, f64)>> =
             input.positions.par_iter().map(|p| displacement(&anchors, &components, *p, reach)).collect();
         let along = |k: usize| {
@@ -121,17 +140,15 @@ fn displacement(anchors: &[Anchor], components: &[Vec<f64>], at: DVec3, reach: f
 mod tests {
     use super::components::{covariance, functionals};
     use super::*;
-    use gic_scene::Camera;
-    use glam::DMat3;
 
     const SPACING: f64 = 0.01;
 
-    /// A ball of particles, seen by one camera from above.
+    /// A ball of particles, of whose lower half no picture tells.
     fn ball() -> Input {
         body(|p| p.length() < 0.1)
     }
 
-    /// A body of particles, seen by one camera from above.
+    /// A body of particles, of whose lower half no picture tells.
     fn body(is_inside: impl Fn(DVec3) -> bool) -> Input {
         let range = -12..=12;
         let mut positions = Vec::new();
@@ -146,21 +163,15 @@ mod tests {
             }
         }
         let n = positions.len();
-        let camera = Camera {
-            width: 10,
-            height: 10,
-            focal: glam::DVec2::splat(10.0),
-            principal: glam::DVec2::splat(5.0),
-            world_from_camera: DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2),
-            centre: DVec3::new(0.0, 2.0, 0.0),
-        };
         Input {
+            doubts: positions.iter().map(|p: &DVec3| f32::from(u8::from(p.y < 0.0))).collect(),
             positions,
             particle_volume_m3: SPACING.powi(3),
             volume_factors: Vec::new(),
             opacities: vec![0.9; n],
             scales: vec![0.005; n],
-            cameras: vec![camera],
+            surface_error_m: Some(0.2 * SPACING),
+            cameras: Vec::new(),
             observations: Vec::new(),
             frame_rate_hz: 24.0,
             gravity_m_s2: DVec3::new(0.0, -9.8, 0.0),
@@ -172,40 +183,32 @@ mod tests {
         }
     }
 
+    fn anchors_of(input: &Input) -> Vec<Anchor> {
+        let tuning = ShapeTuning::default();
+        anchors(input, &normals(input, (SPACING, &SurfaceTuning::default())), Scale::of(input, &tuning))
+    }
+
     #[test]
-    fn what_no_camera_sees_is_less_certain() {
-        let (input, tuning) = (ball(), ShapeTuning::default());
-        let anchors =
-            anchors(&input, &normals(&input, (SPACING, &SurfaceTuning::default())), (SPACING, &ShapeTuning::default()));
+    fn what_no_picture_tells_is_less_certain() {
+        let input = ball();
+        let anchors = anchors_of(&input);
         for anchor in &anchors {
-            if anchor.normal.y > 0.35 {
-                assert_eq!(
-                    anchor.deviation,
-                    tuning.seen_deviation_spacings * SPACING,
-                    "{} {}",
-                    anchor.position,
-                    anchor.normal
-                );
-            } else if anchor.normal.y < 0.15 {
-                assert!(
-                    anchor.deviation > tuning.unseen_deviation_spacings * SPACING,
-                    "{} {}",
-                    anchor.position,
-                    anchor.normal
-                );
-            }
+            assert_eq!(anchor.is_told, anchor.position.y >= 0.0);
+            assert_eq!(anchor.deviation == 0.2 * SPACING, anchor.is_told, "{}", anchor.position);
         }
-        let at = |y: f64| anchors.iter().find(|a| a.normal.y < y).unwrap().deviation;
-        assert!(at(-0.9) > anchors.iter().find(|a| a.normal.y < 0.15 && a.normal.y > 0.0).unwrap().deviation);
-        assert!(anchors.iter().filter(|a| a.normal.y > 0.35).count() > 10);
+        // A quarter of the way to the equator, or of .08 m.
+        let bottom = anchors.iter().min_by(|a, b| a.position.y.total_cmp(&b.position.y)).unwrap();
+        assert!((0.01..0.03).contains(&bottom.deviation), "{}", bottom.deviation);
+        let input = Input { doubts: vec![1.0; input.positions.len()], ..input };
+        let anchors = anchors_of(&input);
+        assert!(anchors.iter().all(|anchor| anchor.deviation.is_finite() && anchor.deviation > 0.2 * SPACING));
     }
 
     /// A reconstruction that is rounded has lost its edges and filled its notches.
     #[test]
     fn edges_are_blunt_and_notches_are_not() {
         let input = body(|p| p.abs().max_element() < 0.105 && p.x.min(p.y) < 0.0);
-        let anchors =
-            anchors(&input, &normals(&input, (SPACING, &SurfaceTuning::default())), (SPACING, &ShapeTuning::default()));
+        let anchors = anchors_of(&input);
         let mean = |is: &dyn Fn(DVec3) -> bool| {
             let chosen: Vec<f64> = anchors.iter().filter(|a| is(a.position)).map(|a| a.bluntness).collect();
             chosen.iter().sum::<f64>() / chosen.len() as f64
@@ -222,10 +225,9 @@ mod tests {
     #[test]
     fn components_carry_the_variance_of_every_functional() {
         let input = ball();
-        let anchors =
-            anchors(&input, &normals(&input, (SPACING, &SurfaceTuning::default())), (SPACING, &ShapeTuning::default()));
+        let anchors = anchors_of(&input);
         let tuning = ShapeTuning::default();
-        let scale = (SPACING, &tuning);
+        let scale = Scale::of(&input, &tuning);
         let (covariance, functionals) = (covariance(&anchors, scale), functionals(&anchors, DVec3::Y, scale));
         let components = components(&anchors, DVec3::Y, scale);
         for k in 0..functionals.ncols() {
