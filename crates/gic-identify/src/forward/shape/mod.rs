@@ -5,8 +5,8 @@
 //! first) errs the more the further it is from what one tells. The error of the surface along its normal is modelled
 //! as a Gaussian process of these standard deviations, correlated over a few particle spacings and among places that
 //! face the same way. Of its many directions those count that change what the motion depends on: volume, centre and
-//! second moments of the mass, where the lowest parts are, and how far what no picture tells of is filled (a notch that
-//! is filled at the root of an arm makes it much stiffer).
+//! second moments of the mass, where the lowest parts are, and how far what no picture tells of is filled (a notch
+//! that is filled at the root of an arm makes it much stiffer).
 //! For functionals l_i of the surface and the covariance K, the fields K l_i span all of the prior's variation of the
 //! functionals.
 //!
