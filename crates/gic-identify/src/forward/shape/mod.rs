@@ -11,8 +11,8 @@
 //! functionals.
 //!
 //! `K_ij = sigma_i sigma_j exp(-|x_i - x_j|^2 / 2 l^2) (1 + n_i . n_j) / 2 + c^2 + rho^2 b_i b_j`, where sigma is the
-//! standard deviation of a place, l the length of correlation, c the measured error, and rho the rounding, which acts on
-//! the bluntness b. An orthonormal basis of them becomes unknowns of the joint stage beside the material, with unit
+//! standard deviation of a place, l the length of correlation, c the measured error, and rho the rounding, which acts
+//! on the bluntness b. An orthonormal basis of them becomes unknowns of the joint stage beside the material, with unit
 //! variances: what the pictures say about the shape is then used, and what they leave open widens the intervals.
 
 pub(crate) mod anchors;
