@@ -12,8 +12,8 @@
 //! 5. Mirror images of a place, where the body has any, are further views of it: what is wanted of them is shared.
 //! 6. Each place moves to where all want it, as far as its neighbours share in that; the field is carried along.
 //!
-//! The depths lie far apart first, and half as far whenever the surface has settled, that is its steps shrink no more:
-//! what stands out too far by a tenth of the body differs in colour at all depths nearby, and agrees only further in.
+//! The depths lie as far apart as the surface is off, and half as far whenever it has settled, that is its steps shrink
+//! no more: what stands out by a tenth of the body differs in colour at all depths nearby, and agrees only further in.
 //!
 //! The last round is kept whose outlines miss by no more than those of any round, but for what an outline tells:
 //! colours of a noisy film pull places about.
@@ -111,13 +111,13 @@ impl AcrossTime {
 }
 
 impl Filling {
-    /// Moves the surface to where the pictures of all `moments` want it; `particles` are those of the first moment [m],
-    /// `spacing` apart, that the moments carry on, and `symmetry` its mirror planes. `None` where `stop` says so,
-    /// and where nothing is seen.
+    /// Moves the surface, which is some `off_m` off (infinitely where that is not known), to where the pictures of all
+    /// `moments` want it; `particles` are those of the first moment [m], `spacing` apart, that the moments carry on, and
+    /// `symmetry` its mirror planes. `None` where `stop` says so, and where nothing is seen.
     pub fn settle_across_time(
         &mut self,
         (particles, spacing): (&[DVec3], f64),
-        moments: &[Moment],
+        (moments, off_m): (&[Moment], f64),
         symmetry: &Symmetry,
         tuning: &Tuning,
         stop: &dyn Fn() -> bool,
@@ -131,7 +131,7 @@ impl Filling {
         let finest = 0.5 * first.spacing;
         // The sweep's depths are a voxel apart: a picture that fits the voxels shows nothing finer, and larger steps
         // jump over where its colours agree.
-        let mut unit = first.spacing / DEPTH_STEP;
+        let mut unit = off_m.clamp(finest, first.spacing / DEPTH_STEP);
         let mut moved = Displacement::none(&first);
         let (mut least_gap_m, mut last_step, mut kept) = (f64::INFINITY, f64::INFINITY, None);
         for round in 1..=tuning.iterations.most_rounds {
@@ -166,7 +166,7 @@ impl Filling {
                 if unit <= finest {
                     break;
                 }
-                unit *= 0.5;
+                unit = finest.max(0.5 * unit);
                 last_step = f64::INFINITY;
             } else {
                 last_step = step;

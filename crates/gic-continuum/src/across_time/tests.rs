@@ -106,7 +106,13 @@ fn moments(body: &[DVec3], error: f64) -> Vec<Moment> {
 
 /// Settles a body without mirror planes.
 fn settle(body: &mut Filling, particles: &[DVec3], moments: &[Moment], stop: bool) -> Option<AcrossTime> {
-    body.settle_across_time((particles, SPACING), moments, &Symmetry::default(), &Tuning::default(), &|| stop)
+    body.settle_across_time(
+        (particles, SPACING),
+        (moments, f64::INFINITY),
+        &Symmetry::default(),
+        &Tuning::default(),
+        &|| stop,
+    )
 }
 
 /// The volume over the true one, and the root mean square distance of the surface from the true one [m].

@@ -88,11 +88,15 @@ impl Run<'_> {
         let mut settings = Settings { joint: false, resolution_check: 0.0, ..self.config.identify.clone() };
         let (mut continuum, mut filling) = (self.filled()?, self.first_filling()?);
         let surroundings = self.surroundings()?;
+        let mut off_m = f64::INFINITY;
         for checkpoint in &checkpoints {
-            let record = self.refine_once((&continuum, &mut filling), &surroundings, &settings, checkpoint)?;
+            let body = (&continuum, &mut filling, off_m);
+            let record = self.refine_once(body, &surroundings, &settings, checkpoint)?;
             if record.settled.is_settled() {
                 break;
             }
+            // The surface was off by as much, and is not by more.
+            off_m = record.settled.moved_m;
             settings.start = Some(record.parameters);
             settings.target = only_masks(settings.target);
             continuum = self.continuum()?;
@@ -100,10 +104,10 @@ impl Run<'_> {
         remove(&checkpoints)
     }
 
-    /// Fits the material to a body and settles this by the motion of that fit.
+    /// Fits the material to a body and settles this, which is some `off_m` off, by the motion of that fit.
     fn refine_once(
         &self,
-        (continuum, filling): (&Continuum, &mut Filling),
+        (continuum, filling, off_m): (&Continuum, &mut Filling, f64),
         surroundings: &Surroundings,
         settings: &Settings,
         checkpoint: &Path,
@@ -119,7 +123,7 @@ impl Run<'_> {
         let planes = continuum.summary.mirror_planes.clone();
         let symmetry = Symmetry { planes, interchangeable_planes: Vec::new() };
         let body = (particles.positions.as_slice(), particles.spacing);
-        let settled = filling.settle_across_time(body, &moments, &symmetry, tuning, &stop);
+        let settled = filling.settle_across_time(body, (&moments, off_m), &symmetry, tuning, &stop);
         self.stop_if_asked("a fit of the material")?;
         self.write_refined(continuum, filling, &found, settled.unwrap_or_default())
     }
