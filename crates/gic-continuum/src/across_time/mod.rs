@@ -112,8 +112,8 @@ impl AcrossTime {
 
 impl Filling {
     /// Moves the surface, which is some `off_m` off (infinitely where that is not known), to where the pictures of all
-    /// `moments` want it; `particles` are those of the first moment [m], `spacing` apart, that the moments carry on, and
-    /// `symmetry` its mirror planes. `None` where `stop` says so, and where nothing is seen.
+    /// `moments` want it; `particles` are those of the first moment [m], `spacing` apart, that the moments carry on,
+    /// and `symmetry` its mirror planes. `None` where `stop` says so, and where nothing is seen.
     pub fn settle_across_time(
         &mut self,
         (particles, spacing): (&[DVec3], f64),
