@@ -4,6 +4,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::process::ExitStatus;
 
+use gic_files::FileError;
 use gic_scene::SceneError;
 use gic_twin::TwinError;
 use gic_view::ViewError;
@@ -11,42 +12,15 @@ use gic_view::ViewError;
 /// A failure of a suite.
 #[derive(Debug, thiserror::Error)]
 pub enum BenchError {
+    /// A file that cannot be read, written or understood.
+    #[error(transparent)]
+    File(#[from] FileError),
     /// A file of gic's own, or an interruption.
     #[error(transparent)]
     Twin(#[from] TwinError),
     /// The page of a suite.
     #[error(transparent)]
     View(#[from] ViewError),
-    /// A file could not be read.
-    #[error("cannot read {}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The cause.
-        source: io::Error,
-    },
-    /// A text file does not parse.
-    #[error("{} is not valid {format}", path.display())]
-    Syntax {
-        /// The file.
-        path: PathBuf,
-        /// What it should have been.
-        format: &'static str,
-        /// The cause, with line and column.
-        source: Box<dyn std::error::Error + Send + Sync>,
-    },
-    /// A value is missing or of the wrong kind.
-    #[error("{}: `{field}` {problem}", path.display())]
-    Field {
-        /// The file.
-        path: PathBuf,
-        /// The field with its path inside the file.
-        field: String,
-        /// What is wrong with it.
-        problem: String,
-        /// What to do about it.
-        hint: Option<String>,
-    },
     /// A program that a cluster or Python brings could not be started.
     #[error("cannot start {program}")]
     Program {
@@ -85,16 +59,6 @@ pub enum BenchError {
         /// What to do about it.
         hint: String,
     },
-    /// A file has the right syntax and the wrong content.
-    #[error("{}: {problem}", path.display())]
-    Content {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        problem: String,
-        /// What to do about it.
-        hint: Option<String>,
-    },
 }
 
 /// Result of a suite.
@@ -106,12 +70,10 @@ impl BenchError {
         match self {
             Self::Twin(error) => error.hint(),
             Self::View(error) => error.hint(),
-            Self::Read { source, .. } if source.kind() == io::ErrorKind::NotFound => Some("check the path".into()),
-            Self::Read { .. } | Self::Syntax { .. } => None,
+            Self::File(error) => error.hint(),
             Self::Program { hint, .. } | Self::Ended { hint, .. } => Some((*hint).into()),
             Self::Scene { .. } => Some("look at it with `gic inspect`".into()),
             Self::Usage { hint, .. } => Some(hint.clone()),
-            Self::Field { hint, .. } | Self::Content { hint, .. } => hint.clone(),
         }
     }
 
@@ -139,8 +101,8 @@ impl BenchError {
         move |source| Self::Scene { path: path.to_owned(), source }
     }
 
-    /// A [`BenchError::Read`] for `path`.
+    /// A [`FileError::Read`] of `path`.
     pub(crate) fn read(path: &Path) -> impl FnOnce(io::Error) -> Self {
-        move |source| Self::Read { path: path.to_owned(), source }
+        move |source| FileError::read(path)(source).into()
     }
 }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use gic_files::FileError;
 use gic_twin::atomic;
 use serde::{Deserialize, Serialize};
 
@@ -75,19 +76,19 @@ impl Plan {
     pub fn read(out: &Path) -> Result<Self> {
         let path = out.join(FILE);
         if !path.is_file() {
-            return Err(BenchError::Content {
+            return Err(BenchError::File(FileError::Content {
                 path,
                 problem: "is missing".into(),
                 hint: Some("give the folder that `gic bench SUITE -o OUT` writes into".into()),
-            });
+            }));
         }
         let plan: Self = atomic::read_json(&path)?;
         if plan.schema != SCHEMA {
-            return Err(BenchError::Content {
+            return Err(BenchError::File(FileError::Content {
                 path,
                 problem: format!("has the schema {}, not {SCHEMA}", plan.schema),
                 hint: Some("use the gic that wrote it, or another output folder".into()),
-            });
+            }));
         }
         Ok(plan)
     }

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use gic_files::FileError;
+
 use crate::error::{BenchError, Result};
 use crate::truth::Truth;
 
@@ -36,11 +38,11 @@ pub fn find_scenes(suite: &Path, filter: &str) -> Result<Vec<SuiteScene>> {
         })
         .collect::<Result<_>>()?;
     if scenes.is_empty() {
-        return Err(BenchError::Content {
+        return Err(BenchError::File(FileError::Content {
             path: suite.to_owned(),
             problem: format!("has no scene with gt/params.json whose name contains \"{filter}\""),
             hint: Some("give the folder that holds the scenes' folders".into()),
-        });
+        }));
     }
     Ok(scenes)
 }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use gic_files::FileError;
 use gic_mpm::Material;
 use serde_json::Value;
 
@@ -28,16 +29,16 @@ impl Truth {
     pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join("params.json");
         let text = gic_files::input::read_to_string(&path).map_err(BenchError::read(&path))?;
-        let json: Value = serde_json::from_str(&text).map_err(|source| BenchError::Syntax {
-            path: path.clone(),
-            format: "JSON",
-            source: source.into(),
+        let json: Value = serde_json::from_str(&text).map_err(|source| {
+            BenchError::File(FileError::Syntax { path: path.clone(), format: "JSON", source: source.into() })
         })?;
-        let missing = |field: &str| BenchError::Field {
-            path: path.clone(),
-            field: field.into(),
-            problem: "is missing or of the wrong kind".into(),
-            hint: Some("truth is a folder with params.json in the layout of the PAC-NeRF scenes".into()),
+        let missing = |field: &str| {
+            BenchError::File(FileError::Field {
+                path: path.clone(),
+                field: field.into(),
+                problem: "is missing or of the wrong kind".into(),
+                hint: Some("truth is a folder with params.json in the layout of the PAC-NeRF scenes".into()),
+            })
         };
         let number = |pointer: &str| json.pointer(pointer).and_then(Value::as_f64);
         let parameter = |name: &str| {
@@ -97,7 +98,8 @@ impl Truth {
         if !path.exists() {
             return Ok(None);
         }
-        let content = |problem: String| BenchError::Content { path: path.clone(), problem, hint: None };
+        let content =
+            |problem: String| BenchError::File(FileError::Content { path: path.clone(), problem, hint: None });
         let read = || -> std::io::Result<Option<Vec<f32>>> {
             let mut archive = npyz::npz::NpzArchive::open(&path)?;
             archive.by_name("x")?.map(|array| array.into_vec::<f32>()).transpose()

@@ -3,6 +3,7 @@
 //! A reader sees the old content or all of the new one, and a program that is stopped half-way leaves the old. What the
 //! system loses when the machine itself fails is not guarded against: nothing waits for the disk.
 
+mod error;
 mod finite;
 pub mod input;
 mod lock;
@@ -15,6 +16,7 @@ use std::path::{Path, PathBuf};
 
 use tempfile::{Builder, NamedTempFile};
 
+pub use error::FileError;
 pub use finite::{NotFinite, require_finite_numbers};
 pub use lock::{FolderLock, LockError};
 pub use places::{relative_path, resolved};
@@ -27,36 +29,6 @@ const UNFINISHED_ENDING: &str = ".part";
 fn is_unfinished(name: &std::ffi::OsStr) -> bool {
     let name = name.as_encoded_bytes();
     name.starts_with(b".") && name.ends_with(UNFINISHED_ENDING.as_bytes())
-}
-
-/// A file could not be written.
-#[derive(Debug, thiserror::Error)]
-#[error("cannot write {}: {source}", path.display())]
-pub struct WriteError {
-    /// The file.
-    pub path: PathBuf,
-    /// What the system said.
-    pub source: io::Error,
-}
-
-impl WriteError {
-    fn at(path: &Path) -> impl FnOnce(io::Error) -> WriteError {
-        move |source| WriteError { path: path.to_owned(), source }
-    }
-}
-
-/// The way out where a file or folder cannot be written, in one sentence; `None` where what was to be written is at
-/// fault, and says so.
-pub fn write_hint(source: &io::Error) -> Option<String> {
-    let hint = match source.kind() {
-        io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
-            "choose a folder that you may write to with -o"
-        }
-        io::ErrorKind::InvalidData => return None,
-        io::ErrorKind::StorageFull => "free some disk space and run the same command again",
-        _ => "check that the parent is a folder and not a file, or choose another one with -o",
-    };
-    Some(hint.into())
 }
 
 /// A file on its way: written beside its place, there once it is [finished](NewFile::finish), gone if it is dropped
@@ -72,7 +44,7 @@ impl NewFile {
     ///
     /// # Errors
     /// What the system says where the folder is missing or may not be written to.
-    pub fn at(path: &Path) -> Result<NewFile, WriteError> {
+    pub fn at(path: &Path) -> Result<NewFile, FileError> {
         let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
         let mut prefix = std::ffi::OsString::from(".");
         prefix.push(path.file_name().unwrap_or_default());
@@ -84,7 +56,7 @@ impl NewFile {
             // The system takes away what the user's mask forbids.
             builder.permissions(std::fs::Permissions::from_mode(0o666));
         }
-        let part = builder.tempfile_in(folder).map_err(WriteError::at(path))?;
+        let part = builder.tempfile_in(folder).map_err(FileError::write(path))?;
         Ok(NewFile { part, path: path.to_owned() })
     }
 
@@ -97,9 +69,9 @@ impl NewFile {
     ///
     /// # Errors
     /// What the system says, for example where a folder has that name.
-    pub fn finish(self) -> Result<(), WriteError> {
+    pub fn finish(self) -> Result<(), FileError> {
         let NewFile { part, path } = self;
-        part.persist(&path).map(drop).map_err(|refused| WriteError { path, source: refused.error })
+        part.persist(&path).map(drop).map_err(|refused| FileError::Write { path, source: refused.error })
     }
 }
 
@@ -120,10 +92,10 @@ impl Write for NewFile {
 pub fn write_with(
     path: &Path,
     fill: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>,
-) -> Result<(), WriteError> {
+) -> Result<(), FileError> {
     let mut new = NewFile::at(path)?;
     let mut writer = BufWriter::new(new.part.as_file_mut());
-    fill(&mut writer).and_then(|()| writer.flush()).map_err(WriteError::at(path))?;
+    fill(&mut writer).and_then(|()| writer.flush()).map_err(FileError::write(path))?;
     drop(writer);
     new.finish()
 }
@@ -132,9 +104,9 @@ pub fn write_with(
 ///
 /// # Errors
 /// What the system says; then the file is as it was.
-pub fn write(path: &Path, bytes: &[u8]) -> Result<(), WriteError> {
+pub fn write(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
     let mut new = NewFile::at(path)?;
-    new.write_all(bytes).map_err(WriteError::at(path))?;
+    new.write_all(bytes).map_err(FileError::write(path))?;
     new.finish()
 }
 
@@ -153,7 +125,7 @@ mod tests {
             out.write_all(&[b'x'; 100_000])?;
             Err(io::Error::other("no more"))
         });
-        assert_eq!(failed.unwrap_err().to_string(), format!("cannot write {}: no more", path.display()));
+        assert_eq!(failed.unwrap_err().to_string(), format!("cannot write {}", path.display()));
         assert_eq!(fs::read(&path).unwrap(), b"old");
         let unfinished = NewFile::at(&path).unwrap();
         assert!(unfinished.part().exists() && unfinished.part().parent() == Some(folder.path()));

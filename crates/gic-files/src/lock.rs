@@ -5,7 +5,7 @@ use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use crate::{WriteError, is_unfinished};
+use crate::{FileError, is_unfinished};
 
 const NAME: &str = ".lock";
 /// How long the name of a lock's holder is waited for: on a busy machine a process may pause before it writes.
@@ -24,7 +24,7 @@ pub enum LockError {
     },
     /// The lock file could not be made.
     #[error(transparent)]
-    Write(#[from] WriteError),
+    File(#[from] FileError),
 }
 
 /// The right to write into a folder. The system takes it back when the process ends, however it ends.
@@ -44,7 +44,7 @@ impl FolderLock {
     /// [`LockError::Held`] where another process, or another part of this one, has it; an unwritable folder.
     pub fn take(folder: &Path) -> Result<Self, LockError> {
         let path = folder.join(NAME);
-        let failed = |source| WriteError { path: path.clone(), source };
+        let failed = |source| FileError::Write { path: path.clone(), source };
         let mut file =
             OpenOptions::new().create(true).read(true).write(true).truncate(false).open(&path).map_err(failed)?;
         match file.try_lock() {

@@ -4,7 +4,7 @@ use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
 use crate::finite::require_finite_numbers;
-use crate::{WriteError, write_with};
+use crate::{FileError, write_with};
 
 /// A property of the vertices by its name, and how its numbers are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,7 +41,7 @@ pub fn write_ply<V: AsRef<[f32]>>(
     path: &Path,
     layout: &PlyLayout,
     vertices: impl ExactSizeIterator<Item = V>,
-) -> Result<(), WriteError> {
+) -> Result<(), FileError> {
     write_with(path, |out| {
         write_header(out, layout, vertices.len())?;
         for (index, vertex) in vertices.enumerate() {
@@ -113,7 +113,8 @@ mod tests {
         let path = folder.path().join("a.ply");
         let layout = PlyLayout { comment: None, properties: &[PlyProperty::Float("x")], triangles: None };
         let failed = write_ply(&path, &layout, [[0.5], [f32::NAN]].into_iter()).unwrap_err();
-        assert!(failed.to_string().contains("`x of vertex 1` is NaN") && !path.exists(), "{failed}");
+        let FileError::Write { source, .. } = failed else { panic!("{failed}") };
+        assert!(source.to_string().contains("`x of vertex 1` is NaN") && !path.exists(), "{source}");
     }
 
     #[test]

@@ -1,14 +1,18 @@
 //! What can go wrong with films. Every message names the file; [`FilmError::hint`] says the way out.
 
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use gic_files::FileError;
 use gic_scene::SceneError;
 use gic_twin::TwinError;
 
 /// A failure of taking films in.
 #[derive(Debug, thiserror::Error)]
 pub enum FilmError {
+    /// A file that cannot be read, written or understood.
+    #[error(transparent)]
+    File(#[from] FileError),
     /// A file that could not be written, or an interruption.
     #[error(transparent)]
     Twin(#[from] TwinError),
@@ -20,24 +24,6 @@ pub enum FilmError {
     NoProgram {
         /// The program.
         program: &'static str,
-    },
-    /// A file that could not be read.
-    #[error("cannot read {}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The cause.
-        source: io::Error,
-    },
-    /// A file that does not hold what it should.
-    #[error("{}: {problem}", path.display())]
-    Content {
-        /// The file or folder.
-        path: PathBuf,
-        /// What is wrong with it.
-        problem: String,
-        /// What to do about it.
-        hint: String,
     },
     /// Something that the caller asked for cannot be done with these films.
     #[error("{problem}")]
@@ -63,8 +49,8 @@ impl FilmError {
                  give a folder of numbered PNG or JPEG files for each camera, with --frame-rate-hz"
                     .into(),
             ),
-            Self::Read { .. } => Some("check the path, and that you may read the file".into()),
-            Self::Content { hint, .. } | Self::Usage { hint, .. } => Some(hint.clone()),
+            Self::File(error) => error.hint(),
+            Self::Usage { hint, .. } => Some(hint.clone()),
         }
     }
 
@@ -78,14 +64,14 @@ impl FilmError {
         matches!(self, Self::Usage { .. })
     }
 
-    /// A [`FilmError::Read`] for `path`.
+    /// A [`FileError::Read`] of `path`.
     pub(crate) fn read(path: &Path) -> impl FnOnce(io::Error) -> Self {
-        move |source| Self::Read { path: path.to_owned(), source }
+        move |source| FileError::read(path)(source).into()
     }
 
-    /// A [`FilmError::Content`] for `path`.
+    /// A [`FileError::Content`] of `path`.
     pub(crate) fn content(path: &Path, problem: impl Into<String>, hint: impl Into<String>) -> Self {
-        Self::Content { path: path.to_owned(), problem: problem.into(), hint: hint.into() }
+        FileError::Content { path: path.to_owned(), problem: problem.into(), hint: Some(hint.into()) }.into()
     }
 
     /// A [`FilmError::Usage`].

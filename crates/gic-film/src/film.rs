@@ -39,8 +39,8 @@ pub struct Film {
 /// name. `frame_rate_hz` is the rate of numbered pictures, which have none of their own; films keep theirs.
 ///
 /// # Errors
-/// [`FilmError::NoProgram`] without ffmpeg; [`FilmError::Content`] for a file that is no film, [`FilmError::Usage`] for
-/// numbered pictures without a rate and for two films of one name.
+/// [`FilmError::NoProgram`] without ffmpeg; a [`gic_files::FileError`] for a file that is no film,
+/// [`FilmError::Usage`] for numbered pictures without a rate and for two films of one name.
 pub fn open_films(paths: &[PathBuf], frame_rate_hz: Option<f64>) -> Result<Vec<Film>> {
     let places = match paths {
         [folder] if folder.is_dir() && numbered_pictures(folder)?.is_empty() => films_in(folder)?,

@@ -5,6 +5,7 @@ mod common;
 use std::path::PathBuf;
 
 use common::{ffmpeg, has_ffmpeg};
+use gic_files::FileError;
 use gic_film::{Film, FilmError, Selection, open_films};
 
 /// A grey that grows from frame to frame: frame n has the brightness 20 n.
@@ -90,7 +91,7 @@ fn what_is_no_film_is_named_with_a_way_out() {
     let nothing = open_films(&[folder.path().to_owned()], None).unwrap_err();
     assert!(nothing.to_string().contains("holds no films") && nothing.hint().is_some(), "{nothing}");
     let missing = open_films(&[PathBuf::from("/no/such/film.mp4")], None).unwrap_err();
-    assert!(matches!(missing, FilmError::Read { .. }), "{missing}");
+    assert!(matches!(missing, FilmError::File(FileError::Read { .. })), "{missing}");
     if !has_ffmpeg() {
         return;
     }

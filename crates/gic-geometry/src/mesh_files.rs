@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use gic_files::{PlyLayout, PlyProperty, WriteError, write_ply, write_with};
+use gic_files::{FileError, PlyLayout, PlyProperty, write_ply, write_with};
 use glam::DVec3;
 
 use crate::tetrahedra::TetMesh;
@@ -22,7 +22,7 @@ pub struct MeshNotes<'a> {
 ///
 /// # Errors
 /// What the system says.
-pub fn write_obj(path: &Path, mesh: &TriangleMesh, notes: &MeshNotes) -> Result<(), WriteError> {
+pub fn write_obj(path: &Path, mesh: &TriangleMesh, notes: &MeshNotes) -> Result<(), FileError> {
     write_with(path, |out| {
         writeln!(out, "# gic surface, metres {}", notes.comment)?;
         for (i, p) in mesh.vertices.iter().enumerate() {
@@ -47,7 +47,7 @@ pub fn write_obj(path: &Path, mesh: &TriangleMesh, notes: &MeshNotes) -> Result<
 ///
 /// # Errors
 /// What the system says.
-pub fn write_stl(path: &Path, mesh: &TriangleMesh) -> Result<(), WriteError> {
+pub fn write_stl(path: &Path, mesh: &TriangleMesh) -> Result<(), FileError> {
     let single = |v: DVec3| stl_io::Vector::new(v.as_vec3().to_array());
     let facets = mesh.triangles.iter().map(|t| {
         let [a, b, c] = t.map(|i| mesh.vertices[i as usize]);
@@ -61,7 +61,7 @@ pub fn write_stl(path: &Path, mesh: &TriangleMesh) -> Result<(), WriteError> {
 ///
 /// # Errors
 /// What the system says.
-pub fn write_mesh_ply(path: &Path, mesh: &TriangleMesh, notes: &MeshNotes) -> Result<(), WriteError> {
+pub fn write_mesh_ply(path: &Path, mesh: &TriangleMesh, notes: &MeshNotes) -> Result<(), FileError> {
     let mut properties = ["x", "y", "z", "nx", "ny", "nz"].map(PlyProperty::Float).to_vec();
     if notes.colors.is_some() {
         properties.extend(["red", "green", "blue"].map(PlyProperty::Byte));
@@ -81,7 +81,7 @@ pub fn write_mesh_ply(path: &Path, mesh: &TriangleMesh, notes: &MeshNotes) -> Re
 ///
 /// # Errors
 /// What the system says.
-pub fn write_msh(path: &Path, mesh: &TetMesh, comment: &str) -> Result<(), WriteError> {
+pub fn write_msh(path: &Path, mesh: &TetMesh, comment: &str) -> Result<(), FileError> {
     write_with(path, |out| {
         writeln!(out, "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Comments\ngic body, metres {comment}\n$EndComments")?;
         writeln!(out, "$PhysicalNames\n1\n3 1 \"body\"\n$EndPhysicalNames")?;

@@ -1,7 +1,8 @@
 //! What can go wrong in training, saving and loading.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
+use gic_files::FileError;
 use gic_metrics::MetricError;
 use gic_scene::SceneError;
 
@@ -34,31 +35,14 @@ pub enum MotionError {
         /// The step.
         step: usize,
     },
-    /// A file could not be written or read.
-    #[error("{}: {source}", path.display())]
-    File {
-        /// The file.
-        path: PathBuf,
-        /// Why.
-        source: std::io::Error,
-    },
-    /// A file is not what it should be.
-    #[error("{}: {reason}", path.display())]
-    Content {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it, and the way out.
-        reason: String,
-    },
+    /// A file that cannot be read, written or understood.
+    #[error(transparent)]
+    File(#[from] FileError),
 }
 
 impl MotionError {
-    pub(crate) fn file(path: &Path) -> impl FnOnce(std::io::Error) -> MotionError {
-        let path = path.to_owned();
-        move |source| MotionError::File { path, source }
-    }
-
+    /// A [`FileError::Content`] of `path`; the reason names the way out.
     pub(crate) fn content(path: &Path, reason: impl ToString) -> MotionError {
-        MotionError::Content { path: path.to_owned(), reason: reason.to_string() }
+        FileError::Content { path: path.to_owned(), problem: reason.to_string(), hint: None }.into()
     }
 }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use gic_files::FileError;
 use serde::{Deserialize, Serialize};
 
 use crate::tensor_file::{self, TensorFile};
@@ -32,14 +33,16 @@ impl DynamicGaussians {
     /// # Errors
     /// When a file cannot be written.
     pub fn save(&self, folder: &Path) -> Result<(), MotionError> {
-        std::fs::create_dir_all(folder).map_err(MotionError::file(folder))?;
+        std::fs::create_dir_all(folder).map_err(FileError::write(folder))?;
         let path = folder.join(CANONICAL);
         gic_splat::write_ply(&path, &self.canonical)?;
         let path = folder.join(MOTION);
         let Some(Displacement { network, domain, base }) = &self.motion else {
             // What a moving scene may have left there must not animate this one.
             return match std::fs::remove_file(&path) {
-                Err(error) if error.kind() != std::io::ErrorKind::NotFound => Err(MotionError::file(&path)(error)),
+                Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
+                    Err(FileError::write(&path)(error).into())
+                }
                 _ => Ok(()),
             };
         };

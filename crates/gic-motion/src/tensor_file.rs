@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use gic_files::FileError;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -35,7 +36,7 @@ pub(crate) fn write<T: Serialize>(
     let view = TensorView::new(Dtype::U8, vec![text.len()], &text).map_err(|e| MotionError::content(path, e))?;
     views.push((TEXT, view));
     let buffer = safetensors::serialize(views, None).map_err(|e| MotionError::content(path, e))?;
-    gic_files::write(path, &buffer).map_err(|failed| MotionError::file(path)(failed.source))
+    Ok(gic_files::write(path, &buffer)?)
 }
 
 /// The bytes of a file written by [`write`].
@@ -46,7 +47,7 @@ pub(crate) struct TensorFile {
 
 impl TensorFile {
     pub(crate) fn open(path: &Path) -> Result<TensorFile, MotionError> {
-        let bytes = gic_files::input::read(path).map_err(MotionError::file(path))?;
+        let bytes = gic_files::input::read(path).map_err(FileError::read(path))?;
         SafeTensors::deserialize(&bytes)
             .map_err(|e| MotionError::content(path, format!("no safetensors file: {e}")))?;
         Ok(TensorFile { path: path.to_owned(), bytes })

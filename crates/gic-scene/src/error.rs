@@ -3,6 +3,7 @@
 use std::fmt;
 use std::path::PathBuf;
 
+use gic_files::FileError;
 use thiserror::Error;
 
 /// What to do about a missing mask.
@@ -233,14 +234,9 @@ pub enum SceneError {
         /// The folder.
         path: PathBuf,
     },
-    /// A file cannot be read.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// The file.
-        path: PathBuf,
-        /// The cause.
-        source: std::io::Error,
-    },
+    /// A file that cannot be read or written.
+    #[error(transparent)]
+    File(#[from] FileError),
     /// A file that is not what its name says, as a whole.
     #[error("{}: {reason}", path.display())]
     Malformed {

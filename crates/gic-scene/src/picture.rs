@@ -92,7 +92,7 @@ impl Picture {
     /// Writes the picture as an 8-bit PNG, whole or not at all.
     ///
     /// # Errors
-    /// [`SceneError::Io`] naming the file.
+    /// A [`gic_files::FileError`] naming the file.
     pub fn save_png(&self, path: &Path) -> Result<(), SceneError> {
         let bytes: Vec<u8> = self.rgb.iter().map(|value| (value.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
         save_png(path, &bytes, (self.width, self.height), ExtendedColorType::Rgb8)
@@ -101,11 +101,11 @@ impl Picture {
 
 /// Writes bytes as a PNG, whole or not at all.
 fn save_png(path: &Path, bytes: &[u8], size: (usize, usize), kind: ExtendedColorType) -> Result<(), SceneError> {
-    gic_files::write_with(path, |out| {
+    let written = gic_files::write_with(path, |out| {
         let encoder = PngEncoder::new(out);
         encoder.write_image(bytes, size.0 as u32, size.1 as u32, kind).map_err(std::io::Error::other)
-    })
-    .map_err(|failed| SceneError::Io { path: failed.path, source: failed.source })
+    });
+    Ok(written?)
 }
 
 impl Mask {
@@ -120,7 +120,7 @@ impl Mask {
     /// Writes the coverage as an 8-bit grey PNG, whole or not at all.
     ///
     /// # Errors
-    /// [`SceneError::Io`] naming the file.
+    /// A [`gic_files::FileError`] naming the file.
     pub fn save_png(&self, path: &Path) -> Result<(), SceneError> {
         let bytes: Vec<u8> = self.coverage.iter().map(|value| (value.clamp(0.0, 1.0) * 255.0).round() as u8).collect();
         save_png(path, &bytes, (self.width, self.height), ExtendedColorType::L8)

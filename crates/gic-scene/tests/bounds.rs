@@ -8,8 +8,11 @@ use std::path::{Path, PathBuf};
 use gic_scene::{Problem, Scene, SceneError, SceneSettings};
 use serde_json::{Value, json};
 
+/// What is said of a scene that cannot be opened, and its causes.
 fn refusal(root: &Path) -> String {
-    Scene::open(root).map(drop).expect_err("the scene opened").to_string()
+    let error = Scene::open(root).map(drop).expect_err("the scene opened");
+    let said = std::iter::successors(Some(&error as &dyn std::error::Error), |error| error.source());
+    said.map(|error| error.to_string()).collect::<Vec<_>>().join(": ")
 }
 
 #[track_caller]

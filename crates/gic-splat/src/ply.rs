@@ -8,7 +8,7 @@
 use std::io::{BufReader, ErrorKind};
 use std::path::{Path, PathBuf};
 
-use gic_files::{PlyLayout, PlyProperty};
+use gic_files::{FileError, PlyLayout, PlyProperty};
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{DefaultElement, Header, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType};
 use thiserror::Error;
@@ -32,14 +32,9 @@ pub struct Imported {
 /// Why a PLY file could not be read or written.
 #[derive(Debug, Error)]
 pub enum PlyError {
-    /// The file cannot be opened, created or renamed.
-    #[error("{}: {source}", path.display())]
-    Io {
-        /// Which file.
-        path: PathBuf,
-        /// What the system says.
-        source: std::io::Error,
-    },
+    /// A file that cannot be read or written.
+    #[error(transparent)]
+    File(#[from] FileError),
     /// It ends early.
     #[error("{}: the file is truncated ({detail}); copy or export it again", path.display())]
     Truncated {
@@ -152,7 +147,7 @@ impl PropertyAccess for Row {
 /// A [`PlyError`] that names the file, when it cannot be read, is truncated or damaged, holds no Gaussians, or one with
 /// a value that is not finite.
 pub fn read_ply(path: &Path) -> Result<Imported, PlyError> {
-    let file = gic_files::input::open(path).map_err(|source| PlyError::Io { path: path.into(), source })?;
+    let file = gic_files::input::open(path).map_err(FileError::read(path))?;
     read(BufReader::new(file), path)
 }
 
@@ -283,8 +278,7 @@ pub fn write_ply(path: &Path, gaussians: &Gaussians) -> Result<Vec<String>, PlyE
     let names = names(coefficients.saturating_sub(1));
     let properties: Vec<PlyProperty> = names.iter().map(|name| PlyProperty::Float(name)).collect();
     let layout = PlyLayout { comment: None, properties: &properties, triangles: None };
-    gic_files::write_ply(path, &layout, (0..gaussians.len()).map(|i| numbers(gaussians, i, coefficients)))
-        .map_err(|failed| PlyError::Io { path: failed.path, source: failed.source })?;
+    gic_files::write_ply(path, &layout, (0..gaussians.len()).map(|i| numbers(gaussians, i, coefficients)))?;
     Ok(changes(gaussians))
 }
 

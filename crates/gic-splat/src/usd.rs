@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::Path;
 
-use gic_files::{WriteError, write_with};
+use gic_files::{FileError, write_with};
 
 use crate::{Gaussians, Shape};
 
@@ -12,7 +12,7 @@ use crate::{Gaussians, Shape};
 ///
 /// # Errors
 /// No frame, frames of different numbers of Gaussians, and what the system says.
-pub fn write_usd(path: &Path, frames: &[Gaussians], frame_rate_hz: f64, up_axis: &str) -> Result<(), WriteError> {
+pub fn write_usd(path: &Path, frames: &[Gaussians], frame_rate_hz: f64, up_axis: &str) -> Result<(), FileError> {
     let invalid = |problem: &str| std::io::Error::new(std::io::ErrorKind::InvalidInput, problem.to_owned());
     write_with(path, |out| {
         let Some(first) = frames.first() else { return Err(invalid("there are no frames")) };

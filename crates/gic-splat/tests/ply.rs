@@ -226,7 +226,7 @@ fn other_files_are_named_for_what_they_lack() {
         assert!(error.to_string().contains(part), "{error}");
     }
     let (folder, _) = ascii("any.ply", "");
-    assert!(matches!(read_ply(&folder.path().join("absent.ply")), Err(PlyError::Io { .. })));
+    assert!(matches!(read_ply(&folder.path().join("absent.ply")), Err(PlyError::File(_))));
 }
 
 #[test]

@@ -4,12 +4,14 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter};
 use std::path::Path;
 
+use gic_files::FileError;
+
 use crate::error::{Result, TwinError};
 
 /// Creates a folder and its parents.
 ///
 /// # Errors
-/// [`TwinError::Write`].
+/// [`FileError::Write`].
 pub fn create_folder(path: &Path) -> Result<()> {
     fs::create_dir_all(path).map_err(TwinError::write(path))
 }
@@ -17,7 +19,7 @@ pub fn create_folder(path: &Path) -> Result<()> {
 /// Writes a file through `fill`.
 ///
 /// # Errors
-/// [`TwinError::Write`]; the file is then as it was.
+/// [`FileError::Write`]; the file is then as it was.
 pub fn write_with(path: &Path, fill: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>) -> Result<()> {
     Ok(gic_files::write_with(path, fill)?)
 }
@@ -25,7 +27,7 @@ pub fn write_with(path: &Path, fill: impl FnOnce(&mut BufWriter<&mut File>) -> i
 /// Writes `bytes` as a file.
 ///
 /// # Errors
-/// [`TwinError::Write`]; the file is then as it was.
+/// [`FileError::Write`]; the file is then as it was.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     Ok(gic_files::write(path, bytes)?)
 }
@@ -33,7 +35,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
 /// Writes `value` as indented JSON with a final newline.
 ///
 /// # Errors
-/// [`TwinError::Write`], also where a number is not finite; the file is then as it was.
+/// [`FileError::Write`], also where a number is not finite; the file is then as it was.
 pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
     Ok(crate::json::write(path, value)?)
 }
@@ -44,16 +46,14 @@ pub fn write_json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
 /// A missing or damaged file.
 pub fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
     let text = gic_files::input::read_to_string(path).map_err(|source| match source.kind() {
-        io::ErrorKind::NotFound => TwinError::Content {
+        io::ErrorKind::NotFound => TwinError::File(FileError::Content {
             path: path.to_owned(),
             problem: "is missing: the stage that writes it has not finished".into(),
             hint: Some("finish the run first with `gic run SCENE -o RUN`".into()),
-        },
+        }),
         _ => TwinError::read(path)(source),
     })?;
-    serde_json::from_str(&text).map_err(|source| TwinError::Syntax {
-        path: path.to_owned(),
-        format: "a stage's result",
-        source: source.into(),
+    serde_json::from_str(&text).map_err(|source| {
+        TwinError::File(FileError::Syntax { path: path.to_owned(), format: "a stage's result", source: source.into() })
     })
 }

@@ -3,28 +3,15 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
-use gic_files::{LockError, WriteError};
+use gic_files::{FileError, LockError};
 use gic_mpm::SimulationError;
 
 /// A failure around a twin.
 #[derive(Debug, thiserror::Error)]
 pub enum TwinError {
-    /// A file could not be read.
-    #[error("cannot read {}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The cause.
-        source: io::Error,
-    },
-    /// A file or folder could not be written.
-    #[error("cannot write {}", path.display())]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// The cause.
-        source: io::Error,
-    },
+    /// A file that cannot be read, written or understood.
+    #[error(transparent)]
+    File(#[from] FileError),
     /// Another process writes into the folder.
     #[error("{} is being written by {holder}", folder.display())]
     Locked {
@@ -32,16 +19,6 @@ pub enum TwinError {
         folder: PathBuf,
         /// Process and host.
         holder: String,
-    },
-    /// A text file does not parse.
-    #[error("{} is not valid {format}", path.display())]
-    Syntax {
-        /// The file.
-        path: PathBuf,
-        /// What it should have been.
-        format: &'static str,
-        /// The cause, with line and column.
-        source: Box<dyn std::error::Error + Send + Sync>,
     },
     /// A key that no reader knows.
     #[error("{}: unknown key `{key}`{}", path.display(), nearest_suffix(nearest.as_deref()))]
@@ -54,28 +31,6 @@ pub enum TwinError {
         nearest: Option<String>,
         /// All valid keys at that place.
         valid: Vec<String>,
-    },
-    /// A value is missing, of the wrong kind or outside its bounds.
-    #[error("{}: `{field}` {problem}", path.display())]
-    Field {
-        /// The file.
-        path: PathBuf,
-        /// The field with its path inside the file.
-        field: String,
-        /// What is wrong with it.
-        problem: String,
-        /// What to do about it.
-        hint: Option<String>,
-    },
-    /// A particle or mesh file has the right syntax and the wrong content, or breaks off.
-    #[error("{}: {problem}", path.display())]
-    Content {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        problem: String,
-        /// What to do about it.
-        hint: Option<String>,
     },
     /// A folder holds the output of other inputs or settings.
     #[error("{} holds the output of another run: {difference}", path.display())]
@@ -122,17 +77,11 @@ fn nearest_suffix(nearest: Option<&str>) -> String {
     nearest.map(|n| format!(", did you mean `{n}`?")).unwrap_or_default()
 }
 
-impl From<WriteError> for TwinError {
-    fn from(WriteError { path, source }: WriteError) -> Self {
-        Self::Write { path, source }
-    }
-}
-
 impl From<LockError> for TwinError {
     fn from(error: LockError) -> Self {
         match error {
             LockError::Held { folder, holder } => Self::Locked { folder, holder },
-            LockError::Write(error) => error.into(),
+            LockError::File(error) => error.into(),
         }
     }
 }
@@ -141,32 +90,25 @@ impl TwinError {
     /// The way out, in one sentence, where there is one.
     pub fn hint(&self) -> Option<String> {
         match self {
-            Self::Read { source, .. } if source.kind() == io::ErrorKind::NotFound => {
-                Some("check the path; relative paths inside a twin are relative to the twin's own folder".into())
-            }
-            Self::Read { .. } | Self::Syntax { .. } => None,
+            Self::File(error) => error.hint(),
             Self::Locked { .. } => {
                 Some("wait until it ends or stop it; commands that only read the folder need not wait".into())
             }
-            Self::Write { source, .. } => gic_files::write_hint(source),
             Self::UnknownKey { valid, .. } => Some(format!("valid keys here: {}", valid.join(", "))),
-            Self::Field { hint, .. }
-            | Self::Content { hint, .. }
-            | Self::Simulation { hint, .. }
-            | Self::Usage { hint, .. } => hint.clone(),
+            Self::Simulation { hint, .. } | Self::Usage { hint, .. } => hint.clone(),
             Self::OtherRun { hint, .. } => Some(hint.clone()),
             Self::Interrupted { resume, .. } => Some(resume.clone()),
         }
     }
 
-    /// A [`TwinError::Read`] for `path`.
+    /// A [`FileError::Read`] of `path`.
     pub fn read(path: &Path) -> impl FnOnce(io::Error) -> Self {
-        move |source| Self::Read { path: path.to_owned(), source }
+        move |source| FileError::read(path)(source).into()
     }
 
-    /// A [`TwinError::Write`] for `path`.
+    /// A [`FileError::Write`] to `path`.
     pub fn write(path: &Path) -> impl FnOnce(io::Error) -> Self {
-        move |source| Self::Write { path: path.to_owned(), source }
+        move |source| FileError::write(path)(source).into()
     }
 
     /// A [`TwinError::Simulation`] without a hint.

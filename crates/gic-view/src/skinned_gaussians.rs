@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use gic_appearance::{Light, LitGaussians};
+use gic_files::FileError;
 use gic_geometry::{KdTree, outward_normals};
 use gic_splat::Gaussians;
 use gic_twin::TwinError;
@@ -76,11 +77,11 @@ impl SkinnedGaussians {
         }
         let file: LightFile = atomic::read_json(&light)?;
         if file.schema != SCHEMA {
-            return Err(TwinError::Content {
+            return Err(TwinError::File(FileError::Content {
                 path: light,
                 problem: format!("has schema {}, and this gic reads {SCHEMA}", file.schema),
                 hint: Some("run `gic run` on the folder again".into()),
-            }
+            })
             .into());
         }
         let gaussians = gic_splat::read_ply(&albedo).map_err(ViewError::stage("reading the twin's colours"))?.gaussians;

@@ -16,7 +16,7 @@
 use std::path::{Path, PathBuf};
 
 use gic_appearance::{AppearanceFitSettings, RegisterSettings};
-use gic_files::{relative_path, resolved};
+use gic_files::{FileError, relative_path, resolved};
 use gic_motion::TrainSettings;
 use gic_scene::{Scene, SceneSettings};
 use gic_twin::atomic;
@@ -75,10 +75,8 @@ pub struct Layer {
 impl Layer {
     /// All settings of the reconstruction.
     pub fn reconstruct(origin: &str, settings: &TrainSettings) -> Result<Self> {
-        let syntax = |source: toml::ser::Error| Error::Syntax {
-            path: origin.into(),
-            format: "a configuration",
-            source: source.into(),
+        let syntax = |source: toml::ser::Error| {
+            Error::File(FileError::Syntax { path: origin.into(), format: "a configuration", source: source.into() })
         };
         let settings = Table::try_from(settings).map_err(syntax)?;
         let table = Table::from_iter([("reconstruct".to_owned(), Value::Table(settings))]);
@@ -88,8 +86,9 @@ impl Layer {
     /// The settings of a TOML file; relative paths start at its folder.
     pub fn read(path: &Path) -> Result<Self> {
         let text = gic_files::input::read_to_string(path).map_err(Error::read(path))?;
-        let syntax =
-            |source: toml::de::Error| Error::Syntax { path: path.to_owned(), format: "TOML", source: source.into() };
+        let syntax = |source: toml::de::Error| {
+            Error::File(FileError::Syntax { path: path.to_owned(), format: "TOML", source: source.into() })
+        };
         let mut table = text.parse::<Table>().map_err(syntax)?;
         let folder = path.parent().unwrap_or(Path::new(""));
         change_paths(&mut table, |way| folder.join(way));
@@ -127,10 +126,12 @@ impl Config {
     pub fn resolve(layers: Vec<Layer>) -> Result<Self> {
         let mut config = Self::default();
         for layer in layers {
-            let mut table = Table::try_from(&config).map_err(|source| Error::Syntax {
-                path: layer.origin.clone(),
-                format: "a configuration",
-                source: source.into(),
+            let mut table = Table::try_from(&config).map_err(|source| {
+                Error::File(FileError::Syntax {
+                    path: layer.origin.clone(),
+                    format: "a configuration",
+                    source: source.into(),
+                })
             })?;
             merge(&mut table, layer.table);
             config =
@@ -176,7 +177,8 @@ impl Config {
     /// Writes all settings, defaults included, atomically. Paths inside the file's folder start there, others at the
     /// root, so that the folder can be moved.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let unwritable = |source| Error::Syntax { path: path.to_owned(), format: "a configuration", source };
+        let unwritable =
+            |source| Error::File(FileError::Syntax { path: path.to_owned(), format: "a configuration", source });
         gic_twin::json::require_finite(self).map_err(|reason| unwritable(reason.into()))?;
         let syntax = |source: toml::ser::Error| unwritable(source.into());
         let mut table = Table::try_from(self).map_err(syntax)?;

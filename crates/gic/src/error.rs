@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use gic_bench::BenchError;
 use gic_calibrate::CalibrateError;
-use gic_files::LockError;
+use gic_files::{FileError, LockError};
 use gic_film::FilmError;
 use gic_grasp::GraspError;
 use gic_twin::TwinError;
@@ -14,6 +14,9 @@ use gic_view::ViewError;
 /// A failure of the pipeline.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
+    /// A file that cannot be read, written or understood.
+    #[error(transparent)]
+    File(#[from] FileError),
     /// A twin, its matter or its simulation.
     #[error(transparent)]
     Twin(#[from] TwinError),
@@ -32,22 +35,6 @@ pub enum Error {
     /// A suite of scenes, or the truth of one.
     #[error(transparent)]
     Bench(#[from] BenchError),
-    /// A file could not be read.
-    #[error("cannot read {}", path.display())]
-    Read {
-        /// The file.
-        path: PathBuf,
-        /// The cause.
-        source: io::Error,
-    },
-    /// A file or folder could not be written.
-    #[error("cannot write {}", path.display())]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// The cause.
-        source: io::Error,
-    },
     /// The results could not be printed.
     #[error("cannot write the results to standard output")]
     Print {
@@ -77,38 +64,6 @@ pub enum Error {
         origin: PathBuf,
         /// The cause.
         source: toml::de::Error,
-    },
-    /// A text file does not parse.
-    #[error("{} is not valid {format}", path.display())]
-    Syntax {
-        /// The file.
-        path: PathBuf,
-        /// What it should have been.
-        format: &'static str,
-        /// The cause, with line and column.
-        source: Box<dyn std::error::Error + Send + Sync>,
-    },
-    /// A value is missing, of the wrong kind or outside its bounds.
-    #[error("{}: `{field}` {problem}", path.display())]
-    Field {
-        /// The file.
-        path: PathBuf,
-        /// The field with its path inside the file.
-        field: String,
-        /// What is wrong with it.
-        problem: String,
-        /// What to do about it.
-        hint: Option<String>,
-    },
-    /// A particle or mesh file has the right syntax and the wrong content, or breaks off.
-    #[error("{}: {problem}", path.display())]
-    Content {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        problem: String,
-        /// What to do about it.
-        hint: Option<String>,
     },
     /// A stage of the pipeline failed.
     #[error("{stage} failed")]
@@ -157,21 +112,14 @@ impl Error {
             Self::Film(error) => error.hint(),
             Self::Calibrate(error) => error.hint(),
             Self::Bench(error) => error.hint(),
-            Self::Read { source, .. } if source.kind() == io::ErrorKind::NotFound => {
-                Some("check the path; relative paths inside a twin are relative to the twin's own folder".into())
-            }
-            Self::Read { .. } | Self::Syntax { .. } => None,
+            Self::File(error) => error.hint(),
             Self::Setting { section, .. } => Some(format!(
                 "change it by its flag (--help names them), by --set {section}.KEY=VALUE, or in the file of --config"
             )),
             Self::Settings { .. } => Some("a run's config.toml names every setting".into()),
             Self::Print { .. } => Some("send the output to a file or a terminal that can take it".into()),
             Self::Overwrite { .. } => Some("choose another place for the output".into()),
-            Self::Write { source, .. } => gic_files::write_hint(source),
-            Self::Field { hint, .. }
-            | Self::Content { hint, .. }
-            | Self::Stage { hint, .. }
-            | Self::Usage { hint, .. } => hint.clone(),
+            Self::Stage { hint, .. } | Self::Usage { hint, .. } => hint.clone(),
             Self::Interrupted { resume, .. } => Some(resume.clone()),
         }
     }
@@ -208,14 +156,14 @@ impl Error {
         move |source| Self::Setting { section, source: source.into() }
     }
 
-    /// An [`Error::Read`] for `path`.
+    /// A [`FileError::Read`] of `path`.
     pub fn read(path: &Path) -> impl FnOnce(io::Error) -> Self {
-        move |source| Self::Read { path: path.to_owned(), source }
+        move |source| FileError::read(path)(source).into()
     }
 
-    /// An [`Error::Write`] for `path`.
+    /// A [`FileError::Write`] to `path`.
     pub fn write(path: &Path) -> impl FnOnce(io::Error) -> Self {
-        move |source| Self::Write { path: path.to_owned(), source }
+        move |source| FileError::write(path)(source).into()
     }
 
     /// An [`Error::Stage`] around another crate's error.

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use gic_files::FileError;
 use gic_twin::atomic;
 use serde::{Deserialize, Serialize};
 
@@ -82,11 +83,11 @@ pub fn read_others(plan: &Plan, folders: &[PathBuf]) -> Result<Vec<OtherResult>>
             }
         }
         if found.len() == before {
-            return Err(BenchError::Content {
+            return Err(BenchError::File(FileError::Content {
                 path: folder.clone(),
                 problem: "has no file *pred*.json in a folder with the name of a scene".into(),
                 hint: Some("give the folder that holds the folders of -m, which are called as the scenes are".into()),
-            });
+            }));
         }
     }
     Ok(found)
@@ -126,20 +127,22 @@ fn other_result(scene: &str, path: &Path, truth: &Truth) -> Result<OtherResult> 
         if model == "sand" && *name != "friction_angle_deg" {
             continue;
         }
-        let value = prediction.mat_params.value(name).ok_or_else(|| BenchError::Field {
-            path: path.to_owned(),
-            field: "mat_params".into(),
-            problem: format!("has no {name}, which the law {model} has"),
-            hint: Some("the scene may have been run with the configuration of another law".into()),
+        let value = prediction.mat_params.value(name).ok_or_else(|| {
+            BenchError::File(FileError::Field {
+                path: path.to_owned(),
+                field: "mat_params".into(),
+                problem: format!("has no {name}, which the law {model} has"),
+                hint: Some("the scene may have been run with the configuration of another law".into()),
+            })
         })?;
         let error = 100.0 * (paper_value(name, value) - paper_value(name, truth)).abs();
         if !error.is_finite() {
-            return Err(BenchError::Field {
+            return Err(BenchError::File(FileError::Field {
                 path: path.to_owned(),
                 field: "mat_params".into(),
                 problem: format!("gives {value} for {name}"),
                 hint: Some("run the scene again, or take its folder out".into()),
-            });
+            }));
         }
         errors.push((paper_name(model, name).to_owned(), error));
     }

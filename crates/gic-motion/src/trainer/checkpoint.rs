@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use gic_files::FileError;
 use gic_optimize::Moments;
 use serde::{Deserialize, Serialize};
 
@@ -45,7 +46,7 @@ struct BaseHeader {
 
 /// Saves the state into `folder`, which is made if it is missing.
 pub(crate) fn save(folder: &Path, state: &State, settings: &TrainSettings, seed: u64) -> Result<(), MotionError> {
-    std::fs::create_dir_all(folder).map_err(MotionError::file(folder))?;
+    std::fs::create_dir_all(folder).map_err(FileError::write(folder))?;
     let header = Header {
         seed,
         settings: settings.clone(),

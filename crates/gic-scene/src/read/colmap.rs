@@ -219,7 +219,7 @@ mod binary {
     }
 
     fn load(path: &Path) -> Result<Vec<u8>, SceneError> {
-        gic_files::input::read(path).map_err(|source| SceneError::Io { path: path.to_owned(), source })
+        Ok(gic_files::input::read(path).map_err(gic_files::FileError::read(path))?)
     }
 
     pub(super) fn cameras(path: &Path) -> Result<BTreeMap<u32, ModelCamera>, SceneError> {
@@ -317,7 +317,7 @@ mod text {
     }
 
     fn load(path: &Path) -> Result<String, SceneError> {
-        gic_files::input::read_to_string(path).map_err(|source| SceneError::Io { path: path.to_owned(), source })
+        Ok(gic_files::input::read_to_string(path).map_err(gic_files::FileError::read(path))?)
     }
 
     fn lines<'a>(text: &'a str, path: &'a Path) -> impl Iterator<Item = Line<'a>> {

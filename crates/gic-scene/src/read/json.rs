@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use gic_files::FileError;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
@@ -9,7 +10,7 @@ use crate::error::{Problem, SceneError};
 
 /// Reads a whole JSON file.
 pub(crate) fn read<T: DeserializeOwned>(path: &Path) -> Result<T, SceneError> {
-    let text = gic_files::input::read(path).map_err(|source| SceneError::Io { path: path.to_owned(), source })?;
+    let text = gic_files::input::read(path).map_err(FileError::read(path))?;
     serde_json::from_slice(&text)
         .map_err(|error| SceneError::Malformed { path: path.to_owned(), reason: error.to_string() })
 }

@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use gic_files::FileError;
 use gic_geometry::Plane;
 use glam::{DMat3, DVec2, DVec3};
 use serde::Deserialize;
@@ -101,7 +102,7 @@ fn whole_size(principal: DVec2) -> Option<(usize, usize)> {
 /// The name of the sequence to read: the user's, or the first.
 fn choose_set(root: &Path, settings: &SceneSettings) -> Result<String, SceneError> {
     let folder = root.join("dynamic/sequences");
-    let entries = std::fs::read_dir(&folder).map_err(|source| SceneError::Io { path: folder.clone(), source })?;
+    let entries = std::fs::read_dir(&folder).map_err(FileError::read(&folder))?;
     let mut names: Vec<String> = entries
         .flatten()
         .filter(|entry| entry.path().join("0.json").is_file())

@@ -9,7 +9,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 pub use finite::{Unwritable, require_finite};
-use gic_files::{WriteError, write_with};
+use gic_files::{FileError, write_with};
 
 /// A value as JSON in one line.
 ///
@@ -42,7 +42,7 @@ pub fn value(of: &(impl Serialize + ?Sized)) -> Result<Value, Unwritable> {
 ///
 /// # Errors
 /// As [`text`], and what the system says; then the file is as it was.
-pub fn write(path: &Path, value: &(impl Serialize + ?Sized)) -> Result<(), WriteError> {
+pub fn write(path: &Path, value: &(impl Serialize + ?Sized)) -> Result<(), FileError> {
     write_with(path, |out| {
         require_finite(value)?;
         serde_json::to_writer_pretty(&mut *out, value)?;
@@ -70,7 +70,8 @@ mod tests {
         let path = folder.path().join("a.json");
         write(&path, &[1.0, 2.0]).unwrap();
         let failed = write(&path, &[1.0, f64::NAN]).unwrap_err();
-        assert!(failed.to_string().contains("`[1]` is NaN"), "{failed}");
+        let FileError::Write { source, .. } = failed else { panic!("{failed}") };
+        assert!(source.to_string().contains("`[1]` is NaN"), "{source}");
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "[\n  1.0,\n  2.0\n]\n");
         assert!(text(&[f64::NAN]).is_err() && value(&[f64::NAN]).is_err());
         assert_eq!(text(&[1.0]).unwrap(), "[1.0]");

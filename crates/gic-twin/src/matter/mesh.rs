@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::io::BufReader;
 use std::path::Path;
 
+use gic_files::FileError;
 use glam::DVec3;
 
 use crate::error::{Result, TwinError};
@@ -34,10 +35,12 @@ impl Mesh {
         positions: Vec<DVec3>,
         polygons: impl Iterator<Item = Vec<u32>>,
     ) -> Result<Self> {
-        let content = |problem: String| TwinError::Content {
-            path: path.to_owned(),
-            problem,
-            hint: Some("write the mesh again from the program that made it".into()),
+        let content = |problem: String| {
+            TwinError::File(FileError::Content {
+                path: path.to_owned(),
+                problem,
+                hint: Some("write the mesh again from the program that made it".into()),
+            })
         };
         if let Some(i) = positions.iter().position(|p| !p.is_finite()) {
             return Err(content(format!("vertex {i} is not finite")));
@@ -101,13 +104,13 @@ impl Mesh {
             ),
             Watertightness::Oriented | Watertightness::Unoriented => return Ok(()),
         };
-        Err(TwinError::Content {
+        Err(TwinError::File(FileError::Content {
             path: path.to_owned(),
             problem,
             hint: Some(
                 "close its holes first, for example with Blender's 3D-Print toolbox or MeshLab's `Close Holes`".into(),
             ),
-        })
+        }))
     }
 
     /// Smallest and largest coordinates [m].
@@ -219,8 +222,10 @@ pub(super) fn read_obj(path: &Path) -> Result<Mesh> {
     let file = gic_files::input::open(path).map_err(TwinError::read(path))?;
     let options = tobj::LoadOptions { triangulate: true, ..Default::default() };
     // Materials have no meaning here; a missing material file must not hinder.
-    let (models, _) = tobj::load_obj_buf(&mut BufReader::new(file), &options, |_| Ok(Default::default()))
-        .map_err(|source| TwinError::Syntax { path: path.to_owned(), format: "OBJ", source: source.into() })?;
+    let (models, _) =
+        tobj::load_obj_buf(&mut BufReader::new(file), &options, |_| Ok(Default::default())).map_err(|source| {
+            TwinError::File(FileError::Syntax { path: path.to_owned(), format: "OBJ", source: source.into() })
+        })?;
     let mut positions = Vec::new();
     let mut polygons = Vec::new();
     for model in models {
@@ -235,8 +240,9 @@ pub(super) fn read_obj(path: &Path) -> Result<Mesh> {
 /// Reads an STL file, binary or ASCII.
 pub(super) fn read_stl(path: &Path) -> Result<Mesh> {
     let file = gic_files::input::open(path).map_err(TwinError::read(path))?;
-    let syntax =
-        |source: std::io::Error| TwinError::Syntax { path: path.to_owned(), format: "STL", source: source.into() };
+    let syntax = |source: std::io::Error| {
+        TwinError::File(FileError::Syntax { path: path.to_owned(), format: "STL", source: source.into() })
+    };
     let mut positions = Vec::new();
     let mut reader = BufReader::new(file);
     for triangle in stl_io::create_stl_reader(&mut reader).map_err(syntax)? {

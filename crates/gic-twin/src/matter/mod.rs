@@ -6,6 +6,7 @@ mod solid;
 
 use std::path::Path;
 
+use gic_files::FileError;
 use glam::DVec3;
 
 pub use mesh::Mesh;
@@ -42,11 +43,11 @@ pub fn read_matter(path: &Path) -> Result<Matter> {
         "obj" => mesh::read_obj(path)?,
         "stl" => mesh::read_stl(path)?,
         _ => {
-            return Err(TwinError::Content {
+            return Err(TwinError::File(FileError::Content {
                 path: path.to_owned(),
                 problem: format!("the ending `.{extension}` is none that gic reads as matter"),
                 hint: Some("give .ply (particles or a mesh), .obj or .stl".into()),
-            });
+            }));
         }
     };
     mesh.check_closed(path)?;

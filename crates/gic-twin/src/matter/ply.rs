@@ -3,7 +3,7 @@
 use std::io::{BufReader, ErrorKind};
 use std::path::Path;
 
-use gic_files::{PlyLayout, PlyProperty, write_ply};
+use gic_files::{FileError, PlyLayout, PlyProperty, write_ply};
 use glam::DVec3;
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
@@ -92,10 +92,12 @@ impl PropertyAccess for Row {
 
 /// Reads a PLY file, ASCII or binary; properties other than those of [`PlyParticles`] and faces are skipped.
 pub fn read_ply(path: &Path) -> Result<PlyContent> {
-    let content = |problem: String, hint: &str| TwinError::Content {
-        path: path.to_owned(),
-        problem,
-        hint: (!hint.is_empty()).then(|| hint.to_owned()),
+    let content = |problem: String, hint: &str| {
+        TwinError::File(FileError::Content {
+            path: path.to_owned(),
+            problem,
+            hint: (!hint.is_empty()).then(|| hint.to_owned()),
+        })
     };
     let file = gic_files::input::open(path).map_err(TwinError::read(path))?;
     let mut reader = Reader::new(BufReader::new(file));
@@ -150,11 +152,11 @@ pub fn read_ply(path: &Path) -> Result<PlyContent> {
 pub fn read_particles(path: &Path) -> Result<PlyParticles> {
     match read_ply(path)? {
         PlyContent::Particles(particles) => Ok(particles),
-        PlyContent::Mesh(_) => Err(TwinError::Content {
+        PlyContent::Mesh(_) => Err(TwinError::File(FileError::Content {
             path: path.to_owned(),
             problem: "holds a mesh where particles are expected".into(),
             hint: None,
-        }),
+        })),
     }
 }
 

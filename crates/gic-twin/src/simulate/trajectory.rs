@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use gic_files::FileError;
 use gic_mpm::{Frame, Options};
 use gic_simd::Level;
 use glam::DVec3;
@@ -107,10 +108,8 @@ impl Trajectory {
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(e) => return Err(TwinError::read(&path)(e)),
         };
-        serde_json::from_str(&text).map(Some).map_err(|source| TwinError::Syntax {
-            path,
-            format: "gic.trajectory/1",
-            source: source.into(),
+        serde_json::from_str(&text).map(Some).map_err(|source| {
+            TwinError::File(FileError::Syntax { path, format: "gic.trajectory/1", source: source.into() })
         })
     }
 
@@ -125,11 +124,11 @@ impl Trajectory {
     pub fn single_twin(&self, folder: &Path) -> Result<Twin> {
         let path = folder.join(FILE);
         if self.bodies.len() > 1 {
-            return Err(TwinError::Content {
+            return Err(TwinError::File(FileError::Content {
                 path,
                 problem: format!("holds {} bodies where one is expected", self.bodies.len()),
                 hint: Some("simulate each twin by itself".into()),
-            });
+            }));
         }
         Twin::of_value(&path, &self.twin)
     }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use gic_files::FileError;
 use serde_json::{Map, Value};
 
 use crate::error::{Result, TwinError};
@@ -18,12 +19,12 @@ impl<'a> JsonObject<'a> {
     pub(crate) fn new(file: &'a Path, place: &str, value: &'a Value) -> Result<Self> {
         match value {
             Value::Object(map) => Ok(Self { file, place: place.to_owned(), map }),
-            other => Err(TwinError::Field {
+            other => Err(TwinError::File(FileError::Field {
                 path: file.to_owned(),
                 field: if place.is_empty() { "(top level)".into() } else { place.to_owned() },
                 problem: format!("must be an object, found {}", kind(other)),
                 hint: None,
-            }),
+            })),
         }
     }
 
@@ -47,12 +48,12 @@ impl<'a> JsonObject<'a> {
 
     /// An error about a key of this object.
     pub(crate) fn problem(&self, key: &str, problem: impl Into<String>, hint: Option<&str>) -> TwinError {
-        TwinError::Field {
+        TwinError::File(FileError::Field {
             path: self.file.to_owned(),
             field: self.field(key),
             problem: problem.into(),
             hint: hint.map(str::to_owned),
-        }
+        })
     }
 
     pub(crate) fn get(&self, key: &str) -> Option<&'a Value> {

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use gic_files::FileError;
 use gic_mpm::{Material, MaterialError, MaterialKind};
 use serde_json::Value;
 
@@ -43,19 +44,15 @@ pub(super) fn twin(path: &Path, settings: &[Setting]) -> Result<Twin> {
 
 fn json(path: &Path) -> Result<Value> {
     let text = gic_files::input::read_to_string(path).map_err(TwinError::read(path))?;
-    serde_json::from_str(&text).map_err(|source| TwinError::Syntax {
-        path: path.to_owned(),
-        format: "JSON",
-        source: source.into(),
+    serde_json::from_str(&text).map_err(|source| {
+        TwinError::File(FileError::Syntax { path: path.to_owned(), format: "JSON", source: source.into() })
     })
 }
 
 fn toml(path: &Path) -> Result<Value> {
     let text = gic_files::input::read_to_string(path).map_err(TwinError::read(path))?;
-    toml::from_str(&text).map_err(|source| TwinError::Syntax {
-        path: path.to_owned(),
-        format: "TOML",
-        source: Box::new(source),
+    toml::from_str(&text).map_err(|source| {
+        TwinError::File(FileError::Syntax { path: path.to_owned(), format: "TOML", source: Box::new(source) })
     })
 }
 

@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::str::FromStr;
 
+use gic_files::FileError;
 use serde_json::{Map, Value};
 
 use super::read::{TOP_KEYS, parameter_names};
@@ -59,11 +60,13 @@ impl Setting {
         let mut here = &mut *root;
         for (depth, key) in self.path.iter().enumerate() {
             let place = self.path[..=depth].join(".");
-            let refuse = |problem: &str| TwinError::Field {
-                path: file.to_owned(),
-                field: place.clone(),
-                problem: problem.into(),
-                hint: Some("check the --set options against the twin".into()),
+            let refuse = |problem: &str| {
+                TwinError::File(FileError::Field {
+                    path: file.to_owned(),
+                    field: place.clone(),
+                    problem: problem.into(),
+                    hint: Some("check the --set options against the twin".into()),
+                })
             };
             here = match here {
                 Value::Object(map) => map.entry(key.clone()).or_insert_with(|| Value::Object(Map::new())),

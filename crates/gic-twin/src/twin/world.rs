@@ -1,5 +1,6 @@
 //! From a twin to the world that the simulator knows.
 
+use gic_files::FileError;
 use gic_mpm::{Body, Budget, Forecast, Stepping, World};
 use glam::DVec3;
 
@@ -63,13 +64,13 @@ impl Twin {
                     // The spacing of given particles is a fact that decides their mass; guessing it would be wrong in
                     // silence.
                     (_, MatterSource::File(path)) => {
-                        return Err(TwinError::Content {
+                        return Err(TwinError::File(FileError::Content {
                             path: path.clone(),
                             problem: "holds particles, and the twin does not say how far apart they are".into(),
                             hint: Some(
                                 "add `particle_spacing_m` to the twin; its cube is the volume of a particle".into(),
                             ),
-                        });
+                        }));
                     }
                 };
                 Ok((side / CELLS_ALONG_LARGEST_SIDE, side / CELLS_ALONG_LARGEST_SIDE / 2.0))

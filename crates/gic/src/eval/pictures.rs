@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use gic_bench::PictureError;
+use gic_files::FileError;
 use gic_metrics::{MetricError, Rectangle, mask_iou, mean, psnr, ssim};
 use gic_scene::{Camera, Mask, Picture, Scene, View};
 use gic_splat::{Gaussians, RenderSettings, render};
@@ -95,7 +96,7 @@ impl<'a> Pictures<'a> {
         }
         let moved = read_particles(&particles)?.positions;
         if moved.len() != self.particles {
-            return Err(Error::Content {
+            return Err(Error::File(FileError::Content {
                 path: particles,
                 problem: format!(
                     "holds {} particles, and the twin {}: an earlier twin's motion",
@@ -103,7 +104,7 @@ impl<'a> Pictures<'a> {
                     self.particles
                 ),
                 hint: Some("run `gic run` on the folder again".into()),
-            });
+            }));
         }
         Ok(Some(self.skin.visible(&moved)))
     }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use gic_files::FileError;
 use gic_geometry::Neighbours;
 use gic_twin::interchange::{ExportBody, Motion, UpAxis};
 use gic_twin::matter::read_particles;
@@ -68,11 +69,11 @@ impl ExportSource {
         if let Some((from, trajectory)) = simulated
             && !trajectory.began_with(body.particles().iter().copied())
         {
-            return Err(Error::Content {
+            return Err(Error::File(FileError::Content {
                 path: from.join("trajectory.json"),
                 problem: "was not simulated from the particles that the twin has now".into(),
                 hint: Some("simulate it again".into()),
-            });
+            }));
         }
         let home = matter.as_deref().and_then(Path::parent);
         let appearance = home.map(|run| SkinnedGaussians::load(run, body.particles())).transpose()?.flatten();

@@ -4,6 +4,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use gic_files::FileError;
 use sha2::{Digest, Sha256};
 
 use super::Stage;
@@ -74,7 +75,7 @@ pub(super) fn missing_result(run: &Path, stage: Stage, stamp: &Stamp) -> Result<
         if !path.exists() {
             missing.get_or_insert_with(|| name.clone());
         } else if hash_file(&path)? != *written {
-            return Err(Error::Content {
+            return Err(Error::File(FileError::Content {
                 problem: format!(
                     "is not the file that `{}` wrote: it is damaged, or was put there later",
                     stage.name()
@@ -84,7 +85,7 @@ pub(super) fn missing_result(run: &Path, stage: Stage, stamp: &Stamp) -> Result<
                     run.display()
                 )),
                 path,
-            });
+            }));
         }
     }
     // What the gic that wrote the stamp did not write yet.
@@ -131,5 +132,5 @@ fn check_result(run: &Path, stage: Stage, stamp: &Stamp, now: &Hashes) -> Result
         },
     };
     let hint = Some(format!("bring the run up to date with `gic run SCENE -o {}`", run.display()));
-    Err(Error::Content { path: problem.0, problem: problem.1, hint })
+    Err(Error::File(FileError::Content { path: problem.0, problem: problem.1, hint }))
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use gic_files::FileError;
 use gic_twin::atomic;
 use gic_twin::first_difference;
 use serde::de::DeserializeOwned;
@@ -40,10 +41,8 @@ pub(super) struct Stamp {
 
 impl Recipe {
     pub(super) fn new(input: (&str, String), settings: &impl Serialize) -> Result<Self> {
-        let settings = gic_twin::json::value(settings).map_err(|source| Error::Syntax {
-            path: PathBuf::from("settings"),
-            format: "JSON",
-            source: source.into(),
+        let settings = gic_twin::json::value(settings).map_err(|source| {
+            Error::File(FileError::Syntax { path: PathBuf::from("settings"), format: "JSON", source: source.into() })
         })?;
         let input = (input.0.to_owned(), input.1);
         Ok(Self { gic_version: gic_twin::VERSION.into(), input, settings, read: Hashes::new() })
@@ -120,10 +119,12 @@ fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>> {
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
         Err(error) => return Err(Error::read(path)(error)),
     };
-    serde_json::from_slice(&bytes).map(Some).map_err(|error| Error::Content {
-        path: path.to_owned(),
-        problem: format!("is damaged, so that nobody knows what the stage was made from ({error})"),
-        hint: Some("restore it from a copy, or remove it to have the stage run again".into()),
+    serde_json::from_slice(&bytes).map(Some).map_err(|error| {
+        Error::File(FileError::Content {
+            path: path.to_owned(),
+            problem: format!("is damaged, so that nobody knows what the stage was made from ({error})"),
+            hint: Some("restore it from a copy, or remove it to have the stage run again".into()),
+        })
     })
 }
 
