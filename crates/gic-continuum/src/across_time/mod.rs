@@ -140,6 +140,7 @@ impl Filling {
             }
             let Some((surface, seen, gap_after_m)) = observed.look_at(self, &mut poses, false) else { break };
             let wanted = observed.wanted(&surface, &seen, symmetry, (unit, finest));
+            pose::follow(&mut poses, moments, &seen);
             least_gap_m = gap_after_m.min(least_gap_m);
             let outline_error_m = OUTLINE_ERROR_PX * median(seen.iter().map(|seen| seen.pixel).collect())?;
             if gap_after_m <= least_gap_m.hypot(outline_error_m) {
@@ -152,8 +153,7 @@ impl Filling {
                     moved_m: exchanged_m3(&before, &self.field) / surface.mesh.area(),
                     outline_error_m,
                 };
-                let doubt = doubt_of_voxels(&self.field, &surface.mesh.vertices, &untold);
-                kept = Some((report, (self.field.values.clone(), doubt)));
+                kept = Some((report, self.field.clone(), (surface.mesh.vertices, untold)));
             }
             let neighbour_deviation = tuning.across_time.neighbour_deviation * finest / unit;
             let outward = smoothed(&surface.adjacent, &wanted, neighbour_deviation, tuning);
@@ -172,11 +172,13 @@ impl Filling {
                 last_step = step;
             }
         }
-        let (report, body) = kept.unzip();
-        let (values, doubt) = body.unwrap_or((before.values, std::mem::take(&mut self.doubt)));
-        self.field = DensityField { values, ..before };
-        self.doubt = doubt;
-        report
+        let Some((report, field, (vertices, untold))) = kept else {
+            self.field = before;
+            return None;
+        };
+        self.doubt = doubt_of_voxels(&field, &vertices, &untold);
+        self.field = field;
+        Some(report)
     }
 }
 
@@ -205,8 +207,9 @@ impl<'a> Observed<'a> {
         }
     }
 
-    /// A body's surface, what is seen of it in each moment after the poses are fitted, and how far outlines miss, the
-    /// median of the moments [m]. `None` where most moments show no outline of the body: they tell nothing of it.
+    /// A body's surface, what is seen of it in each moment, and how far outlines miss, the median of the moments [m].
+    /// At `is_first` the poses are fitted before. `None` where most moments show no outline of the body: they tell
+    /// nothing of it.
     fn look_at(
         &self,
         body: &Filling,
@@ -216,7 +219,9 @@ impl<'a> Observed<'a> {
         let surface = TrackedSurface::new(body.surface_mesh(), self.particles, self.spacing);
         let carried: Vec<CarriedSurface> =
             self.moments.par_iter().map(|moment| surface.carried(&moment.positions)).collect();
-        pose::follow(poses, &carried, self.moments, &self.outlines, is_first);
+        if is_first {
+            pose::first(poses, &carried, self.moments, &self.outlines);
+        }
         let all = carried.par_iter().zip(poses).zip(&self.outlines);
         let mut seen: Vec<SeenMoment> =
             all.map(|((carried, pose), outlines)| SeenMoment::new(carried.moved(pose), outlines)).collect();

@@ -2,16 +2,13 @@
 
 use glam::{DMat3, DQuat, DVec3};
 use nalgebra::{Matrix6, Vector6};
-use rayon::prelude::*;
 
-use super::Moment;
-use super::contour::{MomentOutlines, deviation};
+use super::contour::{ContourPoint, MomentOutlines, deviation};
 use super::tracked::CarriedSurface;
+use super::{Moment, SeenMoment};
 
 /// Steps of the first fit of a moment. Budget: a turn of twenty degrees is found in ten.
 const FIRST_STEPS: usize = 12;
-/// Steps of a fit in later rounds, when shape and poses are fitted in turns. Budget: the next round goes on.
-const STEPS: usize = 2;
 /// A fit ends where the body moves by less than this [pixels]. Budget.
 const SETTLED_PX: f64 = 0.02;
 
@@ -33,43 +30,16 @@ impl Pose {
     pub(super) fn moved(&self, point: DVec3, centre: DVec3) -> DVec3 {
         self.turn * (point - centre) + centre + self.shift
     }
-}
 
-/// Fits the poses of all moments after the flight. At `first`, each starts from the one before it: errors of a motion
-/// grow with time.
-pub(super) fn follow(
-    poses: &mut [Pose],
-    carried: &[CarriedSurface],
-    moments: &[Moment],
-    outlines: &[MomentOutlines],
-    first: bool,
-) {
-    if first {
-        for m in 1..moments.len() {
-            if !moments[m].flies {
-                poses[m] = aligned(poses[m - 1], &carried[m], &outlines[m], FIRST_STEPS);
-            }
-        }
-    } else {
-        let touched = poses.par_iter_mut().enumerate().filter(|(m, _)| !moments[*m].flies);
-        touched.for_each(|(m, pose)| *pose = aligned(*pose, &carried[m], &outlines[m], STEPS));
-    }
-}
-
-/// Gauss-Newton's method on the gaps between contours and outlines: a turn `w` about the centre `c` and a shift `t`
-/// move a contour by `direction . (t + w x (x - c))`.
-fn aligned(start: Pose, carried: &CarriedSurface, outlines: &MomentOutlines, steps: usize) -> Pose {
-    let mut pose = start;
-    for _ in 0..steps {
-        let moved = carried.moved(&pose);
-        let contour = outlines.contour(&moved);
-        let pixel = outlines.pixel(&moved);
-        let deviation = deviation(&contour, pixel);
+    /// A step of Gauss-Newton's method on the gaps between contour and outlines, which have a standard deviation
+    /// `deviation` [m]: a turn `w` about the centre `c` and a shift `t` move a contour by
+    /// `direction . (t + w x (x - c))`. Returns how far it moves the body [m].
+    fn step(&mut self, contour: &[ContourPoint], deviation: f64, centre: DVec3) -> f64 {
         // A body's size, so that turns and shifts are alike.
-        let size = contour.iter().map(|point| point.point.distance(moved.centre)).fold(f64::MIN_POSITIVE, f64::max);
+        let size = contour.iter().map(|point| point.point.distance(centre)).fold(f64::MIN_POSITIVE, f64::max);
         let (mut normal, mut right) = (Matrix6::zeros(), Vector6::zeros());
-        for point in &contour {
-            let turn = (point.point - moved.centre).cross(point.direction) / size;
+        for point in contour {
+            let turn = (point.point - centre).cross(point.direction) / size;
             let [x, y, z] = point.direction.to_array();
             let row = Vector6::new(x, y, z, turn.x, turn.y, turn.z);
             let weight = point.weight(deviation);
@@ -78,16 +48,41 @@ fn aligned(start: Pose, carried: &CarriedSurface, outlines: &MomentOutlines, ste
         }
         // What no outline tells, as the turn of a ball, stays.
         let damping = 1e-3 * normal.trace() / 6.0;
-        let Some(step) = (normal + Matrix6::identity() * damping).cholesky().map(|factor| factor.solve(&right)) else {
-            return pose;
-        };
-        if !step.iter().all(|s| s.is_finite()) {
-            return pose;
-        }
-        pose.shift += DVec3::new(step[0], step[1], step[2]);
+        let step = (normal + Matrix6::identity() * damping).cholesky().map(|factor| factor.solve(&right));
+        let Some(step) = step.filter(|step| step.iter().all(|s| s.is_finite())) else { return 0.0 };
+        self.shift += DVec3::new(step[0], step[1], step[2]);
         let turn = DVec3::new(step[3], step[4], step[5]) / size;
-        pose.turn = DMat3::from_quat(DQuat::from_scaled_axis(turn)) * pose.turn;
-        if step.norm() <= SETTLED_PX * pixel {
+        self.turn = DMat3::from_quat(DQuat::from_scaled_axis(turn)) * self.turn;
+        step.norm()
+    }
+}
+
+/// Fits the poses of all moments after the flight, each from the one before it: errors of a motion grow with time.
+pub(super) fn first(poses: &mut [Pose], carried: &[CarriedSurface], moments: &[Moment], outlines: &[MomentOutlines]) {
+    for m in 1..moments.len() {
+        if !moments[m].flies {
+            poses[m] = aligned(poses[m - 1], &carried[m], &outlines[m]);
+        }
+    }
+}
+
+/// Moves the poses of all moments after the flight nearer to their outlines, by what was seen in them. Shape and poses
+/// are fitted in turns: the next round goes on.
+pub(super) fn follow(poses: &mut [Pose], moments: &[Moment], seen: &[SeenMoment]) {
+    for ((pose, moment), seen) in poses.iter_mut().zip(moments).zip(seen) {
+        if !moment.flies {
+            pose.step(&seen.contour, seen.miss, seen.surface.centre);
+        }
+    }
+}
+
+fn aligned(start: Pose, carried: &CarriedSurface, outlines: &MomentOutlines) -> Pose {
+    let mut pose = start;
+    for _ in 0..FIRST_STEPS {
+        let moved = carried.moved(&pose);
+        let contour = outlines.contour(&moved);
+        let pixel = outlines.pixel(&moved);
+        if pose.step(&contour, deviation(&contour, pixel), moved.centre) <= SETTLED_PX * pixel {
             break;
         }
     }
