@@ -100,9 +100,4 @@ impl BenchError {
     pub(crate) fn scene(path: &Path) -> impl FnOnce(SceneError) -> Self {
         move |source| Self::Scene { path: path.to_owned(), source }
     }
-
-    /// A [`FileError::Read`] of `path`.
-    pub(crate) fn read(path: &Path) -> impl FnOnce(io::Error) -> Self {
-        move |source| FileError::read(path)(source).into()
-    }
 }

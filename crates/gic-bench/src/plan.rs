@@ -137,7 +137,7 @@ impl Plan {
 /// # Errors
 /// No current folder.
 pub fn tasks(scenes: &[SuiteScene], cases: &[Case], further: &[String]) -> Result<Vec<Task>> {
-    let directory = std::env::current_dir().map_err(BenchError::read(Path::new(".")))?;
+    let directory = std::env::current_dir().map_err(FileError::read(Path::new(".")))?;
     let task = |scene: &SuiteScene, case: &Case| Task {
         folder: if case.folder.is_empty() { scene.name.clone() } else { format!("{}/{}", scene.name, case.folder) },
         scene: scene.name.clone(),

@@ -22,7 +22,7 @@ pub struct SuiteScene {
 /// # Errors
 /// No such scene, a truth that cannot be read.
 pub fn find_scenes(suite: &Path, filter: &str) -> Result<Vec<SuiteScene>> {
-    let entries = std::fs::read_dir(suite).map_err(BenchError::read(suite))?;
+    let entries = std::fs::read_dir(suite).map_err(FileError::read(suite))?;
     let mut folders: Vec<PathBuf> = entries
         .filter_map(|entry| Some(entry.ok()?.path()))
         .filter(|path| path.join("gt/params.json").is_file())
@@ -33,7 +33,7 @@ pub fn find_scenes(suite: &Path, filter: &str) -> Result<Vec<SuiteScene>> {
         .map(|path| (path.file_name().unwrap_or_default().to_string_lossy().into_owned(), path))
         .filter(|(name, _)| name.contains(filter))
         .map(|(name, path)| {
-            let path = std::path::absolute(&path).map_err(BenchError::read(&path))?;
+            let path = std::path::absolute(&path).map_err(FileError::read(&path))?;
             Ok(SuiteScene { name, truth: Truth::read(&path.join("gt"))?, path })
         })
         .collect::<Result<_>>()?;

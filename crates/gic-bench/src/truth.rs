@@ -28,10 +28,8 @@ impl Truth {
     /// Missing or damaged files, an unknown material.
     pub fn read(folder: &Path) -> Result<Self> {
         let path = folder.join("params.json");
-        let text = gic_files::input::read_to_string(&path).map_err(BenchError::read(&path))?;
-        let json: Value = serde_json::from_str(&text).map_err(|source| {
-            BenchError::File(FileError::Syntax { path: path.clone(), format: "JSON", source: source.into() })
-        })?;
+        let text = gic_files::input::read_to_string(&path).map_err(FileError::read(&path))?;
+        let json: Value = serde_json::from_str(&text).map_err(FileError::syntax(&path, "JSON"))?;
         let missing = |field: &str| {
             BenchError::File(FileError::Field {
                 path: path.clone(),
@@ -104,7 +102,7 @@ impl Truth {
             let mut archive = npyz::npz::NpzArchive::open(&path)?;
             archive.by_name("x")?.map(|array| array.into_vec::<f32>()).transpose()
         };
-        let numbers = read().map_err(BenchError::read(&path))?.ok_or_else(|| content("has no array `x`".into()))?;
+        let numbers = read().map_err(FileError::read(&path))?.ok_or_else(|| content("has no array `x`".into()))?;
         if numbers.is_empty() || numbers.len() % 3 != 0 {
             return Err(content(format!("`x` holds {} numbers, not three per particle", numbers.len())));
         }

@@ -60,15 +60,9 @@ impl FileError {
     /// The way out, in one sentence, where there is one.
     pub fn hint(&self) -> Option<String> {
         match self {
-            Self::Read { source, .. } => match source.kind() {
-                io::ErrorKind::NotFound => {
-                    Some("check the path; relative paths inside a twin are relative to the twin's own folder".into())
-                }
-                io::ErrorKind::PermissionDenied => Some("check that you may read the file".into()),
-                _ => None,
-            },
+            Self::Read { source, .. } if source.kind() == io::ErrorKind::NotFound => Some("check the path".into()),
+            Self::Read { .. } | Self::Syntax { .. } => None,
             Self::Write { source, .. } => write_hint(source),
-            Self::Syntax { .. } => None,
             Self::Field { hint, .. } | Self::Content { hint, .. } => hint.clone(),
         }
     }
@@ -76,6 +70,14 @@ impl FileError {
     /// A [`FileError::Read`] of `path`.
     pub fn read(path: &Path) -> impl FnOnce(io::Error) -> FileError {
         move |source| FileError::Read { path: path.to_owned(), source }
+    }
+
+    /// A [`FileError::Syntax`] of `path`, which should have been `format`.
+    pub fn syntax<E>(path: &Path, format: &'static str) -> impl Fn(E) -> FileError
+    where
+        E: Into<Box<dyn std::error::Error + Send + Sync>>,
+    {
+        move |source| FileError::Syntax { path: path.to_owned(), format, source: source.into() }
     }
 
     /// A [`FileError::Write`] to `path`.

@@ -125,7 +125,8 @@ mod tests {
             out.write_all(&[b'x'; 100_000])?;
             Err(io::Error::other("no more"))
         });
-        assert_eq!(failed.unwrap_err().to_string(), format!("cannot write {}", path.display()));
+        let FileError::Write { path: named, source } = failed.unwrap_err() else { panic!("no failure to write") };
+        assert_eq!((named, source.to_string()), (path.clone(), "no more".to_owned()));
         assert_eq!(fs::read(&path).unwrap(), b"old");
         let unfinished = NewFile::at(&path).unwrap();
         assert!(unfinished.part().exists() && unfinished.part().parent() == Some(folder.path()));

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use gic_files::FileError;
 use gic_scene::{Camera, Scene};
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
@@ -82,7 +83,7 @@ impl KnownCameras {
         if path.is_dir() && !list.is_file() {
             return Ok(KnownCameras::of_scene(&Scene::open(path)?));
         }
-        let text = gic_files::input::read_to_string(&list).map_err(FilmError::read(&list))?;
+        let text = gic_files::input::read_to_string(&list).map_err(FileError::read(&list))?;
         let unusable = |reason: String| {
             FilmError::content(&list, reason, "give a file of `gic calibrate`, a transforms.json, or a scene's folder")
         };

@@ -1,6 +1,5 @@
 //! What can go wrong with films. Every message names the file; [`FilmError::hint`] says the way out.
 
-use std::io;
 use std::path::Path;
 
 use gic_files::FileError;
@@ -49,6 +48,7 @@ impl FilmError {
                  give a folder of numbered PNG or JPEG files for each camera, with --frame-rate-hz"
                     .into(),
             ),
+            Self::File(FileError::Read { .. }) => Some("check the path, and that you may read the file".into()),
             Self::File(error) => error.hint(),
             Self::Usage { hint, .. } => Some(hint.clone()),
         }
@@ -62,11 +62,6 @@ impl FilmError {
     /// Whether the command was wrong, whatever its files hold.
     pub fn is_usage(&self) -> bool {
         matches!(self, Self::Usage { .. })
-    }
-
-    /// A [`FileError::Read`] of `path`.
-    pub(crate) fn read(path: &Path) -> impl FnOnce(io::Error) -> Self {
-        move |source| FileError::read(path)(source).into()
     }
 
     /// A [`FileError::Content`] of `path`.

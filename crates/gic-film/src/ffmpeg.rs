@@ -5,6 +5,7 @@ use std::io::{self, Read, Seek};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Output, Stdio};
 
+use gic_files::FileError;
 use gic_twin::TwinError;
 use serde::Deserialize;
 
@@ -183,7 +184,7 @@ fn file_argument(path: &Path) -> std::ffi::OsString {
 fn not_started(program: &'static str, path: &Path) -> impl FnOnce(io::Error) -> FilmError {
     move |source| match source.kind() {
         io::ErrorKind::NotFound => FilmError::NoProgram { program },
-        _ => FilmError::read(path)(source),
+        _ => FileError::read(path)(source).into(),
     }
 }
 

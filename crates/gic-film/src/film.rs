@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use gic_files::FileError;
 use rayon::prelude::*;
 
 use crate::error::{FilmError, Result};
@@ -70,7 +71,7 @@ impl Film {
         if has_ending(path, &PICTURE_ENDINGS) {
             return Film::of_pictures(path, vec![path.to_owned()], frame_rate_hz);
         }
-        gic_files::input::open(path).map_err(FilmError::read(path))?;
+        gic_files::input::open(path).map_err(FileError::read(path))?;
         let content = ffmpeg::probe(path)?;
         let file_start_s = content.times_s[0];
         Ok(Film {
@@ -172,9 +173,9 @@ fn number_of(path: &Path) -> Option<u64> {
 
 /// What a folder holds, by name; hidden files are none of it.
 fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
-    let read = fs::read_dir(folder).map_err(FilmError::read(folder))?;
+    let read = fs::read_dir(folder).map_err(FileError::read(folder))?;
     let paths: std::io::Result<Vec<PathBuf>> = read.map(|entry| entry.map(|entry| entry.path())).collect();
-    let mut paths = paths.map_err(FilmError::read(folder))?;
+    let mut paths = paths.map_err(FileError::read(folder))?;
     paths.retain(|path| !path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b".")));
     paths.sort();
     Ok(paths)

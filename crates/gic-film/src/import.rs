@@ -8,7 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use gic_files::FolderLock;
+use gic_files::{FileError, FolderLock};
 use gic_scene::Picture;
 use gic_twin::events::Events;
 use gic_twin::{Interrupt, TwinError, atomic};
@@ -148,7 +148,7 @@ impl Recipe {
     fn of(request: &ImportRequest, films: &[Film]) -> Result<Recipe> {
         let source = |film: &Film| {
             let path = gic_files::resolved(&film.path);
-            let bytes = fs::metadata(&path).map_err(FilmError::read(&path))?.len();
+            let bytes = fs::metadata(&path).map_err(FileError::read(&path))?.len();
             Ok(Source { path, bytes })
         };
         Ok(Recipe {

@@ -8,6 +8,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
+use gic_files::FileError;
 use gic_scene::{
     Format, Hull, HullSettings, HullView, Mask, MaskChoice, Picture, PixelBox, Scene, SceneSettings, View, sheet,
 };
@@ -229,7 +230,7 @@ fn check_place(folder: &Path, scene: &Scene) -> Result<()> {
 }
 
 fn hash(path: &Path) -> Result<String> {
-    let bytes = fs::read(path).map_err(FilmError::read(path))?;
+    let bytes = fs::read(path).map_err(FileError::read(path))?;
     Ok(format!("{:x}", Sha256::digest(bytes)))
 }
 

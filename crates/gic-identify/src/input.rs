@@ -113,11 +113,7 @@ impl Input {
                 "give one each, or none",
             ));
         }
-        let is_doubt = |doubt: &f32| (0.0..=1.0).contains(doubt);
-        if !self.doubts.is_empty() && (self.doubts.len() != n || !self.doubts.iter().all(is_doubt)) {
-            let problem = format!("{} values for {n} particles, or one that is not in [0, 1]", self.doubts.len());
-            return Err(IdentifyError::input("doubts", problem, "give one each, or none"));
-        }
+        validate_doubts(&self.doubts, (n, "particles"), "doubts".into())?;
         if let Some(error) = self.surface_error_m.filter(|error| !(*error > 0.0 && error.is_finite())) {
             return Err(IdentifyError::input("surface_error_m", format!("is {error}"), "it must be positive"));
         }
@@ -210,13 +206,7 @@ impl Input {
                 ));
             }
             let (doubts, points) = (&observation.surface_doubts, observation.surface.len());
-            if !doubts.is_empty() && doubts.len() != points || doubts.iter().any(|d| !(0.0..=1.0).contains(d)) {
-                return Err(IdentifyError::input(
-                    format!("surface_doubts of frame {f}"),
-                    format!("has {} values for {points} points, or one that is not between 0 and 1", doubts.len()),
-                    "give one value for each point, or none at all",
-                ));
-            }
+            validate_doubts(doubts, (points, "points"), format!("surface_doubts of frame {f}"))?;
         }
         if !anything {
             return Err(IdentifyError::input("frames", "no surface and no mask after frame 0", "give either"));
@@ -239,4 +229,14 @@ impl Input {
             .fold((DVec3::ZERO, 0.0), |(moment, volume), (i, p)| (moment + *p * factor(i), volume + factor(i)));
         moment / volume
     }
+}
+
+/// Checks that doubts are numbers between 0 and 1, one for each of so many things, or none at all.
+fn validate_doubts(doubts: &[f32], (count, what): (usize, &str), field: String) -> Result<(), IdentifyError> {
+    let is_doubt = |doubt: &f32| (0.0..=1.0).contains(doubt);
+    if (doubts.is_empty() || doubts.len() == count) && doubts.iter().all(is_doubt) {
+        return Ok(());
+    }
+    let problem = format!("has {} values for {count} {what}, or one that is not between 0 and 1", doubts.len());
+    Err(IdentifyError::input(field, problem, format!("give one value for each of the {what}, or none at all")))
 }

@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::PathBuf;
 
+use gic_files::FileError;
 use gic_splat::{Gaussians, PlyError, Shape, read_ply, write_ply};
 use proptest::prelude::*;
 
@@ -226,7 +227,7 @@ fn other_files_are_named_for_what_they_lack() {
         assert!(error.to_string().contains(part), "{error}");
     }
     let (folder, _) = ascii("any.ply", "");
-    assert!(matches!(read_ply(&folder.path().join("absent.ply")), Err(PlyError::File(_))));
+    assert!(matches!(read_ply(&folder.path().join("absent.ply")), Err(PlyError::File(FileError::Read { .. }))));
 }
 
 #[test]

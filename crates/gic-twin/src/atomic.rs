@@ -53,7 +53,5 @@ pub fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
         }),
         _ => TwinError::read(path)(source),
     })?;
-    serde_json::from_str(&text).map_err(|source| {
-        TwinError::File(FileError::Syntax { path: path.to_owned(), format: "a stage's result", source: source.into() })
-    })
+    Ok(serde_json::from_str(&text).map_err(FileError::syntax(path, "a stage's result"))?)
 }

@@ -73,6 +73,16 @@ pub enum TwinError {
 /// Result around a twin.
 pub type Result<T> = std::result::Result<T, TwinError>;
 
+/// The way out of a failure with a file that a twin may name.
+pub fn hint_of_file(error: &FileError) -> Option<String> {
+    match error {
+        FileError::Read { source, .. } if source.kind() == io::ErrorKind::NotFound => {
+            Some("check the path; relative paths inside a twin are relative to the twin's own folder".into())
+        }
+        _ => error.hint(),
+    }
+}
+
 fn nearest_suffix(nearest: Option<&str>) -> String {
     nearest.map(|n| format!(", did you mean `{n}`?")).unwrap_or_default()
 }
@@ -90,7 +100,7 @@ impl TwinError {
     /// The way out, in one sentence, where there is one.
     pub fn hint(&self) -> Option<String> {
         match self {
-            Self::File(error) => error.hint(),
+            Self::File(error) => hint_of_file(error),
             Self::Locked { .. } => {
                 Some("wait until it ends or stop it; commands that only read the folder need not wait".into())
             }

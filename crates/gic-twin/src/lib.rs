@@ -15,7 +15,7 @@ mod rotation;
 pub mod simulate;
 pub mod twin;
 
-pub use error::{Result, TwinError};
+pub use error::{Result, TwinError, hint_of_file};
 pub use interrupt::Interrupt;
 pub use json_difference::first_difference;
 pub use resource_usage::{ResourceMeter, available_memory_bytes};

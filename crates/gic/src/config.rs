@@ -75,21 +75,15 @@ pub struct Layer {
 impl Layer {
     /// All settings of the reconstruction.
     pub fn reconstruct(origin: &str, settings: &TrainSettings) -> Result<Self> {
-        let syntax = |source: toml::ser::Error| {
-            Error::File(FileError::Syntax { path: origin.into(), format: "a configuration", source: source.into() })
-        };
-        let settings = Table::try_from(settings).map_err(syntax)?;
+        let settings = Table::try_from(settings).map_err(unwritable(Path::new(origin)))?;
         let table = Table::from_iter([("reconstruct".to_owned(), Value::Table(settings))]);
         Ok(Self { origin: origin.into(), table })
     }
 
     /// The settings of a TOML file; relative paths start at its folder.
     pub fn read(path: &Path) -> Result<Self> {
-        let text = gic_files::input::read_to_string(path).map_err(Error::read(path))?;
-        let syntax = |source: toml::de::Error| {
-            Error::File(FileError::Syntax { path: path.to_owned(), format: "TOML", source: source.into() })
-        };
-        let mut table = text.parse::<Table>().map_err(syntax)?;
+        let text = gic_files::input::read_to_string(path).map_err(FileError::read(path))?;
+        let mut table = text.parse::<Table>().map_err(FileError::syntax(path, "TOML"))?;
         let folder = path.parent().unwrap_or(Path::new(""));
         change_paths(&mut table, |way| folder.join(way));
         Ok(Self { origin: path.to_owned(), table })
@@ -118,6 +112,14 @@ impl Layer {
     }
 }
 
+/// Settings of `origin` that no file of settings can hold.
+fn unwritable<E>(origin: &Path) -> impl Fn(E) -> FileError
+where
+    E: Into<Box<dyn std::error::Error + Send + Sync>>,
+{
+    FileError::syntax(origin, "a configuration")
+}
+
 impl Config {
     /// The defaults, changed by each layer in turn.
     ///
@@ -126,13 +128,7 @@ impl Config {
     pub fn resolve(layers: Vec<Layer>) -> Result<Self> {
         let mut config = Self::default();
         for layer in layers {
-            let mut table = Table::try_from(&config).map_err(|source| {
-                Error::File(FileError::Syntax {
-                    path: layer.origin.clone(),
-                    format: "a configuration",
-                    source: source.into(),
-                })
-            })?;
+            let mut table = Table::try_from(&config).map_err(unwritable(&layer.origin))?;
             merge(&mut table, layer.table);
             config =
                 Value::Table(table).try_into().map_err(|source| Error::Settings { origin: layer.origin, source })?;
@@ -168,7 +164,7 @@ impl Config {
         let Some(given) = &self.identify.colliders else { return Ok(()) };
         let kept = run.join("colliders").with_extension(given.extension().unwrap_or_default());
         if resolved(given) != resolved(&kept) {
-            atomic::write(&kept, &gic_files::input::read(given).map_err(Error::read(given))?)?;
+            atomic::write(&kept, &gic_files::input::read(given).map_err(FileError::read(given))?)?;
         }
         self.identify.colliders = Some(kept);
         Ok(())
@@ -177,17 +173,14 @@ impl Config {
     /// Writes all settings, defaults included, atomically. Paths inside the file's folder start there, others at the
     /// root, so that the folder can be moved.
     pub fn write(&self, path: &Path) -> Result<()> {
-        let unwritable =
-            |source| Error::File(FileError::Syntax { path: path.to_owned(), format: "a configuration", source });
-        gic_twin::json::require_finite(self).map_err(|reason| unwritable(reason.into()))?;
-        let syntax = |source: toml::ser::Error| unwritable(source.into());
-        let mut table = Table::try_from(self).map_err(syntax)?;
+        gic_twin::json::require_finite(self).map_err(unwritable(path))?;
+        let mut table = Table::try_from(self).map_err(unwritable(path))?;
         let folder = resolved(path.parent().unwrap_or(Path::new("")));
         change_paths(&mut table, |place| match resolved(place) {
             inside if inside.starts_with(&folder) => relative_path(&folder, &inside),
             outside => outside,
         });
-        let text = toml::to_string(&table).map_err(syntax)?;
+        let text = toml::to_string(&table).map_err(unwritable(path))?;
         let head = "# Every setting of this run. Feed it back with --config, or change single ones with \
                     --set section.key=value.\n\n";
         Ok(atomic::write(path, (head.to_owned() + &text).as_bytes())?)

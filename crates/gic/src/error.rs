@@ -1,7 +1,7 @@
 //! What can go wrong in the pipeline. Every message names the file and the field; [`Error::hint`] says the way out.
 
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use gic_bench::BenchError;
 use gic_calibrate::CalibrateError;
@@ -112,7 +112,7 @@ impl Error {
             Self::Film(error) => error.hint(),
             Self::Calibrate(error) => error.hint(),
             Self::Bench(error) => error.hint(),
-            Self::File(error) => error.hint(),
+            Self::File(error) => gic_twin::hint_of_file(error),
             Self::Setting { section, .. } => Some(format!(
                 "change it by its flag (--help names them), by --set {section}.KEY=VALUE, or in the file of --config"
             )),
@@ -154,16 +154,6 @@ impl Error {
         E: Into<Box<dyn std::error::Error + Send + Sync>>,
     {
         move |source| Self::Setting { section, source: source.into() }
-    }
-
-    /// A [`FileError::Read`] of `path`.
-    pub fn read(path: &Path) -> impl FnOnce(io::Error) -> Self {
-        move |source| FileError::read(path)(source).into()
-    }
-
-    /// A [`FileError::Write`] to `path`.
-    pub fn write(path: &Path) -> impl FnOnce(io::Error) -> Self {
-        move |source| FileError::write(path)(source).into()
     }
 
     /// An [`Error::Stage`] around another crate's error.

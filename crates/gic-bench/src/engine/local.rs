@@ -6,6 +6,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
+use gic_files::FileError;
 use gic_twin::events::Events;
 use gic_twin::{Interrupt, TwinError};
 
@@ -33,7 +34,7 @@ pub(super) fn run(
         std::thread::sleep(Duration::from_millis(50));
         let mut still = Vec::new();
         for (task, mut child) in running {
-            match child.try_wait().map_err(BenchError::read(&launch.program))? {
+            match child.try_wait().map_err(FileError::read(&launch.program))? {
                 None => still.push((task, child)),
                 Some(status) => {
                     done += 1;

@@ -4,6 +4,7 @@ use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
+use gic_files::FileError;
 use gic_twin::{Interrupt, TwinError};
 use serde::Serialize;
 
@@ -55,7 +56,7 @@ pub(super) fn run(
     let text = serde_json::to_string(&order).unwrap_or_default();
     // A Python that ends at once says more by its status than by the pipe that it closes.
     let _ = child.stdin.take().map(|mut input| input.write_all(text.as_bytes()));
-    let status = child.wait().map_err(BenchError::read(&python))?;
+    let status = child.wait().map_err(FileError::read(&python))?;
     if interrupt.requested() {
         return Err(TwinError::Interrupted {
             after: String::new(),

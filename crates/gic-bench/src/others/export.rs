@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use gic_files::{PlyLayout, PlyProperty, write_ply};
+use gic_files::{FileError, PlyLayout, PlyProperty, write_ply};
 use gic_scene::{Camera, Mask, Picture, Scene, SceneSettings};
 use gic_twin::events::Events;
 use gic_twin::{Interrupt, TwinError, atomic};
@@ -83,7 +83,7 @@ pub fn export_suite(
     events: &Events,
     interrupt: &Interrupt,
 ) -> Result<()> {
-    let out = std::path::absolute(out).map_err(BenchError::read(out))?;
+    let out = std::path::absolute(out).map_err(FileError::read(out))?;
     validate(method, scenes, &out)?;
     let mut lines = Vec::new();
     let mut truths: BTreeMap<&str, BTreeMap<&str, Value>> = BTreeMap::new();

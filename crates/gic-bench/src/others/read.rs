@@ -98,7 +98,7 @@ fn predictions(folder: &Path) -> Result<Vec<PathBuf>> {
     if !folder.is_dir() {
         return Ok(Vec::new());
     }
-    let entries = std::fs::read_dir(folder).map_err(BenchError::read(folder))?;
+    let entries = std::fs::read_dir(folder).map_err(FileError::read(folder))?;
     let mut files: Vec<PathBuf> =
         entries.flatten().map(|entry| entry.path()).filter(|path| method_of(path).is_some()).collect();
     files.sort();

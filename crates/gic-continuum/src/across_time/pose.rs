@@ -76,6 +76,7 @@ pub(super) fn follow(poses: &mut [Pose], moments: &[Moment], seen: &[SeenMoment]
     }
 }
 
+/// The pose at which a moment's contours lie in its outlines, sought from `start`.
 fn aligned(start: Pose, carried: &CarriedSurface, outlines: &MomentOutlines) -> Pose {
     let mut pose = start;
     for _ in 0..FIRST_STEPS {

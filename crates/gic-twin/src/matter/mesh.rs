@@ -222,10 +222,8 @@ pub(super) fn read_obj(path: &Path) -> Result<Mesh> {
     let file = gic_files::input::open(path).map_err(TwinError::read(path))?;
     let options = tobj::LoadOptions { triangulate: true, ..Default::default() };
     // Materials have no meaning here; a missing material file must not hinder.
-    let (models, _) =
-        tobj::load_obj_buf(&mut BufReader::new(file), &options, |_| Ok(Default::default())).map_err(|source| {
-            TwinError::File(FileError::Syntax { path: path.to_owned(), format: "OBJ", source: source.into() })
-        })?;
+    let (models, _) = tobj::load_obj_buf(&mut BufReader::new(file), &options, |_| Ok(Default::default()))
+        .map_err(FileError::syntax(path, "OBJ"))?;
     let mut positions = Vec::new();
     let mut polygons = Vec::new();
     for model in models {
@@ -240,13 +238,11 @@ pub(super) fn read_obj(path: &Path) -> Result<Mesh> {
 /// Reads an STL file, binary or ASCII.
 pub(super) fn read_stl(path: &Path) -> Result<Mesh> {
     let file = gic_files::input::open(path).map_err(TwinError::read(path))?;
-    let syntax = |source: std::io::Error| {
-        TwinError::File(FileError::Syntax { path: path.to_owned(), format: "STL", source: source.into() })
-    };
+    let syntax = FileError::syntax(path, "STL");
     let mut positions = Vec::new();
     let mut reader = BufReader::new(file);
-    for triangle in stl_io::create_stl_reader(&mut reader).map_err(syntax)? {
-        let corners = triangle.map_err(syntax)?.vertices;
+    for triangle in stl_io::create_stl_reader(&mut reader).map_err(&syntax)? {
+        let corners = triangle.map_err(&syntax)?.vertices;
         positions.extend(corners.iter().map(|v| DVec3::new(v[0] as f64, v[1] as f64, v[2] as f64)));
     }
     let polygons = (0..positions.len() as u32 / 3).map(|t| vec![3 * t, 3 * t + 1, 3 * t + 2]);

@@ -108,9 +108,7 @@ impl Trajectory {
             Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(e) => return Err(TwinError::read(&path)(e)),
         };
-        serde_json::from_str(&text).map(Some).map_err(|source| {
-            TwinError::File(FileError::Syntax { path, format: "gic.trajectory/1", source: source.into() })
-        })
+        Ok(serde_json::from_str(&text).map(Some).map_err(FileError::syntax(&path, "gic.trajectory/1"))?)
     }
 
     pub(super) fn write(&self, folder: &Path) -> Result<()> {

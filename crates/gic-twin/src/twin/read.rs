@@ -44,16 +44,12 @@ pub(super) fn twin(path: &Path, settings: &[Setting]) -> Result<Twin> {
 
 fn json(path: &Path) -> Result<Value> {
     let text = gic_files::input::read_to_string(path).map_err(TwinError::read(path))?;
-    serde_json::from_str(&text).map_err(|source| {
-        TwinError::File(FileError::Syntax { path: path.to_owned(), format: "JSON", source: source.into() })
-    })
+    Ok(serde_json::from_str(&text).map_err(FileError::syntax(path, "JSON"))?)
 }
 
 fn toml(path: &Path) -> Result<Value> {
     let text = gic_files::input::read_to_string(path).map_err(TwinError::read(path))?;
-    toml::from_str(&text).map_err(|source| {
-        TwinError::File(FileError::Syntax { path: path.to_owned(), format: "TOML", source: Box::new(source) })
-    })
+    Ok(toml::from_str(&text).map_err(FileError::syntax(path, "TOML"))?)
 }
 
 pub(super) fn from_value(file: &Path, value: &Value) -> Result<Twin> {

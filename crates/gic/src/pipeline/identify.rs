@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
+use gic_files::FileError;
 use gic_identify::{
     Checkpoint, Estimates, Event, GroundEstimate, IdentifyError, Input, MaterialChoice, Observation, Settings,
     Stage as IdentifyStage, Step, Target, View, identify, sought,
@@ -165,7 +166,7 @@ impl Run<'_> {
         // Results of finished stages that belong to other settings or other matter must not be taken up.
         let goes_on = recipe.goes_on(&begun)?;
         if !goes_on && checkpoint.exists() {
-            std::fs::remove_file(&checkpoint).map_err(Error::write(&checkpoint))?;
+            std::fs::remove_file(&checkpoint).map_err(FileError::write(&checkpoint))?;
         }
         recipe.write(&begun)?;
         let mut settings = self.identify_settings(&input).among_laws(model);
@@ -184,7 +185,7 @@ impl Run<'_> {
         self.twin(&input, as_fitted(surroundings.obstacles, &found.colliders), &found, &record)?
             .write(&self.path("twin.json"))?;
         if checkpoint.exists() {
-            std::fs::remove_file(&checkpoint).map_err(Error::write(&checkpoint))?;
+            std::fs::remove_file(&checkpoint).map_err(FileError::write(&checkpoint))?;
         }
         Ok(())
     }

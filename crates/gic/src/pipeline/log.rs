@@ -5,10 +5,11 @@ use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::time::Instant;
 
+use gic_files::FileError;
 use gic_twin::events::{Event, Sink};
 use serde::Serialize;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 
 pub(super) struct Log {
     file: BufWriter<File>,
@@ -26,7 +27,7 @@ struct Line<'a> {
 impl Log {
     /// Appends to what earlier commands wrote.
     pub(super) fn open(path: &Path) -> Result<Self> {
-        let file = OpenOptions::new().create(true).append(true).open(path).map_err(Error::write(path))?;
+        let file = OpenOptions::new().create(true).append(true).open(path).map_err(FileError::write(path))?;
         Ok(Self { file: BufWriter::new(file), start: Instant::now() })
     }
 }

@@ -26,7 +26,7 @@ mod surroundings;
 
 use std::path::{Path, PathBuf};
 
-use gic_files::FolderLock;
+use gic_files::{FileError, FolderLock};
 use gic_identify::MaterialChoice;
 use gic_motion::TrainSettings;
 use gic_scene::Scene;
@@ -281,7 +281,7 @@ impl<'a> Run<'a> {
         self.events.send(&Event::StageStarted { stage: stage.name().into(), reason });
         // From here on the old result is no longer whole.
         if file.exists() {
-            std::fs::remove_file(&file).map_err(Error::write(&file))?;
+            std::fs::remove_file(&file).map_err(FileError::write(&file))?;
         }
         let meter = ResourceMeter::start();
         match stage {

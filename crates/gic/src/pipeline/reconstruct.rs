@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use gic_files::FileError;
 use gic_motion::{DynamicGaussians, Phase, Progress, train};
 
 use super::stamp::Recipe;
@@ -21,7 +22,7 @@ impl Run<'_> {
         let begun = self.path("stamps/reconstruct.begun.json");
         let goes_on = recipe.goes_on(&begun)?;
         if !goes_on && folder.exists() {
-            std::fs::remove_dir_all(&folder).map_err(Error::write(&folder))?;
+            std::fs::remove_dir_all(&folder).map_err(FileError::write(&folder))?;
         }
         gic_twin::atomic::create_folder(&folder)?;
         recipe.write(&begun)?;
@@ -39,7 +40,7 @@ impl Run<'_> {
             return Err(self.interrupted("saving the training state"));
         }
         model.save(&folder).map_err(Error::stage("saving the Gaussians"))?;
-        std::fs::remove_dir_all(&checkpoint).map_err(Error::write(&checkpoint))
+        Ok(std::fs::remove_dir_all(&checkpoint).map_err(FileError::write(&checkpoint))?)
     }
 
     /// The reconstruction's result.

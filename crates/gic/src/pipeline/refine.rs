@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use gic_continuum::{
     AcrossTime, Filling, Moment, MomentView, Symmetry, calibrate, compare_with_masks, sample_particles,
 };
+use gic_files::FileError;
 use gic_geometry::DensityField;
 use gic_identify::{Estimates, Input, Settings};
 use gic_scene::View;
@@ -101,7 +102,7 @@ impl Run<'_> {
             settings.target = only_masks(settings.target);
             continuum = self.continuum()?;
         }
-        remove(&checkpoints)
+        Ok(remove(&checkpoints)?)
     }
 
     /// Fits the material to a body and settles this, which is some `off_m` off, by the motion of that fit.
@@ -270,9 +271,9 @@ impl Run<'_> {
 }
 
 /// Removes those of the files that are there.
-fn remove(files: &[PathBuf]) -> Result<()> {
+fn remove(files: &[PathBuf]) -> std::result::Result<(), FileError> {
     files
         .iter()
         .filter(|file| file.exists())
-        .try_for_each(|file| std::fs::remove_file(file).map_err(Error::write(file)))
+        .try_for_each(|file| std::fs::remove_file(file).map_err(FileError::write(file)))
 }

@@ -47,8 +47,8 @@ pub(super) fn hash_results(run: &Path, stage: Stage) -> Result<Hashes> {
 /// Names of the results in a folder.
 fn results_in(folder: &Path) -> Result<Vec<String>> {
     let mut names = Vec::new();
-    for entry in fs::read_dir(folder).map_err(Error::read(folder))? {
-        let name = PathBuf::from(entry.map_err(Error::read(folder))?.file_name());
+    for entry in fs::read_dir(folder).map_err(FileError::read(folder))? {
+        let name = PathBuf::from(entry.map_err(FileError::read(folder))?.file_name());
         if let (true, Some(name)) = (is_result_name(&name), name.to_str()) {
             names.push(name.to_owned());
         }
@@ -59,8 +59,8 @@ fn results_in(folder: &Path) -> Result<Vec<String>> {
 /// SHA-256 of a file, hexadecimal.
 pub(super) fn hash_file(path: &Path) -> Result<String> {
     let mut hash = Sha256::new();
-    let mut file = gic_files::input::open(path).map_err(Error::read(path))?;
-    io::copy(&mut file, &mut hash).map_err(Error::read(path))?;
+    let mut file = gic_files::input::open(path).map_err(FileError::read(path))?;
+    io::copy(&mut file, &mut hash).map_err(FileError::read(path))?;
     Ok(format!("{:x}", hash.finalize()))
 }
 

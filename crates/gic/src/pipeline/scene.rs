@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use gic_files::FileError;
 use gic_scene::{Scene, SceneError, Seek, World};
 use sha2::{Digest, Sha256};
 
@@ -93,7 +94,7 @@ pub(super) fn hash_scene(scene: &Scene, config: &Config) -> Result<String> {
     files.extend(scene.backgrounds.iter().flatten().map(PathBuf::as_path));
     files.dedup();
     for file in files {
-        all.update(gic_files::input::read(file).map_err(Error::read(file))?);
+        all.update(gic_files::input::read(file).map_err(FileError::read(file))?);
     }
     if let Some(network) = &config.scene.matting {
         all.update(hash_file(network)?);

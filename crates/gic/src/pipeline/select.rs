@@ -5,6 +5,7 @@
 //! are fitted roughly first, and those that are far off already stay at that.
 
 use gic_continuum::{Appearance, Drawing, informed_gaussians};
+use gic_files::FileError;
 use gic_identify::{Estimates, Input};
 use gic_metrics::{mean, mean_and_variance};
 use gic_mpm::MaterialKind;
@@ -118,7 +119,7 @@ impl Run<'_> {
         let begun = self.path("stamps/select.begun.json");
         let goes_on = recipe.goes_on(&begun)?;
         if !goes_on && folder.exists() {
-            std::fs::remove_dir_all(&folder).map_err(Error::write(&folder))?;
+            std::fs::remove_dir_all(&folder).map_err(FileError::write(&folder))?;
         }
         atomic::create_folder(&folder)?;
         recipe.write(&begun)?;
@@ -158,7 +159,7 @@ impl Run<'_> {
         let text = format!("goes on with {}; {}", selection.chosen, selection.certainty());
         self.events.note(Stage::Select.name(), text);
         atomic::write_json(&self.path("selection.json"), &selection)?;
-        std::fs::remove_dir_all(&folder).map_err(Error::write(&folder))
+        Ok(std::fs::remove_dir_all(&folder).map_err(FileError::write(&folder))?)
     }
 
     /// The result of selection; `None` where the law was given.

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use gic_files::FileError;
 use gic_twin::atomic;
@@ -41,9 +41,7 @@ pub(super) struct Stamp {
 
 impl Recipe {
     pub(super) fn new(input: (&str, String), settings: &impl Serialize) -> Result<Self> {
-        let settings = gic_twin::json::value(settings).map_err(|source| {
-            Error::File(FileError::Syntax { path: PathBuf::from("settings"), format: "JSON", source: source.into() })
-        })?;
+        let settings = gic_twin::json::value(settings).map_err(FileError::syntax(Path::new("settings"), "JSON"))?;
         let input = (input.0.to_owned(), input.1);
         Ok(Self { gic_version: gic_twin::VERSION.into(), input, settings, read: Hashes::new() })
     }
@@ -117,7 +115,7 @@ fn read<T: DeserializeOwned>(path: &Path) -> Result<Option<T>> {
     let bytes = match gic_files::input::read(path) {
         Ok(bytes) => bytes,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-        Err(error) => return Err(Error::read(path)(error)),
+        Err(error) => return Err(FileError::read(path)(error).into()),
     };
     serde_json::from_slice(&bytes).map(Some).map_err(|error| {
         Error::File(FileError::Content {

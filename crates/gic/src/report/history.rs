@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use gic_files::FileError;
 use gic_twin::events::Event;
 use serde_json::Value;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 
 /// Values of a stage's steps, in their order: phase, number, values.
 type Steps = Vec<(String, u64, BTreeMap<String, f64>)>;
@@ -28,7 +29,7 @@ pub(crate) struct Cost {
 
 impl History {
     pub(crate) fn read(path: &Path) -> Result<Self> {
-        let text = std::fs::read_to_string(path).map_err(Error::read(path))?;
+        let text = std::fs::read_to_string(path).map_err(FileError::read(path))?;
         let mut history = Self::default();
         text.lines().filter_map(event).for_each(|event| history.take(event));
         Ok(history)

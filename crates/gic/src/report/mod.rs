@@ -6,6 +6,7 @@ pub(crate) mod history;
 mod pictures;
 mod truth;
 
+use gic_files::FileError;
 use gic_twin::atomic;
 use gic_twin::events::Events;
 use gic_view::page::{VIEWER_TEMPLATES, Viewer};
@@ -13,7 +14,7 @@ use gic_view::render::SimulatedMotion;
 use gic_view::template::{self, Template};
 use serde::Serialize;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::pipeline::{IdentifyRecord, Run, Selection, Stage};
 use estimate::EstimateRow;
 use history::History;
@@ -122,7 +123,7 @@ fn report(run: &Run, found: &IdentifyRecord, events: &Events) -> Result<Report> 
         curves: curves::groups(found, &history, truth.as_ref())?,
         costs: costs(&history),
         parts: found.seconds.iter().map(|(part, s)| format!("{part} {s:.1} s")).collect(),
-        config: std::fs::read_to_string(&config).map_err(Error::read(&config))?,
+        config: std::fs::read_to_string(&config).map_err(FileError::read(&config))?,
         version: gic_twin::VERSION,
     })
 }

@@ -57,8 +57,7 @@ pub(crate) fn anchors(input: &Input, normals: &[Option<DVec3>], scale: Scale) ->
         .into_iter()
         .map(|i| {
             let (position, normal, is_told) = (input.positions[i], normals[i].unwrap_or(DVec3::Y), is_told(i));
-            let untold = if is_told { 0.0 } else { to_told(position) };
-            let deviation = error_m.hypot(tuning.untold_deviation_per_distance * untold);
+            let deviation = error_m.hypot(tuning.untold_deviation_per_distance * to_told(position));
             Anchor { position, normal, is_told, deviation, bluntness: bluntness(position) }
         })
         .collect()
