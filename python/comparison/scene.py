@@ -52,7 +52,7 @@ class Scene:
         floor = {"shape": "half_space", "point_m": [0, self.floor * self.spacing, 0], "normal": [0, 1, 0],
                  "contact": "sticky"}
         return gic.Simulator(body, [floor], self.spacing, gravity_m_s2=(0, self.gravity, 0),
-                             frame_rate_hz=1 / (self.dt * self.substeps), substeps_per_frame=self.substeps)
+                             frame_rate_hz=1 / (self.dt * self.substeps), least_substeps_per_frame=self.substeps)
 
 
 class Gic:

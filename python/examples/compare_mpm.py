@@ -46,7 +46,7 @@ def main(frames=20):
     body = gic.Body(fluid, start, (mpm3d.dx / 2) ** 3, mpm3d.p_rho)
     box = walls((mpm3d.bound - 1) * mpm3d.dx, 1 - (mpm3d.bound - 1) * mpm3d.dx)
     simulator = gic.Simulator(body, box, mpm3d.dx, frame_rate_hz=1 / (mpm3d.steps * mpm3d.dt),
-                              substeps_per_frame=mpm3d.steps)
+                              least_substeps_per_frame=mpm3d.steps)
     begin = time.perf_counter()
     ours = simulator.rollout([frames]).positions_m[0].mean(axis=0)
     gic_s = time.perf_counter() - begin

@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use gic::pipeline::twin_file;
-use gic_mpm::Stepping;
 use gic_twin::json;
 use gic_twin::simulate::{Companion, Scenario, SharedWorld};
 use gic_twin::twin::{Setting, Twin};
@@ -41,10 +40,7 @@ pub(crate) fn twin_world<'py>(
         Ok(SharedWorld::read(&Scenario { twin: twin_file(&path)?, settings, obstacles, companions })?)
     })?;
     let obstacles = json::text(&shared.twin.colliders).map_err(|error| exception(py, &error.into()))?;
-    let (substeps, courant) = match shared.world.stepping {
-        Stepping::Fixed { substeps_per_frame } => (Some(substeps_per_frame), None),
-        Stepping::Bound { courant } => (None, Some(courant)),
-    };
+    let stepping = shared.world.stepping;
     let world = PyDict::new(py);
     let bodies: Vec<Body> = shared.world.bodies.into_iter().map(Body).collect();
     world.set_item("bodies", bodies)?;
@@ -52,8 +48,8 @@ pub(crate) fn twin_world<'py>(
     world.set_item("grid_spacing_m", shared.world.grid_spacing_m)?;
     world.set_item("gravity_m_s2", shared.world.gravity_m_s2.to_array())?;
     world.set_item("frame_rate_hz", shared.world.frame_rate_hz)?;
-    world.set_item("substeps_per_frame", substeps)?;
-    world.set_item("courant", courant)?;
+    world.set_item("least_substeps_per_frame", stepping.least_substeps_per_frame)?;
+    world.set_item("courant", stepping.courant)?;
     world.set_item("frames", shared.twin.frames)?;
     Ok(world)
 }

@@ -28,7 +28,7 @@ pub(crate) struct World {
 
 #[pymethods]
 impl World {
-    /// `stepping`: substeps per frame, or a Courant number.
+    /// `stepping`: least substeps per frame, and the Courant number.
     #[new]
     #[allow(clippy::too_many_arguments)]
     fn new(
@@ -38,7 +38,7 @@ impl World {
         grid_spacing: f64,
         gravity: [f64; 3],
         frame_rate: f64,
-        stepping: (Option<usize>, f64),
+        stepping: (usize, f64),
         precision: &str,
         gradient_memory_bytes: usize,
         parallel: bool,
@@ -56,10 +56,7 @@ impl World {
             gravity_m_s2: DVec3::from(gravity),
             grid_spacing_m: grid_spacing,
             frame_rate_hz: frame_rate,
-            stepping: match stepping {
-                (Some(substeps_per_frame), _) => Stepping::Fixed { substeps_per_frame },
-                (None, courant) => Stepping::Bound { courant },
-            },
+            stepping: Stepping { least_substeps_per_frame: stepping.0, courant: stepping.1 },
         };
         world.validate().map_err(|error| exception(py, &error.into()))?;
         let options =

@@ -32,7 +32,7 @@ def small_body(**changes):
 
 def small_simulator(precision="f64", **options):
     """That body, which hits the floor in its first frame of 50 substeps."""
-    usual = {"frame_rate_hz": 100.0, "substeps_per_frame": 50, "precision": precision}
+    usual = {"frame_rate_hz": 100.0, "least_substeps_per_frame": 50, "precision": precision}
     return gic.Simulator(small_body(), [FLOOR], 0.02, **{**usual, **options})
 
 

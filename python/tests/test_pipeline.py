@@ -132,7 +132,7 @@ STIFF = """
 import gic, sys
 sys.path.insert(0, sys.argv[1])
 from conftest import small_simulator
-simulator = small_simulator(substeps_per_frame=2000)
+simulator = small_simulator(least_substeps_per_frame=2000)
 print("starts", flush=True)
 try:
     simulator.{call}

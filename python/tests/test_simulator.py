@@ -69,8 +69,8 @@ def test_single_precision_gives_nearly_the_same_gradient(gradient):
 
 
 def test_a_small_memory_budget_gives_the_same_gradient(simulator):
-    tight = simulator.replace(gradient_memory_bytes=210 * 24 * 8 * 55, substeps_per_frame=160)
-    roomy = simulator.replace(substeps_per_frame=160)
+    tight = simulator.replace(gradient_memory_bytes=210 * 24 * 8 * 55, least_substeps_per_frame=160)
+    roomy = simulator.replace(least_substeps_per_frame=160)
     adjoint = np.ones((1, 210, 3))
     found = [world.gradient([4], adjoint)[0] for world in (tight, roomy)]
     assert found[0].material == found[1].material
@@ -98,7 +98,7 @@ def test_the_jacobian_agrees_with_the_gradient(gradient, simulator):
 
 def test_bodies_have_gradients_of_their_own():
     low, high = small_body(), small_body(positions_m=small_body().positions_m + [0.0, 0.07, 0.0])
-    world = gic.Simulator([low, high], [FLOOR], 0.02, frame_rate_hz=100, substeps_per_frame=50, precision="f64")
+    world = gic.Simulator([low, high], [FLOOR], 0.02, frame_rate_hz=100, least_substeps_per_frame=50, precision="f64")
     adjoint = np.zeros((1, 420, 3))
     adjoint[:, 210:] = directions((1, 210, 3))
     found = world.gradient([3], adjoint)
@@ -125,7 +125,7 @@ def test_deformation_and_stress_are_those_of_the_law(simulator):
 
 
 def test_two_simulators_in_two_threads_do_not_disturb_each_other():
-    fine, soft = small_simulator("f32", substeps_per_frame=400), small_simulator("f32")
+    fine, soft = small_simulator("f32", least_substeps_per_frame=400), small_simulator("f32")
     worlds = [fine, soft.replace({"youngs_modulus_pa": 5e4})]
     expected = [world.rollout(20).positions_m for world in worlds]
     found = {}
@@ -146,7 +146,7 @@ def test_two_simulators_in_two_threads_do_not_disturb_each_other():
 
 
 def test_long_calls_leave_the_interpreter_to_others():
-    world = small_simulator("f64", substeps_per_frame=2000)
+    world = small_simulator("f64", least_substeps_per_frame=2000)
     ticks, done = [], threading.Event()
 
     def tick():

@@ -219,7 +219,7 @@ impl<'a> Grasp<'a> {
                 gravity_m_s2: DVec3::ZERO,
                 grid_spacing_m: grid,
                 frame_rate_hz: 1.0,
-                stepping: Stepping::Bound { courant: 0.4 },
+                stepping: Stepping::STABLE,
             },
             pads,
             up: gripper_frame.direction_to_gripper(up),

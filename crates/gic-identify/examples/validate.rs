@@ -108,7 +108,7 @@ fn forward(input: &Input, folder: &Path, truth: &common::Truth) {
         gravity_m_s2: input.gravity_m_s2,
         grid_spacing_m: 0.02,
         frame_rate_hz: 24.0,
-        stepping: gic_mpm::Stepping::Fixed { substeps_per_frame: 200 },
+        stepping: gic_mpm::Stepping::at_least(200),
     };
     for rules in [gic_mpm::Rules::Reference, gic_mpm::Rules::Exact] {
         let clock = Instant::now();

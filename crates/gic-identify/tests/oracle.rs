@@ -84,7 +84,7 @@ fn observed_on(floor: Collider, material: Material, velocity: DVec3, frames: usi
         gravity_m_s2: GRAVITY,
         grid_spacing_m: SPACING,
         frame_rate_hz: RATE,
-        stepping: Stepping::Fixed { substeps_per_frame: SUBSTEPS },
+        stepping: Stepping::at_least(SUBSTEPS),
     };
     let mut observations = Vec::new();
     rollout(&world, &Options::default(), frames, |frame| {

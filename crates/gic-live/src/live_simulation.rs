@@ -146,7 +146,6 @@ pub(crate) mod tests {
     use gic_mpm::{Collider, Contact, Material, Stepping};
 
     use super::*;
-    use crate::tuning::COURANT_NUMBER;
 
     /// A soft block 4 cm above a floor.
     pub(crate) fn falling_block() -> World {
@@ -170,7 +169,7 @@ pub(crate) mod tests {
             gravity_m_s2: DVec3::new(0.0, -9.8, 0.0),
             grid_spacing_m: 2.0 * spacing,
             frame_rate_hz: 60.0,
-            stepping: Stepping::Bound { courant: COURANT_NUMBER },
+            stepping: Stepping::STABLE,
         }
     }
 

@@ -3,8 +3,6 @@
 use gic_mpm::{Body, Collider, ColliderPath, Contact, Material, MaterialKind, Primitive, Stepping, World};
 use glam::{DQuat, DVec3};
 
-use crate::tuning::COURANT_NUMBER;
-
 /// The numbers of a world of one body, for [`decode`]; `None` where it has another number of bodies.
 pub fn encode(world: &World) -> Option<Vec<f64>> {
     let [body] = &world.bodies[..] else { return None };
@@ -50,8 +48,14 @@ pub fn decode(numbers: &[f64]) -> Option<World> {
         angular_velocity_rad_s,
         own_velocities_m_s: Vec::new(),
     };
-    let stepping = Stepping::Bound { courant: COURANT_NUMBER };
-    Some(World { bodies: vec![body], colliders, gravity_m_s2, grid_spacing_m, frame_rate_hz, stepping })
+    Some(World {
+        bodies: vec![body],
+        colliders,
+        gravity_m_s2,
+        grid_spacing_m,
+        frame_rate_hz,
+        stepping: Stepping::STABLE,
+    })
 }
 
 fn position_of(kind: MaterialKind) -> usize {

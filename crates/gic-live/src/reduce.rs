@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use gic_mpm::{Body, Stepping, World};
 use glam::DVec3;
 
-use crate::tuning::{CELL_SPACINGS, COURANT_NUMBER, FRAME_RATE_HZ, MAX_PARTICLES, SPACING_GROWTH};
+use crate::tuning::{CELL_SPACINGS, FRAME_RATE_HZ, MAX_PARTICLES, SPACING_GROWTH};
 
 /// The world with at most [`MAX_PARTICLES`] particles a body, on the grid that suits them, at the page's frame rate.
 ///
@@ -20,7 +20,7 @@ pub fn reduced(world: &World) -> World {
         }
     }
     reduced.frame_rate_hz = FRAME_RATE_HZ;
-    reduced.stepping = Stepping::Bound { courant: COURANT_NUMBER };
+    reduced.stepping = Stepping::STABLE;
     reduced
 }
 

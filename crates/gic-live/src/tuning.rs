@@ -6,9 +6,6 @@ pub const MAX_PARTICLES: usize = 3000;
 /// Frames that are simulated in a second of the twin's time [1/s]. Budget: those of a screen.
 pub const FRAME_RATE_HZ: f64 = 60.0;
 
-/// Courant number of the substeps. Derived: that of twins that do not fix their substeps.
-pub(crate) const COURANT_NUMBER: f64 = 0.4;
-
 /// Cells of the grid along the distance of two particles. Derived: eight particles in a cell, as twins have them.
 pub(crate) const CELL_SPACINGS: f64 = 2.0;
 

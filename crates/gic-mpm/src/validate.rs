@@ -32,17 +32,13 @@ impl World {
         positive("grid_spacing_m", self.grid_spacing_m)?;
         positive("frame_rate_hz", self.frame_rate_hz)?;
         finite("gravity_m_s2", self.gravity_m_s2)?;
-        match self.stepping {
-            Stepping::Fixed { substeps_per_frame: 0 } => {
-                return invalid("stepping.substeps_per_frame".into(), 0, "must be at least 1");
-            }
-            Stepping::Fixed { substeps_per_frame } if substeps_per_frame > MAX_SUBSTEPS => {
-                return invalid("stepping.substeps_per_frame".into(), substeps_per_frame, "must be at most 200000");
-            }
-            Stepping::Bound { courant } if !(courant > 0.0 && courant < 1.0) => {
-                return invalid("stepping.courant".into(), courant, "must be above 0 and below 1");
-            }
-            _ => {}
+        let Stepping { least_substeps_per_frame, courant } = self.stepping;
+        if !(1..=MAX_SUBSTEPS).contains(&least_substeps_per_frame) {
+            let field = "stepping.least_substeps_per_frame".into();
+            return invalid(field, least_substeps_per_frame, "must be at least 1 and at most 200000");
+        }
+        if !(courant > 0.0 && courant < 1.0) {
+            return invalid("stepping.courant".into(), courant, "must be above 0 and below 1");
         }
         for (index, collider) in self.colliders.iter().enumerate() {
             collider.validate(index)?;

@@ -66,19 +66,26 @@ impl MassRange {
     }
 }
 
-/// How many substeps a frame takes.
+/// How many substeps a frame takes: the more of those that are wanted and those that stability asks for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Stepping {
-    /// A fixed count per frame (the published simulations use 200); more only where a frame turns out unstable.
-    Fixed {
-        /// Substeps per frame.
-        substeps_per_frame: usize,
-    },
-    /// From a bound: (wave speed of the stiffest material + |v|) dt <= courant * dx, and the viscous bound.
-    Bound {
-        /// The Courant number, in (0, 1).
-        courant: f64,
-    },
+pub struct Stepping {
+    /// Substeps per frame that are wanted at least (the published simulations take 200).
+    pub least_substeps_per_frame: usize,
+    /// The Courant number, in (0, 1): (wave speed of the stiffest material + |v|) dt <= courant * dx, and the viscous
+    /// bound.
+    pub courant: f64,
+}
+
+impl Stepping {
+    /// As many as stability asks for. Budget: half of the largest Courant number at which no frame is redone.
+    pub const STABLE: Stepping = Stepping { least_substeps_per_frame: 1, courant: 0.4 };
+
+    /// As many as given, and more where a body that is pressed together would become unstable: frames that are redone
+    /// put neighbouring worlds apart. Measured: of plasticine that hits the ground, none is redone up to this Courant
+    /// number, some are at .9.
+    pub fn at_least(substeps_per_frame: usize) -> Stepping {
+        Stepping { least_substeps_per_frame: substeps_per_frame, courant: 0.8 }
+    }
 }
 
 /// Everything that a rollout needs.

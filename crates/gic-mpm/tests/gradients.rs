@@ -14,7 +14,7 @@ fn assert_gradients(substeps: usize, tolerance: f64) {
     for material in gradcheck_materials() {
         let mut world = gradcheck_world(material);
         world.frame_rate_hz = 5000.0 / substeps as f64;
-        world.stepping = Stepping::Fixed { substeps_per_frame: substeps };
+        world.stepping = Stepping::at_least(substeps);
         for row in gradcheck(&world, Rules::Exact, 2).unwrap() {
             println!("{} {substeps} substeps: {row:?}", material.model());
             assert!(row.relative_error <= tolerance, "{} {row:?}", material.model());
@@ -85,7 +85,7 @@ fn fast_adjoint_agrees_with_the_twin() {
 #[test]
 fn a_tight_memory_budget_gives_the_same_gradient() {
     let mut world = gradcheck_world(gradcheck_materials()[0]);
-    world.stepping = Stepping::Fixed { substeps_per_frame: 160 };
+    world.stepping = Stepping::at_least(160);
     let of = |bytes: usize| {
         let options = Options { gradient_memory_bytes: bytes, precision: Precision::F64, ..Options::default() };
         gradient(&world, &options, 6, |frame| (frame.index == 5).then(|| frame.positions.clone()))
@@ -101,7 +101,7 @@ fn a_tight_memory_budget_gives_the_same_gradient() {
 #[test]
 fn a_recording_gives_the_gradients_of_many_losses() {
     let mut world = gradcheck_world(gradcheck_materials()[0]);
-    world.stepping = Stepping::Fixed { substeps_per_frame: 120 };
+    world.stepping = Stepping::at_least(120);
     let state = 210 * 24 * 8;
     // Room for a few checkpoints only.
     let options = Options { gradient_memory_bytes: state * 55, precision: Precision::F64, ..Options::default() };

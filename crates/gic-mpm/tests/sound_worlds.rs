@@ -47,7 +47,7 @@ fn light_particles_fall_as_heavy_ones_do() {
     for spacing_m in [1e-3f64, 1e-5, 1e-6, 1e-12, 1e-30] {
         let mut world = cube(1.0);
         world.bodies[0].particle_volume_m3 = spacing_m.powi(3);
-        world.stepping = Stepping::Fixed { substeps_per_frame: 200 };
+        world.stepping = Stepping::at_least(200);
         let all = frames(&world, 4).unwrap();
         let fall = centre(&all[3]) - centre(&all[0]);
         assert!(fall.distance(fallen(&world, &all[3])) < 1e-5, "{spacing_m} m: {fall}");
@@ -57,8 +57,7 @@ fn light_particles_fall_as_heavy_ones_do() {
 #[test]
 fn a_small_world_is_the_large_one_seen_from_afar() {
     let scale = 1e-6;
-    let large =
-        { World { colliders: vec![floor()], stepping: Stepping::Fixed { substeps_per_frame: 300 }, ..cube(0.03) } };
+    let large = { World { colliders: vec![floor()], stepping: Stepping::at_least(300), ..cube(0.03) } };
     let mut small = large.clone();
     small.bodies[0].positions.iter_mut().for_each(|x| *x *= scale);
     small.bodies[0].particle_volume_m3 *= scale.powi(3);
@@ -99,7 +98,7 @@ fn a_wall_does_not_jump_over_the_body() {
     let wall = |path: ColliderPath| World {
         colliders: vec![moving(Primitive::HalfSpace { normal: DVec3::X }, path)],
         gravity_m_s2: DVec3::ZERO,
-        stepping: Stepping::Fixed { substeps_per_frame: 20 },
+        stepping: Stepping::at_least(20),
         frame_rate_hz: 240.0,
         ..cube(0.0)
     };
@@ -143,7 +142,7 @@ fn a_body_is_not_pressed_through_the_floor() {
 #[test]
 fn substeps_that_rounding_swallows_are_refused() {
     let mut world = cube(3.0);
-    world.stepping = Stepping::Fixed { substeps_per_frame: 50_000 };
+    world.stepping = Stepping::at_least(50_000);
     world.frame_rate_hz = 24_000.0;
     let slow = frames(&world, 2).unwrap_err();
     assert!(matches!(slow, SimulationError::Rounded { frame: 1, .. } | SimulationError::MomentumLost { .. }), "{slow}");
@@ -162,7 +161,7 @@ fn a_thin_obstacle_is_doubted() {
 
 #[test]
 fn what_takes_too_long_or_too_much_memory_is_refused_before_it_starts() {
-    let fixed = |substeps_per_frame: usize| World { stepping: Stepping::Fixed { substeps_per_frame }, ..cube(0.5) };
+    let fixed = |substeps: usize| World { stepping: Stepping::at_least(substeps), ..cube(0.5) };
     for substeps in [usize::MAX, 1_000_000_000, 200_001] {
         let refused = frames(&fixed(substeps), 2).unwrap_err();
         assert!(matches!(&refused, SimulationError::Invalid { field, .. } if field.contains("substeps")), "{refused}");
@@ -182,10 +181,8 @@ fn any_world() -> impl Strategy<Value = World> {
     let material =
         (kind, proptest::collection::vec(-3.0f64..3.0, 5)).prop_map(|(kind, decades)| material(kind, &decades));
     let start = (material, proptest::array::uniform3(2usize..9), -4.0f64..5.0, -2.0f64..2.0, vector(3.0), vector(10.0));
-    let stepping = prop_oneof![
-        (1usize..300).prop_map(|substeps_per_frame| Stepping::Fixed { substeps_per_frame }),
-        (0.1f64..0.9).prop_map(|courant| Stepping::Bound { courant }),
-    ];
+    let stepping = (1usize..300, 0.1f64..0.9)
+        .prop_map(|(least_substeps_per_frame, courant)| Stepping { least_substeps_per_frame, courant });
     let colliders = proptest::collection::vec((0..5usize, 0..3usize, vector(1.0), vector(1.0), 0.0f64..4.0), 0..3);
     (start, stepping, colliders, vector(20.0), -5.0f64..1.0, 1.0f64..3.0, 0.2f64..2.5).prop_map(
         |((material, counts, density, factors, velocity, spin), stepping, obstacles, gravity, size, rate, cell)| {

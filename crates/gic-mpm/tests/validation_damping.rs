@@ -111,7 +111,7 @@ fn noise_dies_at_the_longest_substep() {
             dx,
             2e3,
         ));
-        let world = World { stepping: Stepping::Bound { courant: 0.999 }, ..world };
+        let world = World { stepping: Stepping { courant: 0.999, ..Stepping::STABLE }, ..world };
         let mut simulator = simulator(&world);
         let mut seed = 1_u32;
         let mut random = || {

@@ -31,7 +31,7 @@ fn thrown(material: Material) -> World {
     let positions = block(DVec3::new(0.013, 0.5, -0.07), DVec3::new(0.12, 0.06, 0.08), DX);
     let mut body = body(material, positions, DX);
     body.velocity_m_s = DVec3::new(1.0, 2.0, -0.5);
-    World { stepping: Stepping::Fixed { substeps_per_frame: SUBSTEPS }, ..world(body, vec![], DX, RATE) }
+    World { stepping: Stepping::at_least(SUBSTEPS), ..world(body, vec![], DX, RATE) }
 }
 
 fn in_f64(world: &World) -> Simulator {

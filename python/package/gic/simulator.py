@@ -232,7 +232,8 @@ class Simulator:
     grid_spacing_m: side of a grid cell [m]; particles lie half of it apart, usually.
     gravity_m_s2: gravity [m/s^2].
     frame_rate_hz: frames per second; frame 0 is the initial state.
-    substeps_per_frame: fixed; None for as many as stability needs with the Courant number ``courant``.
+    least_substeps_per_frame: substeps that a frame takes at least; more where the Courant number would exceed
+        ``courant``.
     precision: "f32" on SIMD lanes, or "f64": one particle at a time, some ten times slower, to check gradients.
     gradient_memory_bytes: most memory that the states kept for a gradient may take; with less, more is recomputed.
     parallel: whether one simulation uses more than one thread; the result does not depend on it.
@@ -248,7 +249,7 @@ class Simulator:
         *,
         gravity_m_s2: Sequence[float] = (0.0, -9.8, 0.0),
         frame_rate_hz: float = 24.0,
-        substeps_per_frame: Optional[int] = None,
+        least_substeps_per_frame: int = 1,
         courant: float = 0.4,
         precision: str = "f32",
         gradient_memory_bytes: int = 1 << 30,
@@ -260,7 +261,7 @@ class Simulator:
         self.frame_rate_hz = number("frame_rate_hz", frame_rate_hz)
         self._options: Dict[str, Any] = {
             "gravity_m_s2": vector("gravity_m_s2", gravity_m_s2),
-            "substeps_per_frame": substeps_per_frame,
+            "least_substeps_per_frame": least_substeps_per_frame,
             "courant": number("courant", courant),
             "precision": precision,
             "gradient_memory_bytes": gradient_memory_bytes,
@@ -271,7 +272,7 @@ class Simulator:
         natives = [body._native for body in self.bodies]
         obstacles = json.dumps(self.colliders, default=_plain)
         self._native = _gic.World(natives, obstacles, self.grid_spacing_m, self._options["gravity_m_s2"],
-                                  self.frame_rate_hz, (substeps_per_frame, self._options["courant"]), precision,
+                                  self.frame_rate_hz, (least_substeps_per_frame, self._options["courant"]), precision,
                                   gradient_memory_bytes, parallel)
 
     def __repr__(self) -> str:

@@ -104,7 +104,7 @@ impl Simulation<'_> {
             gravity_m_s2: input.gravity_m_s2,
             grid_spacing_m: input.grid_spacing_m * self.resolution.spacing_factor,
             frame_rate_hz: input.frame_rate_hz,
-            stepping: Stepping::Fixed { substeps_per_frame: self.resolution.substeps_per_frame },
+            stepping: Stepping::at_least(self.resolution.substeps_per_frame),
         }
     }
 

@@ -29,6 +29,6 @@ pub(crate) fn falling_cube(material: Material, side: usize, substeps_per_frame: 
         gravity_m_s2: DVec3::new(0.0, -9.8, 0.0),
         grid_spacing_m: 0.02,
         frame_rate_hz: 4800.0 / substeps_per_frame as f64,
-        stepping: Stepping::Fixed { substeps_per_frame },
+        stepping: Stepping::at_least(substeps_per_frame),
     }
 }

@@ -216,7 +216,7 @@ pub fn gradcheck_world(material: Material) -> World {
         gravity_m_s2: DVec3::new(0.0, -9.8, 0.0),
         grid_spacing_m: 0.02,
         frame_rate_hz: 100.0,
-        stepping: Stepping::Fixed { substeps_per_frame: 50 },
+        stepping: Stepping::at_least(50),
     }
 }
 

@@ -37,7 +37,7 @@ impl Timing {
     }
 }
 
-/// Substeps of frame `frame`, which begins with `state`, from the stepping and from what stability asks for at least.
+/// Substeps of frame `frame`, which begins with `state`, the more of those wanted and those that stability asks for.
 ///
 /// # Errors
 /// [`SimulationError::TooStiff`] and [`SimulationError::ColliderTooFast`] beyond [`MAX_SUBSTEPS`].
@@ -47,11 +47,7 @@ pub(super) fn substeps_of_frame<R: Scalar>(
     frame: usize,
     state: &State<R>,
 ) -> Result<usize, SimulationError> {
-    let (fixed, courant) = match timing.stepping {
-        Stepping::Fixed { substeps_per_frame } => (substeps_per_frame, 1.0),
-        Stepping::Bound { courant } => (1, courant),
-    };
-    let mut substeps = fixed;
+    let Stepping { least_substeps_per_frame: mut substeps, courant } = timing.stepping;
     for (index, body) in world.bodies.iter().enumerate() {
         let speed = highest_speed(world, timing, body, state);
         let wanted = timing.frame_seconds * highest_rate(world, body, speed) / courant;

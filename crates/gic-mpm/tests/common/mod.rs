@@ -47,7 +47,7 @@ pub(crate) fn world(body: Body, colliders: Vec<Collider>, grid_spacing_m: f64, f
         gravity_m_s2: DVec3::new(0.0, -GRAVITY, 0.0),
         grid_spacing_m,
         frame_rate_hz,
-        stepping: Stepping::Bound { courant: 0.4 },
+        stepping: Stepping::STABLE,
     }
 }
 

@@ -88,13 +88,11 @@ impl SharedWorld {
     }
 }
 
-/// Substeps that serve both; where one of them leaves their number open, stability decides.
+/// Substeps that serve both.
 fn finer(a: Stepping, b: Stepping) -> Stepping {
-    match (a, b) {
-        (Stepping::Fixed { substeps_per_frame: a }, Stepping::Fixed { substeps_per_frame: b }) => {
-            Stepping::Fixed { substeps_per_frame: a.max(b) }
-        }
-        (bound @ Stepping::Bound { .. }, _) | (_, bound) => bound,
+    Stepping {
+        least_substeps_per_frame: a.least_substeps_per_frame.max(b.least_substeps_per_frame),
+        courant: a.courant.min(b.courant),
     }
 }
 
@@ -113,10 +111,10 @@ mod tests {
 
     #[test]
     fn the_finer_stepping_wins() {
-        let fixed = |n| Stepping::Fixed { substeps_per_frame: n };
-        let bound = Stepping::Bound { courant: 0.4 };
-        assert_eq!(finer(fixed(100), fixed(200)), fixed(200));
-        assert_eq!(finer(bound, fixed(200)), bound);
-        assert_eq!(finer(fixed(200), bound), bound);
+        let careful = Stepping { courant: 0.2, ..Stepping::STABLE };
+        let both = Stepping { courant: 0.2, ..Stepping::at_least(200) };
+        assert_eq!(finer(Stepping::at_least(100), Stepping::at_least(200)), Stepping::at_least(200));
+        assert_eq!(finer(careful, Stepping::at_least(200)), both);
+        assert_eq!(finer(Stepping::at_least(200), careful), both);
     }
 }

@@ -10,8 +10,6 @@ use crate::matter::{self, Matter};
 
 /// Cells across the object's largest side where the twin does not say how long a cell is.
 const CELLS_ALONG_LARGEST_SIDE: f64 = 16.0;
-/// Courant number of the substeps where the twin does not fix them.
-const COURANT_NUMBER: f64 = 0.4;
 
 impl Twin {
     /// The twin with spacings resolved, and its world; reads and fills the continuum.
@@ -24,10 +22,7 @@ impl Twin {
         let (grid, particle) = self.spacings(matter.as_ref())?;
         (twin.grid_spacing_m, twin.particle_spacing_m) = (Some(grid), Some(particle));
         let (positions, volume_factors) = self.particles(matter, particle)?;
-        let stepping = match self.substeps_per_frame {
-            Some(substeps_per_frame) => Stepping::Fixed { substeps_per_frame },
-            None => Stepping::Bound { courant: COURANT_NUMBER },
-        };
+        let stepping = self.substeps_per_frame.map_or(Stepping::STABLE, Stepping::at_least);
         let world = World {
             bodies: vec![Body {
                 material: self.material,

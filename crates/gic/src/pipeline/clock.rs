@@ -42,12 +42,7 @@ impl Clock {
 
     /// The stepping of a tick, given that of a frame.
     pub(super) fn stepping(&self, of_frame: Stepping) -> Stepping {
-        match of_frame {
-            Stepping::Fixed { substeps_per_frame } => {
-                Stepping::Fixed { substeps_per_frame: self.substeps(substeps_per_frame) }
-            }
-            bound @ Stepping::Bound { .. } => bound,
-        }
+        Stepping { least_substeps_per_frame: self.substeps(of_frame.least_substeps_per_frame), ..of_frame }
     }
 }
 

@@ -441,7 +441,7 @@ pub(super) fn motion_of(
         gravity_m_s2: input.gravity_m_s2,
         grid_spacing_m: input.grid_spacing_m,
         frame_rate_hz: input.frame_rate_hz,
-        stepping: Stepping::Fixed { substeps_per_frame: input.substeps_per_frame },
+        stepping: Stepping::at_least(input.substeps_per_frame),
     };
     let mut simulator = Simulator::new(&world, &Options::default())?;
     let mut frames = vec![simulator.frame().positions];
