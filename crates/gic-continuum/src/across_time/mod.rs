@@ -10,7 +10,8 @@
 //! 3. [`contour`] finds the places that make the silhouettes' edges: the mask tells how far each lies off.
 //! 4. [`colours`] tries each place at several depths: at the right one, all moments see the same colour there.
 //! 5. Mirror images of a place, where the body has any, are further views of it: what is wanted of them is shared.
-//! 6. Each place moves to where all want it, as far as its neighbours share in that; the field is carried along.
+//! 6. Each place moves to where all want it, as far as its neighbours share in that; the field is carried along. Once
+//!    depths are at their finest, strides have momentum.
 //!
 //! The depths lie as far apart as the surface is off, and half as far whenever it has settled, that is its steps shrink
 //! no more: what stands out by a tenth of the body differs in colour at all depths nearby, and agrees only further in.
@@ -132,7 +133,8 @@ impl Filling {
         // The sweep's depths are a voxel apart: a picture that fits the voxels shows nothing finer, and larger steps
         // jump over where its colours agree.
         let mut unit = off_m.clamp(finest, first.spacing / DEPTH_STEP);
-        let mut moved = Displacement::none(&first);
+        let (mut moved, mut stride) = (Displacement::none(&first), Displacement::none(&first));
+        let mut finest_rounds = 0;
         let (mut least_gap_m, mut last_step, mut kept) = (f64::INFINITY, f64::INFINITY, None);
         for round in 1..=tuning.iterations.most_rounds {
             if stop() {
@@ -158,7 +160,9 @@ impl Filling {
             let neighbour_deviation = tuning.across_time.neighbour_deviation * finest / unit;
             let outward = smoothed(&surface.adjacent, &wanted, neighbour_deviation, tuning);
             let further = Displacement::of(&first, &surface.places, &outward, unit, &tuning.carving);
-            moved = moved.then(&further);
+            stride = further.after(&stride, momentum(finest_rounds));
+            moved = moved.then(&stride);
+            finest_rounds += u32::from(unit <= finest);
             self.field.values = moved.carry(&first);
             let step = (outward.iter().map(|d| d * d).sum::<f64>() / outward.len() as f64).sqrt();
             // Steps that shrink no more are noise.
@@ -180,6 +184,13 @@ impl Filling {
         self.field = field;
         Some(report)
     }
+}
+
+/// Share of the last stride that the next one goes on with, after so many rounds with the finest depths (Nesterov
+/// 1983): places that little is known of would creep after their neighbours. Coarser depths show no slope, but where
+/// colours agree best, some of them by chance.
+fn momentum(finest_rounds: u32) -> f32 {
+    finest_rounds as f32 / (finest_rounds as f32 + 3.0)
 }
 
 /// The moments, ready to be compared with a body.

@@ -69,6 +69,14 @@ impl Displacement {
         both
     }
 
+    /// This displacement, and a `share` of the one before.
+    pub(crate) fn after(mut self, before: &Displacement, share: f32) -> Displacement {
+        for (axis, before) in self.0.iter_mut().zip(&before.0) {
+            axis.values.iter_mut().zip(&before.values).for_each(|(w, before)| *w += share * before);
+        }
+        self
+    }
+
     /// The values of a field, carried along.
     pub(crate) fn carry(&self, field: &DensityField) -> Vec<f32> {
         let value = |i: usize| {
