@@ -84,8 +84,8 @@ pub enum Optimizer {
 
 /// Settings of identification; [`Default`] is right for every scene but for the material, which has to be said.
 ///
-/// `material` to `substeps_per_frame` say what is assumed: whoever makes the [`crate::Input`] reads them. `joint` is
-/// the caller's own and in no file.
+/// `material` to `substeps_per_frame` say what is assumed: whoever makes the [`crate::Input`] reads them. `search`
+/// and `joint` are the caller's own and in no file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "cli", derive(clap::Args), group(skip), command(next_help_heading = "Identification"))]
 #[serde(default, deny_unknown_fields)]
@@ -155,6 +155,11 @@ pub struct Settings {
     /// The grid is refined by this factor to see how far the estimate moves; 0 skips the check.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub resolution_check: f64,
+    /// Whether starting points are sought over the parameters' ranges, beside the one that may be given. Without, the
+    /// given one is the only one.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    #[serde(skip)]
+    pub search: bool,
     /// Whether the joint stage and the intervals follow the material stage. Without them the answer is rough, has no
     /// intervals, and costs about a third; the same checkpoint goes on to the whole answer.
     #[cfg_attr(feature = "cli", arg(skip))]
@@ -186,6 +191,7 @@ impl Default for Settings {
             iterations: 12,
             frames: None,
             resolution_check: 1.25,
+            search: true,
             joint: true,
             tuning: Tuning::default(),
         }
@@ -279,6 +285,9 @@ impl Settings {
                     format!("give {low} to {high}"),
                 ));
             }
+        }
+        if !self.search && self.start.is_none() {
+            return Err(IdentifyError::input("start", "is missing", "give one, or leave the search on"));
         }
         if let Some(start) = &self.start
             && start.len() != sought(kind).len()

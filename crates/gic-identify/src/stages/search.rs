@@ -25,9 +25,12 @@ use crate::{FitError, IdentifyError};
 /// # Errors
 /// Where none can be simulated, and interruption.
 pub(crate) fn find_starts(identification: &Identification, session: &mut Session) -> Result<Vec<State>, IdentifyError> {
-    let candidates = grid_of_starts(identification);
-    let mut found =
-        coarse_starts(identification, session, &candidates).map_err(|error| error.of_stage(candidates.len()))?;
+    let mut found = Vec::new();
+    if identification.settings.search {
+        let candidates = grid_of_starts(identification);
+        found =
+            coarse_starts(identification, session, &candidates).map_err(|error| error.of_stage(candidates.len()))?;
+    }
     found.extend(given_start(identification).map(|given| (0.0, given)));
     let starts = rank_on_full_grid(identification, session, found).map_err(|error| error.of_stage(1))?;
     let reached = session.reach(Some(Stage::Search), |checkpoint| checkpoint.starts = Some(starts.clone()));

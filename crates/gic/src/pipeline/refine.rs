@@ -2,7 +2,8 @@
 //!
 //! The material is fitted to the body that filling made, without the joint stage. The motion of that fit carries the
 //! body to every moment of the video, and what the cameras saw there settles its surface
-//! ([`Filling::settle_across_time`]). `identify` starts from the body and the material that are found here.
+//! ([`Filling::settle_across_time`]). The fit of the next round goes on from there; `identify` starts from the body and
+//! the material that are found here, and searches the whole range again.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -98,7 +99,7 @@ impl Run<'_> {
             }
             // The surface was off by as much, and is not by more.
             off_m = record.settled.moved_m;
-            settings.start = Some(record.parameters);
+            (settings.start, settings.search) = (Some(record.parameters), false);
             settings.target = only_masks(settings.target);
             continuum = self.continuum()?;
         }
