@@ -164,16 +164,18 @@ impl Silhouette {
     }
 }
 
-/// Marks the pixels whose centres lie in a triangle, pixel centres being at whole numbers.
+/// Marks the pixels whose centres lie in a triangle that runs around them one way, pixel centres being at whole
+/// numbers: the sides of a closed surface that face the camera cover as much as those that do not.
 fn cover(inside: &mut [bool], width: usize, [a, b, c]: [DVec2; 3]) {
+    if (b - a).perp_dot(c - a) <= 0.0 {
+        return;
+    }
     let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-    let area = (b - a).perp_dot(c - a);
     let last = |end: f64, size: usize| end.floor().min(size as f64 - 1.0) as i64;
     for y in low.y.ceil().max(0.0) as i64..=last(high.y, inside.len() / width) {
         for x in low.x.ceil().max(0.0) as i64..=last(high.x, width) {
             let p = DVec2::new(x as f64, y as f64);
-            let sides = [(a, b), (b, c), (c, a)].map(|(from, to)| (to - from).perp_dot(p - from) * area.signum());
-            if sides.iter().all(|side| *side >= 0.0) {
+            if [(a, b), (b, c), (c, a)].iter().all(|(from, to)| (*to - *from).perp_dot(p - *from) >= 0.0) {
                 inside[y as usize * width + x as usize] = true;
             }
         }
