@@ -51,8 +51,10 @@ class Scene:
         body = gic.Body(material, self.positions, self.volume, self.density, velocity_m_s=(0.0, self.speed, 0.0))
         floor = {"shape": "half_space", "point_m": [0, self.floor * self.spacing, 0], "normal": [0, 1, 0],
                  "contact": "sticky"}
+        # The others' substeps, however stiff the body is.
         return gic.Simulator(body, [floor], self.spacing, gravity_m_s2=(0, self.gravity, 0),
-                             frame_rate_hz=1 / (self.dt * self.substeps), least_substeps_per_frame=self.substeps)
+                             frame_rate_hz=1 / (self.dt * self.substeps), least_substeps_per_frame=self.substeps,
+                             courant=0.999)
 
 
 class Gic:

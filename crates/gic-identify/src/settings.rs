@@ -117,7 +117,7 @@ pub struct Settings {
     #[cfg_attr(feature = "cli", arg(long, value_name = "M"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub grid_spacing_m: Option<f64>,
-    /// Substeps per frame; by default 200 on a grid of 0.02 m, and the more the finer the grid.
+    /// Substeps per frame, at least; by default 200 on a grid of 0.02 m, and the more the finer the grid.
     #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub substeps_per_frame: Option<usize>,

@@ -246,6 +246,20 @@ fn plastic_materials_are_recovered() {
     recovers(NON_NEWTONIAN, 7, 1);
 }
 
+#[test]
+fn without_a_search_the_fit_goes_on_from_its_start() {
+    let input = observed(ELASTIC, DVec3::new(0.4, -1.5, 0.2), 8);
+    let settings = |start| Settings { target: Target::Surfaces, start, search: false, ..Settings::default() };
+    let found = run(&input, MaterialKind::Elastic, &settings(Some(vec![8.0e4, 0.25]))).expect("identified");
+    assert_eq!(found.coarse_rollouts, 0);
+    for (estimate, value) in found.estimates.iter().zip(sought_values(&ELASTIC)) {
+        let error = estimate.parameter.error(estimate.value, value).abs();
+        assert!(error <= 0.01, "{} = {} instead of {value}", estimate.parameter.name, estimate.value);
+    }
+    let error = run(&input, MaterialKind::Elastic, &settings(None)).unwrap_err();
+    assert!(error.to_string().contains("start"), "{error}");
+}
+
 /// Stiffness, Poisson's ratio and yield stress of plasticine trade off against each other, so that the cost has many
 /// valleys. All blocks are seen perfectly, and no start is given. Single ones may be missed: which, rounding decides.
 #[test]

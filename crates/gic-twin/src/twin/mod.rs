@@ -59,7 +59,7 @@ pub struct Twin {
     pub frame_rate_hz: f64,
     /// How many frames a simulation gives, the initial state included; default 24.
     pub frames: usize,
-    /// Fixed substeps per frame; by default as many as stability needs.
+    /// Substeps per frame, at least; by default as many as stability needs.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub substeps_per_frame: Option<usize>,
     /// The matter at time 0.
