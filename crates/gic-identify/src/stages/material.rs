@@ -1,9 +1,9 @@
 //! Stage 3: the material, with the motion of free flight.
 //!
 //! The cost has several local minima. A few steps from each start tell which are worth the rest; those that cost not
-//! much more than the best are fitted on. Then each parameter of the best fit is doubled and halved, the others following
-//! the quadratic model, and the fit starts again where that costs less than the model predicts. Of minima that cost
-//! about the same, sharper masks decide.
+//! much more than the best are fitted on. Then each parameter of the best fit is doubled and halved, the others
+//! following the quadratic model, and the fit starts again where that costs less than the model predicts. Of minima
+//! that cost about the same, sharper masks decide.
 
 use crate::forward::simulation::Simulation;
 use crate::result::Stage;
