@@ -1,16 +1,18 @@
 //! Which tuned numbers move the result: each is halved and doubled, one at a time, on finished runs of several scenes.
 //!
 //! ```text
-//! cargo run --release -p gic --example sensitivity -- [--fill] [--only PREFIX] -o OUT RUN...
+//! cargo run --release -p gic --example sensitivity -- [--fill] [--only PREFIX]... -o OUT RUN...
 //! ```
 //!
-//! Every RUN keeps its reconstruction; filling and identification are made anew in a copy, with one number changed.
-//! What moved is told against the same run with today's numbers: volume and overlap with the masks, parameters (log10
-//! of moduli, viscosities and yield stresses), velocity, and the path of the centre of mass. The scatter to compare
-//! with is what other seeds move. `--fill` stops after filling; `--only` takes the numbers whose key begins with
-//! PREFIX. A line per change is appended to `OUT/effects.jsonl`; what stands there already is not measured again.
+//! Every RUN keeps its reconstruction; what follows is made anew with today's numbers, and then, as far as it depends
+//! on it, with one number changed. What moved is told against today's numbers: volume and overlap with the masks,
+//! parameters (log10 of moduli, viscosities and yield stresses), velocity, and the path of the centre of mass. The
+//! scatter to compare with is what other seeds move, reconstruction included. A number that moves a scene by more than
+//! [`CLEARLY`] scatters is not varied on the scenes after it. `--fill` stops after filling; `--only` takes the numbers
+//! whose keys begin with a PREFIX. A line per change is appended to `OUT/effects.jsonl`; what stands there already is
+//! not measured again, and several of these programs may share it, a scene each.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
 use std::fs;
 use std::io::Write;
@@ -27,61 +29,77 @@ use serde_json::Value;
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
 /// Seeds whose results are the scatter.
-const SEEDS: [u64; 2] = [1, 2];
+const SEEDS: [u64; 3] = [1, 2, 3];
+
+/// A number that moves a result by more than so many scatters is in use.
+const CLEARLY: f64 = 3.0;
 
 fn main() -> Result<()> {
     let options = Options::parse()?;
     fs::create_dir_all(&options.out)?;
     let log = options.out.join("effects.jsonl");
-    let mut known: Vec<Effect> = match fs::read_to_string(&log) {
-        Ok(text) => text.lines().map(serde_json::from_str).collect::<std::result::Result<_, _>>()?,
-        Err(_) => Vec::new(),
-    };
     for run in &options.runs {
         let scene = run.file_name().and_then(|n| n.to_str()).ok_or("a run folder has no name")?.to_owned();
         let reference = options.out.join(&scene).join("reference");
-        let base = measure(run, &reference, &[], options.last)?;
-        let seeds = SEEDS.iter().map(|seed| ("seed".to_owned(), format!("seed={seed}")));
-        let numbers = numbers().into_iter().filter(|(key, _)| key.starts_with(&options.only));
-        let changes = numbers.flat_map(|(key, value)| varied(&value).map(move |v| (key.clone(), format!("{key}={v}"))));
-        for (key, change) in seeds.chain(changes) {
-            if known.iter().any(|e| e.scene == scene && e.change == change && e.last == options.last.name()) {
+        copy_reconstruction(run, &reference)?;
+        let base = measure(&reference, &[], options.last)?;
+        for (key, change) in changes(&options.only) {
+            let known = effects(&log)?;
+            if known.iter().any(|e| e.scene == scene && e.change == change && e.last == options.last.name())
+                || moves(&known).get(key.as_str()).is_some_and(|most| most.scatters > CLEARLY)
+            {
                 continue;
             }
             let scratch = options.out.join(&scene).join("scratch");
-            let moved = match measure(run, &scratch, std::slice::from_ref(&change), options.last) {
+            let _ = fs::remove_dir_all(&scratch);
+            copy(&reference, &scratch)?;
+            let moved = match measure(&scratch, std::slice::from_ref(&change), options.last) {
                 Ok(found) => found.against(&base),
                 Err(error) => BTreeMap::from([(format!("error: {error}"), f64::MAX)]),
             };
             let effect = Effect { scene: scene.clone(), key, change, last: options.last.name().to_owned(), moved };
-            writeln!(
-                fs::OpenOptions::new().create(true).append(true).open(&log)?,
-                "{}",
-                serde_json::to_string(&effect)?
-            )?;
-            known.push(effect);
+            let line = serde_json::to_string(&effect)? + "\n";
+            fs::OpenOptions::new().create(true).append(true).open(&log)?.write_all(line.as_bytes())?;
         }
     }
-    print!("{}", table(&known));
+    print!("{}", table(&effects(&log)?));
     Ok(())
+}
+
+/// Every change that is measured, by the key of what changes: other seeds first, then each number halved and doubled.
+fn changes(only: &[String]) -> Vec<(String, String)> {
+    let seeds = SEEDS.iter().map(|seed| ("seed".to_owned(), format!("seed={seed}")));
+    let asked = |key: &str| only.is_empty() || only.iter().any(|prefix| key.starts_with(prefix));
+    let numbers = numbers().into_iter().filter(|(key, _)| asked(key));
+    let varied = numbers.flat_map(|(key, value)| varied(&value).map(move |v| (key.clone(), format!("{key}={v}"))));
+    seeds.chain(varied).collect()
+}
+
+/// What has been measured.
+fn effects(log: &Path) -> Result<Vec<Effect>> {
+    match fs::read_to_string(log) {
+        Ok(text) => Ok(text.lines().map(serde_json::from_str).collect::<std::result::Result<_, _>>()?),
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(Vec::new()),
+        Err(error) => Err(error.into()),
+    }
 }
 
 /// What the command line asks for.
 struct Options {
     runs: Vec<PathBuf>,
     out: PathBuf,
-    only: String,
+    only: Vec<String>,
     last: Stage,
 }
 
 impl Options {
     fn parse() -> Result<Self> {
-        let mut options = Self { runs: Vec::new(), out: PathBuf::new(), only: String::new(), last: Stage::Predict };
+        let mut options = Self { runs: Vec::new(), out: PathBuf::new(), only: Vec::new(), last: Stage::Predict };
         let mut arguments = std::env::args().skip(1);
         while let Some(argument) = arguments.next() {
             match argument.as_str() {
                 "--fill" => options.last = Stage::Fill,
-                "--only" => options.only = arguments.next().ok_or("--only needs a prefix")?,
+                "--only" => options.only.push(arguments.next().ok_or("--only needs a prefix")?),
                 "-o" => options.out = arguments.next().ok_or("-o needs a folder")?.into(),
                 _ => options.runs.push(argument.into()),
             }
@@ -169,15 +187,19 @@ impl Results {
     }
 }
 
-/// Copies the reconstruction of `run` into `folder`, makes the later stages anew with `changes`, and reads their
-/// results.
-fn measure(run: &Path, folder: &Path, changes: &[String], last: Stage) -> Result<Results> {
+/// A run in `folder` with nothing but the reconstruction of `run`.
+fn copy_reconstruction(run: &Path, folder: &Path) -> Result<()> {
     let _ = fs::remove_dir_all(folder);
     copy(&run.join("gaussians"), &folder.join("gaussians"))?;
     fs::create_dir_all(folder.join("stamps"))?;
     for file in ["config.toml", "stamps/reconstruct.json"] {
         fs::copy(run.join(file), folder.join(file))?;
     }
+    Ok(())
+}
+
+/// Makes the stages of the run in `folder` anew that `changes` touch, and reads their results.
+fn measure(folder: &Path, changes: &[String], last: Stage) -> Result<Results> {
     let layers = vec![Layer::from_assignments(changes.iter().map(String::as_str))?];
     let (events, interrupt) = (Events::default(), Interrupt::default());
     Run::open(folder, Access::GoOn, layers, &events, &interrupt)?.bring_up_to_date(last)?;
@@ -219,8 +241,16 @@ fn read<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
     Ok(serde_json::from_slice(&fs::read(path)?)?)
 }
 
-/// A row per number: how far it moves each result at most, in scatters, and which scenes were looked at.
-fn table(effects: &[Effect]) -> String {
+/// What a number moves most, of all scenes and results.
+#[derive(Default)]
+struct Most<'a> {
+    scatters: f64,
+    what: String,
+    scenes: BTreeSet<&'a str>,
+}
+
+/// By number, what it moves most.
+fn moves(effects: &[Effect]) -> BTreeMap<&str, Most<'_>> {
     let mut scatter: BTreeMap<(&str, &str), f64> = BTreeMap::new();
     for effect in effects.iter().filter(|e| e.key == "seed") {
         for (name, value) in &effect.moved {
@@ -228,21 +258,27 @@ fn table(effects: &[Effect]) -> String {
             *largest = largest.max(value.abs());
         }
     }
-    let mut rows: BTreeMap<&str, (f64, String, std::collections::BTreeSet<&str>)> = BTreeMap::new();
+    let mut rows: BTreeMap<&str, Most> = BTreeMap::new();
     for effect in effects.iter().filter(|e| e.key != "seed") {
         let row = rows.entry(effect.key.as_str()).or_default();
-        row.2.insert(effect.scene.as_str());
+        row.scenes.insert(effect.scene.as_str());
         for (name, value) in &effect.moved {
             let one = scatter.get(&(effect.scene.as_str(), name.as_str())).copied().unwrap_or(0.0);
-            let times = if *value == 0.0 { 0.0 } else { value.abs() / one.max(f64::MIN_POSITIVE) };
-            if times > row.0 {
-                (row.0, row.1) = (times, format!("{name} {value:+.3e} on {} ({})", effect.scene, effect.change));
+            let scatters = if *value == 0.0 { 0.0 } else { value.abs() / one.max(f64::MIN_POSITIVE) };
+            if scatters > row.scatters {
+                row.scatters = scatters;
+                row.what = format!("{name} {value:+.3e} on {} ({})", effect.scene, effect.change);
             }
         }
     }
+    rows
+}
+
+/// A row per number: how far it moves each result at most, in scatters, and how many scenes were looked at.
+fn table(effects: &[Effect]) -> String {
     let mut text = String::from("| number | most it moves [scatters] | what | scenes |\n|---|---|---|---|\n");
-    for (key, (times, what, scenes)) in rows {
-        text += &format!("| {key} | {times:.1} | {what} | {} |\n", scenes.len());
+    for (key, most) in moves(effects) {
+        text += &format!("| {key} | {:.1} | {} | {} |\n", most.scatters, most.what, most.scenes.len());
     }
     text
 }
