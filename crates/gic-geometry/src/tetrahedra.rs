@@ -30,7 +30,12 @@ pub struct TetMesh {
 impl TetMesh {
     /// Sum of the volumes [m^3].
     pub fn volume(&self) -> f64 {
-        self.tetrahedra.iter().map(|t| signed_volume(t.map(|i| self.vertices[i as usize]))).sum()
+        self.volumes().sum()
+    }
+
+    /// The volume of each tetrahedron [m^3].
+    pub fn volumes(&self) -> impl Iterator<Item = f64> + '_ {
+        self.tetrahedra.iter().map(|t| signed_volume(t.map(|i| self.vertices[i as usize])))
     }
 
     /// The smallest angle between two faces of one tetrahedron, and the largest [degrees]; (180, 0) without tetrahedra.

@@ -56,7 +56,7 @@ fn every_format_of_a_twin_states_one_mass() {
         assert!(said.contains("of 1.7280 kg"), "{format}: {said}");
         assert!(fs::metadata(case.path(file)).unwrap().len() > 100, "{format}");
     }
-    for beside in ["t.mujoco.py", "t.genesis.py", "t.particles.json"] {
+    for beside in ["t.genesis.py", "t.particles.json"] {
         assert!(case.path(beside).is_file(), "{beside}");
     }
 }

@@ -29,7 +29,7 @@ pub enum Export {
     Glb,
     /// Tetrahedra, Gmsh MSH 2.2.
     Msh,
-    /// A deformable body of MuJoCo 4: elasticity, mass, obstacles; a loader sets the velocity.
+    /// A deformable body of MuJoCo 4: elasticity, mass, velocity, obstacles.
     Mjcf,
     /// An OpenUSD stage with motion: a deformable body of Isaac, material points of Newton, obstacles.
     Usd,
@@ -68,7 +68,6 @@ impl Export {
     /// The files that it writes to `path`; of a folder, the folder.
     pub fn files(self, path: &Path) -> Vec<PathBuf> {
         let beside: &[&str] = match self {
-            Self::Mjcf => &["mujoco.py"],
             Self::Particles => &["particles.json", "genesis.py"],
             _ => &[],
         };
@@ -116,8 +115,8 @@ pub fn export(source: ExportSource, options: ExportOptions, path: &Path) -> Resu
             format!("{}, parameters in {}", particles(&body), parameters.display())
         }
         Export::Mjcf => {
-            let loader = write_mjcf(path, &body, options.approximate)?;
-            format!("a deformable body, which {} loads with its velocity,", loader.display())
+            write_mjcf(path, &body, options.approximate)?;
+            "a deformable body".to_owned()
         }
         Export::Usd => {
             write_usd(path, &body, paint, UsdLook::Surface)?;
