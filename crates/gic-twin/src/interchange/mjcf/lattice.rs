@@ -27,9 +27,9 @@ pub(super) struct Node {
     pub(super) position: DVec3,
     /// What it weighs, with those that ride on it [kg].
     pub(super) mass_kg: f64,
-    /// The node that it rides on; itself where it moves. A node of cells that hold next to nothing rides on the nearest
-    /// that moves, so that what they hold goes with the body: MuJoCo refuses a file in which a node of empty cells moves
-    /// on its own, and what it takes for empty is its own rule.
+    /// The node that it rides on; itself where it moves. A node of cells that hold next to nothing rides on the
+    /// nearest that moves, so that what they hold goes with the body: MuJoCo refuses a file in which a node of empty
+    /// cells moves on its own, and what it takes for empty is its own rule.
     pub(super) carrier: usize,
 }
 
