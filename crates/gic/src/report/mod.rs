@@ -164,12 +164,12 @@ fn remarks(found: &IdentifyRecord) -> Vec<String> {
         }
     }
     remarks.push(format!("Nothing is touched in the first {} frames.", found.free_frames));
-    remarks.push(format!(
-        "The simulated surface lies {:.1} mm from the observed one on average; masks differ in {:.1} % of the object's \
-         pixels.",
-        1e3 * found.chamfer_m,
-        100.0 * found.mask_error
-    ));
+    // Without surfaces in the fit there is no such distance.
+    if found.chamfer_m > 0.0 {
+        let distance_mm = 1e3 * found.chamfer_m;
+        remarks.push(format!("The simulated surface lies {distance_mm:.1} mm from the observed one on average."));
+    }
+    remarks.push(format!("Masks differ in {:.1} % of the object's pixels.", 100.0 * found.mask_error));
     remarks
         .push(format!("{} rollouts were simulated, and {} on a coarse grid.", found.rollouts, found.coarse_rollouts));
     remarks
