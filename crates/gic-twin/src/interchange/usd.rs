@@ -239,7 +239,10 @@ fn shape(obstacle: &Obstacle, side: f64) -> (&'static str, String, DVec3, DQuat)
 
 fn particles(text: &mut String, body: &ExportBody, paint: Option<&Paint>, purpose: &str) {
     let velocities: Vec<DVec3> = body.particles().iter().map(|p| body.velocity_at(*p)).collect();
-    let widths = body.masses_kg().iter().map(|mass| (mass / body.twin().density_kg_m3).cbrt() as f32);
+    // All alike, a share of the body each: with unequal ones Newton's steps end in NaN where the lightest touch first.
+    let count = body.particles().len();
+    let mass = body.mass_kg() / count as f64;
+    let width = (mass / body.twin().density_kg_m3).cbrt();
     let _ = write!(
         text,
         "        def Points \"Particles\" (\n            prepend apiSchemas = [\"MaterialBindingAPI\", \
@@ -247,9 +250,9 @@ fn particles(text: &mut String, body: &ExportBody, paint: Option<&Paint>, purpos
          rel material:binding:physics = </World/Matter>\n            uniform token purpose = \"{purpose}\"\n            \
          float[] physics:masses = {}\n            vector3f[] velocities = {}\n            \
          float[] widths = {}\n",
-        list(body.masses_kg().iter().map(|mass| (*mass as f32).to_string())),
+        list((0..count).map(|_| (mass as f32).to_string())),
         points(&velocities),
-        list(widths.map(|width| width.to_string())),
+        list((0..count).map(|_| (width as f32).to_string())),
     );
     colors(text, body.particles(), paint);
     moving_points(text, body.particles(), &body.motion().frames);
