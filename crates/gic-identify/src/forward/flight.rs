@@ -72,6 +72,6 @@ impl ForwardModel for Flight<'_> {
         let scales = vec![self.input.scales.clone(); positions.len()];
         let outward_displacements = self.shape.outward_displacements(&state.shape);
         let splat_factor = state.splat.exp() as f32;
-        Ok(Trajectories { positions, scales, dilutions: Vec::new(), splat_factor, outward_displacements })
+        Ok(Trajectories { positions, scales, splat_factor, outward_displacements })
     }
 }

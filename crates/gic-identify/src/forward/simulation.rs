@@ -139,7 +139,6 @@ impl ForwardModel for Simulation<'_> {
         let (world, from) = self.world_and_start(state);
         let mut positions = vec![Vec::new(); self.video.frames.len()];
         let mut scales = vec![self.splat_widths.rest_scales().to_vec(); self.video.frames.len()];
-        let mut dilutions = vec![Vec::new(); self.video.frames.len()];
         let single = |p: &DVec3| p.as_vec3().to_array();
         for (o, observed) in self.video.frames.iter().enumerate().take(end) {
             if o < selection.first || observed.simulated_frame > from {
@@ -167,8 +166,7 @@ impl ForwardModel for Simulation<'_> {
                 if frame.index > 0 && o >= selection.first && o < end {
                     positions[o] = frame.positions.iter().map(single).collect();
                     if !self.video.frames[o].views.is_empty() {
-                        dilutions[o] = self.splat_widths.dilutions(&frame.positions);
-                        scales[o] = self.splat_widths.scales(&dilutions[o], state.thinning);
+                        scales[o] = self.splat_widths.scales(&frame.positions);
                     }
                 }
             })?;
@@ -178,6 +176,6 @@ impl ForwardModel for Simulation<'_> {
         }
         let outward_displacements = self.shape.outward_displacements(&state.shape);
         let splat_factor = state.splat.exp() as f32;
-        Ok(Trajectories { positions, scales, dilutions, splat_factor, outward_displacements })
+        Ok(Trajectories { positions, scales, splat_factor, outward_displacements })
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::FitError;
 use crate::forward::footprint::IsotropicGaussians;
-use crate::unknowns::state::{State, Unknown};
+use crate::unknowns::state::State;
 
 /// Positions of all particles [m] at each observation that takes part, and how large they are drawn.
 #[derive(Clone, Debug)]
@@ -11,9 +11,6 @@ pub(crate) struct Trajectories {
     pub positions: Vec<Vec<[f32; 3]>>,
     /// Standard deviations of the particles' Gaussians [m], shape [observations][n].
     pub scales: Vec<Vec<f32>>,
-    /// How much thinner matter is around each particle than at rest: the logarithm of the ratio of densities, shape
-    /// [observations][n]; empty before contact, where nothing thins out.
-    pub dilutions: Vec<Vec<f32>>,
     /// Factor on all of them.
     pub splat_factor: f32,
     /// How far each particle was moved outward at rest by a change of the shape [m], shape [n]; empty for not at all.
@@ -23,17 +20,9 @@ pub(crate) struct Trajectories {
 }
 
 impl Trajectories {
-    /// The same motion, drawn with another value of an unknown of the drawing: `step` more.
-    pub(crate) fn drawn(&self, unknown: Unknown, step: f64) -> Trajectories {
-        let mut drawn = self.clone();
-        if unknown == Unknown::Splat {
-            drawn.splat_factor *= step.exp() as f32;
-        } else {
-            for (scales, dilutions) in drawn.scales.iter_mut().zip(&self.dilutions) {
-                scales.iter_mut().zip(dilutions).for_each(|(scale, dilution)| *scale *= (step as f32 * dilution).exp());
-            }
-        }
-        drawn
+    /// The same motion, drawn with the logarithm of the factor on the standard deviations `step` higher.
+    pub(crate) fn drawn(&self, step: f64) -> Trajectories {
+        Trajectories { splat_factor: self.splat_factor * step.exp() as f32, ..self.clone() }
     }
 
     /// What is drawn at an observation.

@@ -31,7 +31,7 @@ impl Linearisation {
         state: &State,
         trajectories: Trajectories,
     ) -> Result<Linearisation, FitError> {
-        let tangents = Tangents::of_runs(problem, Tangents::runs(problem, state)?, &trajectories);
+        let tangents = Tangents::of_runs(Tangents::runs(problem, state)?, &trajectories);
         Ok(Linearisation { trajectories, tangents, blocks: None })
     }
 
@@ -84,7 +84,7 @@ impl Tangents {
         let (trajectories, runs) =
             rayon::join(|| problem.forward.trajectories(state, &problem.selection), || Tangents::runs(problem, state));
         let trajectories = trajectories?;
-        let tangents = runs.map(|runs| Tangents::of_runs(problem, runs, &trajectories));
+        let tangents = runs.map(|runs| Tangents::of_runs(runs, &trajectories));
         Ok((trajectories, tangents))
     }
 
@@ -123,11 +123,9 @@ impl Tangents {
         problem.unknowns.par_iter().with_max_len(1).map(run).collect()
     }
 
-    fn of_runs(problem: &Problem, runs: Vec<(Option<Trajectories>, f64)>, trajectories: &Trajectories) -> Tangents {
-        let drawn = |((run, step), unknown): ((Option<Trajectories>, f64), &Unknown)| {
-            (run.unwrap_or_else(|| trajectories.drawn(*unknown, step)), step)
-        };
-        let (perturbed, steps) = runs.into_iter().zip(&problem.unknowns).map(drawn).unzip();
+    fn of_runs(runs: Vec<(Option<Trajectories>, f64)>, trajectories: &Trajectories) -> Tangents {
+        let drawn = |(run, step): (Option<Trajectories>, f64)| (run.unwrap_or_else(|| trajectories.drawn(step)), step);
+        let (perturbed, steps) = runs.into_iter().map(drawn).unzip();
         Tangents { perturbed, steps, fresh: true }
     }
 
@@ -170,7 +168,7 @@ impl Tangents {
             trajectories.outward_displacements =
                 sum_of(&new.outward_displacements, &trajectories.outward_displacements, &old.outward_displacements);
             if unknown.is_of_drawing() {
-                *trajectories = new.drawn(*unknown, *step);
+                *trajectories = new.drawn(*step);
             }
         }
         self.fresh = false;

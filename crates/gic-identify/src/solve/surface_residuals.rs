@@ -250,7 +250,6 @@ mod tests {
         Trajectories {
             positions: vec![single(positions)],
             scales: vec![vec![0.005; n]],
-            dilutions: vec![],
             splat_factor: 1.0,
             outward_displacements: vec![],
         }

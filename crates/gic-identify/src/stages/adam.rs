@@ -73,7 +73,7 @@ fn loss_and_gradient(
         let observed = video.frames.iter().find(|observed| observed.simulated_frame == frame.index + from)?;
         let positions: Vec<[f32; 3]> = frame.positions.iter().map(|p| p.as_vec3().to_array()).collect();
         // The widths' own change with the positions is left out of the gradient.
-        let scales = identification.splat_widths.scales(&identification.splat_widths.dilutions(&frame.positions), 0.0);
+        let scales = identification.splat_widths.scales(&frame.positions);
         let (opacities, factor) = (&input.opacities, state.splat.exp() as f32);
         let gaussians = IsotropicGaussians { positions: &positions, opacities, scales: &scales, factor };
         let loss = frame_loss(observed, &identification.comparison, gaussians, true);

@@ -66,7 +66,7 @@ impl<'a> Identification<'a> {
         let mut video = ObservedVideo::new(input, settings.target, &excluded, tuning);
         let comparison = SurfaceComparison::new(input, video.frames[0].surface.as_ref(), tuning);
         let spacing = input.particle_volume_m3.cbrt();
-        let splat_widths = SplatWidths::new(&input.positions, &input.scales, spacing, &tuning.surfaces);
+        let splat_widths = SplatWidths::new(&input.positions, &input.scales, spacing, kind, &tuning.surfaces);
         let shape = ShapeModes::new(input, &tuning.shape, &tuning.surfaces);
         let count = video.frames.len();
         // Until the data's own noise is known.

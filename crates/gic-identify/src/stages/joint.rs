@@ -88,7 +88,7 @@ fn unknowns(identification: &Identification) -> Vec<Unknown> {
     let mut unknowns = identification.free_materials();
     let has_masks = !identification.video.frames[0].views.is_empty();
     if has_masks {
-        unknowns.extend([Unknown::Splat, Unknown::Thinning]);
+        unknowns.push(Unknown::Splat);
     }
     unknowns.extend(&identification.flight.motion);
     unknowns.extend(identification.grounds());
@@ -106,7 +106,6 @@ pub(crate) fn prior(identification: &Identification) -> Prior {
     let tuning = &identification.tuning.joint;
     let deviation = |u: &Unknown| match u {
         Unknown::Splat => tuning.splat_deviation,
-        Unknown::Thinning => tuning.thinning_deviation,
         _ => 1.0,
     };
     let information = DVector::from_iterator(unknowns.len(), unknowns.iter().map(|u| deviation(u).powi(-2)));

@@ -49,7 +49,8 @@ fn coarse_starts(
     let thinned = ThinnedContinuum::new(input, tuning);
     let positions: Vec<DVec3> = thinned.ids.iter().map(|i| input.positions[*i]).collect();
     let spacing = factor * input.particle_volume_m3.cbrt();
-    let splat_widths = SplatWidths::new(&positions, &thinned.scales, spacing, &identification.tuning.surfaces);
+    let splat_widths =
+        SplatWidths::new(&positions, &thinned.scales, spacing, identification.kind, &identification.tuning.surfaces);
     let simulation = Simulation {
         resolution: Resolution {
             thinning: Some(thinned.ids.clone()),

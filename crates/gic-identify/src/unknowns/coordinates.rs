@@ -42,8 +42,6 @@ impl Coordinates<'_> {
             Unknown::Offset(_) => 0.02,
             // A factor of e.
             Unknown::Splat => 1.0,
-            // From a bulk that thins out to a thread.
-            Unknown::Thinning => 1.0,
             // Standard deviations of a fifth of a particle spacing: a cell.
             Unknown::Shape(_) => 10.0,
             // [m]: a cell; [rad]: a cell under a body of ten; a factor of e.

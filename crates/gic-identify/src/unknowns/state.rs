@@ -16,8 +16,6 @@ pub(crate) enum Unknown {
     Offset(usize),
     /// Logarithm of the factor on the Gaussians' standard deviations (a nuisance).
     Splat,
-    /// What is added to the exponent with which Gaussians widen where matter thins out (a nuisance).
-    Thinning,
     /// How far the body differs from its reconstruction along a component of the shape (a nuisance).
     Shape(usize),
     /// What is unknown of the ground, in the order of [`State::ground`].
@@ -27,7 +25,7 @@ pub(crate) enum Unknown {
 impl Unknown {
     /// Whether it changes how particles are drawn, and no motion.
     pub(crate) fn is_of_drawing(self) -> bool {
-        matches!(self, Unknown::Splat | Unknown::Thinning)
+        self == Unknown::Splat
     }
 }
 
@@ -50,8 +48,6 @@ pub(crate) struct State {
     pub offset: DVec3,
     /// Logarithm of the factor on the Gaussians' standard deviations.
     pub splat: f64,
-    /// What is added to the exponent with which Gaussians widen where matter thins out.
-    pub thinning: f64,
     /// Standard deviations along each component of the shape; those that are missing are zero.
     pub shape: Vec<f64>,
     /// How much the ground differs from the given one: higher [m], tilted about two axes in it [rad], and the logarithm
@@ -68,7 +64,6 @@ impl State {
             angular: DVec3::ZERO,
             offset: DVec3::ZERO,
             splat: 0.0,
-            thinning: 0.0,
             shape: Vec::new(),
             ground: [0.0; GROUND_UNKNOWNS],
         }
@@ -81,7 +76,6 @@ impl State {
             Unknown::Angular(a) => self.angular[a],
             Unknown::Offset(a) => self.offset[a],
             Unknown::Splat => self.splat,
-            Unknown::Thinning => self.thinning,
             Unknown::Shape(k) => self.shape.get(k).copied().unwrap_or(0.0),
             Unknown::Ground(k) => self.ground[k],
         }
@@ -94,7 +88,6 @@ impl State {
             Unknown::Angular(a) => self.angular[a] = value,
             Unknown::Offset(a) => self.offset[a] = value,
             Unknown::Splat => self.splat = value,
-            Unknown::Thinning => self.thinning = value,
             Unknown::Ground(k) => self.ground[k] = value,
             Unknown::Shape(k) => {
                 if self.shape.len() <= k {
