@@ -118,6 +118,10 @@ def check_report(browser, path, pictures):
 def check_view(browser, path, pictures):
     page = open_page(browser, path, size=(960, 640))
     canvas = page.locator("#viewer canvas")
+    frame = lambda: int(page.input_value(".frame"))
+    before = frame()
+    page.keyboard.press("ArrowRight")
+    check(frame() == before + 1, "an arrow key does not step before the page is touched")
     options = lambda selector: page.eval_on_selector_all(f"{selector} option", "list => list.map((o) => o.value)")
     check({"stress", "speed"} <= set(options(".mode")), f"meanings of the colours: {options('.mode')}")
     page.select_option(".mode", "stress")
