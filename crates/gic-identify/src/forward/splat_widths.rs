@@ -3,9 +3,9 @@
 //! The outline of a diluted continuum (a sand pile that spread) is that of its density field, not of particles of the
 //! size that they had at rest: with constant widths the re-rendered outline of the given sand scenes shrinks by 10 %
 //! between the first and the last frame, which the friction angle would have to explain. The width follows the local
-//! number density n, relative to the particle's own neighbourhood at rest: `sigma = sigma_0 (n_0 / n)^gamma`. Matter that
-//! holds together thins out as a bulk, alike in all directions, and stays covered with gamma = 1/3. Grains part: a heap
-//! ends in sheets (1/2) and threads (1), and the number is measured.
+//! number density n, relative to the particle's own neighbourhood at rest: `sigma = sigma_0 (n_0 / n)^gamma`. Matter
+//! that holds together thins out as a bulk, alike in all directions, and stays covered with gamma = 1/3. Grains part: a
+//! heap ends in sheets (1/2) and threads (1), and the number is measured.
 
 use gic_geometry::densities;
 use gic_mpm::MaterialKind;
