@@ -3,6 +3,7 @@
 use std::error::Error as StdError;
 
 use gic_mpm::SimulationError;
+use gic_scene::SceneError;
 use gic_twin::TwinError;
 use gic_view::ViewError;
 
@@ -37,7 +38,7 @@ impl Explanation {
             last = cause;
         }
         let is_interrupt = error.chain().any(is_interrupt);
-        let is_usage = error.chain().any(|error| error.downcast_ref::<Error>().is_some_and(Error::is_usage));
+        let is_usage = error.chain().any(is_usage);
         Self { message, causes, hint: error.chain().find_map(hint), is_interrupt, is_usage }
     }
 }
@@ -48,6 +49,12 @@ fn is_interrupt(error: &(dyn StdError + 'static)) -> bool {
         || error.downcast_ref::<TwinError>().is_some_and(TwinError::is_interrupt)
         || error.downcast_ref::<ViewError>().is_some_and(ViewError::is_interrupt)
         || error.downcast_ref::<SimulationError>().is_some_and(|error| *error == SimulationError::Interrupted)
+}
+
+/// Whether the command was wrong, whatever its files hold.
+fn is_usage(error: &(dyn StdError + 'static)) -> bool {
+    error.downcast_ref::<Error>().is_some_and(Error::is_usage)
+        || error.downcast_ref::<SceneError>().is_some_and(|error| matches!(error, SceneError::Setting { .. }))
 }
 
 /// The way out of an error, where it knows one.

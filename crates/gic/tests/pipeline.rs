@@ -67,7 +67,7 @@ fn numbers_out_of_range_are_refused_with_the_range() {
 #[test]
 fn a_camera_that_is_not_there_is_refused_with_those_that_are() {
     let output = gic(&["inspect", &demo(), "--cameras", "0,11"]);
-    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(output.status.code(), Some(2));
     let message = text(&output.stderr);
     assert!(message.contains("= 11: is no camera"), "{message}");
     assert!(message.contains("10 ("), "{message}");
