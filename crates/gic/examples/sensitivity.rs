@@ -8,9 +8,9 @@
 //! on it, with one number changed. What moved is told against today's numbers: volume and overlap with the masks,
 //! parameters (log10 of moduli, viscosities and yield stresses), velocity, and the path of the centre of mass. The
 //! scatter to compare with is what other seeds move, reconstruction included. A number that moves a scene by more than
-//! [`CLEARLY`] scatters is not varied on the scenes after it. `--fill` stops after filling; `--only` takes the numbers
-//! whose keys begin with a PREFIX. A line per change is appended to `OUT/effects.jsonl`; what stands there already is
-//! not measured again, and several of these programs may share it, a scene each.
+//! [`CLEARLY`] scatters is not varied further. `--fill` stops after filling; `--only` takes the numbers whose keys
+//! begin with a PREFIX. A line per change is appended to `OUT/effects.jsonl`; what stands there already is not measured
+//! again, and several of these programs may share it, a scene each.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;

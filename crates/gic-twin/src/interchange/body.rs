@@ -12,7 +12,7 @@ use crate::twin::{MatterSource, Obstacle, ObstacleShape, Twin};
 /// Voxels of the density field to a particle's spacing.
 const VOXELS_PER_SPACING: f64 = 2.0;
 /// Edge of the tetrahedra over the particles' spacing.
-const TETRAHEDRON_EDGE: f64 = 2.0;
+pub(super) const TETRAHEDRON_EDGE: f64 = 2.0;
 /// A mesh's volume is that of the particles to this share.
 const VOLUME_TOLERANCE: f64 = 2e-4;
 /// Halvings of the level at most.
@@ -117,10 +117,11 @@ impl ExportBody {
         self.particles().iter().zip(&self.masses).map(|(p, m)| *p * *m).sum::<DVec3>() / self.mass_kg()
     }
 
-    /// Velocity of a point of the body at time 0 [m/s].
-    pub fn velocity_at(&self, point: DVec3) -> DVec3 {
+    /// Velocity of each point of the body [m] at time 0 [m/s].
+    pub fn velocity_field(&self) -> impl Fn(DVec3) -> DVec3 + use<> {
         let body = &self.world.bodies[0];
-        body.velocity_m_s + body.angular_velocity_rad_s.cross(point - self.centre_of_mass_m())
+        let (velocity, spin, centre) = (body.velocity_m_s, body.angular_velocity_rad_s, self.centre_of_mass_m());
+        move |point| velocity + spin.cross(point - centre)
     }
 
     /// The motion of its particles.
@@ -352,7 +353,7 @@ mod tests {
         let turn = |v: DVec3| DVec3::new(v.x, -v.z, v.y);
         assert_eq!(turned.up(), UpAxis::Z);
         assert!((DVec3::from(turned.twin.gravity_m_s2) - DVec3::NEG_Z * 9.8).length() < 1e-12);
-        assert!((turned.velocity_at(DVec3::ZERO) - turn(plain.velocity_at(DVec3::ZERO))).length() < 1e-12);
+        assert!((turned.velocity_field()(DVec3::ZERO) - turn(plain.velocity_field()(DVec3::ZERO))).length() < 1e-12);
         for (a, b) in plain.particles().iter().zip(turned.particles()) {
             assert!((turn(*a) - *b).length() < 1e-12);
         }

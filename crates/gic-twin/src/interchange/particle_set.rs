@@ -26,7 +26,8 @@ pub fn write_particle_set(path: &Path, body: &ExportBody) -> Result<PathBuf> {
     let n = body.particles().len();
     let flat = |v: glam::DVec3| v.as_vec3().to_array();
     let positions: Vec<f32> = body.particles().iter().flat_map(|p| flat(*p)).collect();
-    let velocities: Vec<f32> = body.particles().iter().flat_map(|p| flat(body.velocity_at(*p))).collect();
+    let velocity_at = body.velocity_field();
+    let velocities: Vec<f32> = body.particles().iter().flat_map(|p| flat(velocity_at(*p))).collect();
     let volume = |mass: &f64| (mass / body.twin().density_kg_m3) as f32;
     let arrays: [(&str, Vec<f32>, &[u64]); 4] = [
         ("positions", positions, &[n as u64, 3]),
@@ -50,8 +51,9 @@ pub fn write_particles_ply(path: &Path, body: &ExportBody) -> Result<()> {
     let comment = format!("gic particles, metres, {} kg", body.mass_kg());
     let properties = ["x", "y", "z", "vx", "vy", "vz", "volume", "mass"].map(PlyProperty::Float);
     let layout = PlyLayout { comment: Some(&comment), properties: &properties, triangles: None };
+    let velocity_at = body.velocity_field();
     let rows = body.particles().iter().zip(body.masses_kg()).map(|(p, mass)| {
-        let v = body.velocity_at(*p);
+        let v = velocity_at(*p);
         [p.x, p.y, p.z, v.x, v.y, v.z, mass / body.twin().density_kg_m3, *mass].map(|value| value as f32)
     });
     Ok(write_ply(path, &layout, rows)?)

@@ -238,7 +238,7 @@ fn shape(obstacle: &Obstacle, side: f64) -> (&'static str, String, DVec3, DQuat)
 }
 
 fn particles(text: &mut String, body: &ExportBody, paint: Option<&Paint>, purpose: &str) {
-    let velocities: Vec<DVec3> = body.particles().iter().map(|p| body.velocity_at(*p)).collect();
+    let velocities: Vec<DVec3> = body.particles().iter().copied().map(body.velocity_field()).collect();
     // All alike, a share of the body each: with unequal ones Newton's steps end in NaN where the lightest touch first.
     let count = body.particles().len();
     let mass = body.mass_kg() / count as f64;
@@ -250,9 +250,9 @@ fn particles(text: &mut String, body: &ExportBody, paint: Option<&Paint>, purpos
          rel material:binding:physics = </World/Matter>\n            uniform token purpose = \"{purpose}\"\n            \
          float[] physics:masses = {}\n            vector3f[] velocities = {}\n            \
          float[] widths = {}\n",
-        list((0..count).map(|_| (mass as f32).to_string())),
+        list(std::iter::repeat_n((mass as f32).to_string(), count)),
         points(&velocities),
-        list((0..count).map(|_| (width as f32).to_string())),
+        list(std::iter::repeat_n((width as f32).to_string(), count)),
     );
     colors(text, body.particles(), paint);
     moving_points(text, body.particles(), &body.motion().frames);
@@ -262,7 +262,7 @@ fn particles(text: &mut String, body: &ExportBody, paint: Option<&Paint>, purpos
 fn volume(text: &mut String, body: &ExportBody, mesh: &TetMesh) {
     let faces = mesh.boundary();
     let tetrahedra = list(mesh.tetrahedra.iter().map(|t| format!("({}, {}, {}, {})", t[0], t[1], t[2], t[3])));
-    let velocities: Vec<DVec3> = mesh.vertices.iter().map(|p| body.velocity_at(*p)).collect();
+    let velocities: Vec<DVec3> = mesh.vertices.iter().copied().map(body.velocity_field()).collect();
     let _ = write!(
         text,
         "\n        def TetMesh \"Volume\" (\n            prepend apiSchemas = [\"MaterialBindingAPI\", \

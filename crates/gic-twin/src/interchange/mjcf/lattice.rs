@@ -78,8 +78,8 @@ impl Lattice {
         let moving: Vec<usize> = (0..moves.len()).filter(|&node| moves[node]).collect();
         for node in 0..self.nodes.len() {
             let distance = |&other: &usize| self.nodes[other].position.distance_squared(self.nodes[node].position);
-            let nearest = moving.iter().copied().min_by(|a, b| distance(a).total_cmp(&distance(b)));
-            self.nodes[node].carrier = if moves[node] { node } else { nearest.unwrap_or(node) };
+            let nearest = || moving.iter().copied().min_by(|a, b| distance(a).total_cmp(&distance(b)));
+            self.nodes[node].carrier = if moves[node] { node } else { nearest().unwrap_or(node) };
         }
     }
 

@@ -9,8 +9,8 @@ use std::path::Path;
 
 use gic_geometry::TetMesh;
 use gic_mpm::Material;
-use glam::DVec3;
 
+use super::body::TETRAHEDRON_EDGE;
 use super::{ExportBody, elastic_solid, is_elastic};
 use crate::atomic;
 use crate::error::Result;
@@ -21,8 +21,6 @@ use obstacle::geom;
 
 /// Least side of a cell over the cube root of the body's volume. Budget: a second of a hard body in ten minutes.
 const LEAST_CELL_SHARE: f64 = 0.15;
-/// Least side of a cell over the particles' spacing. Derived: the edge of a tetrahedron.
-const LEAST_CELL_SPACINGS: f64 = 2.0;
 /// Side of a cell over the depth of the impact. Fitted on: cat, bunny, a ball, a box and elastic_0 of 20 to 100 kPa.
 const CELL_DEPTH_SHARE: f64 = 0.75;
 /// Cells that the fastest wave passes in a time step: steps are implicit and take energy from what moves fast. Fitted
@@ -53,7 +51,8 @@ pub fn write_mjcf(path: &Path, body: &ExportBody, approximate: bool) -> Result<(
     let factor = impact_factor(compression, [young, poisson]);
     // MuJoCo's law turns cells inside out that are much smaller than the depth of the impact.
     let cell = (CELL_DEPTH_SHARE * compression).max(LEAST_CELL_SHARE) * body.volume_m3().cbrt();
-    let cell = cell.max(LEAST_CELL_SPACINGS * body.particle_spacing_m());
+    // A cell holds whole tetrahedra.
+    let cell = cell.max(TETRAHEDRON_EDGE * body.particle_spacing_m());
     let timestep = COURANT_NUMBER * cell / twin.material.wave_speed_m_s(twin.density_kg_m3);
     let lattice = Lattice::around(&mesh, cell, body.mass_kg());
     let mut text = format!(
@@ -120,7 +119,7 @@ fn flex(mesh: &TetMesh, lattice: &Lattice, radius: f64) -> String {
          element=\"{}\">\n",
         joined(lattice.nodes.iter().map(|node| lattice.nodes[node.carrier].name.clone())),
         joined(lattice.nodes.iter().map(|node| triple(from_carrier(node).to_array()))),
-        joined(mesh.vertices.iter().map(|_| "world".to_owned())),
+        joined(std::iter::repeat_n("world".to_owned(), mesh.vertices.len())),
         joined(mesh.vertices.iter().map(|p| format!("{:.7} {:.7} {:.7}", p.x, p.y, p.z))),
         joined(mesh.tetrahedra.iter().flatten().map(ToString::to_string)),
     )
@@ -130,15 +129,14 @@ fn flex(mesh: &TetMesh, lattice: &Lattice, radius: f64) -> String {
 /// to its momentum. Its control is held at 1, which its filter follows within the first step, and then the filter's
 /// state takes away what the motor pulls: an impulse of the momentum. In the keyframe that is past.
 fn throw(body: &ExportBody, lattice: &Lattice, timestep: f64) -> String {
-    let twin = body.twin();
-    let [velocity, spin] = [twin.initial_velocity_m_s, twin.initial_angular_velocity_rad_s].map(DVec3::from);
+    let velocity_at = body.velocity_field();
     let (mut coefficients, mut speeds) = (String::new(), Vec::new());
     for Node { name, position, mass_kg, .. } in lattice.moving() {
-        let v = velocity + spin.cross(*position - body.centre_of_mass_m());
-        for ((axis, _), v) in AXES.into_iter().zip(v.to_array()) {
+        let velocity = velocity_at(*position).to_array();
+        for ((axis, _), v) in AXES.into_iter().zip(velocity) {
             let _ = writeln!(coefficients, "      <joint joint=\"{name}_{axis}\" coef=\"{:.8e}\"/>", mass_kg * v);
         }
-        speeds.push(triple(v.to_array()));
+        speeds.push(triple(velocity));
     }
     let force = 1.0 / timestep;
     format!(
@@ -150,7 +148,7 @@ fn throw(body: &ExportBody, lattice: &Lattice, timestep: f64) -> String {
          qvel=\"{}\"/>\n  </keyframe>\n",
         THROW_SHARE * timestep,
         -force,
-        joined(speeds.into_iter())
+        speeds.join(" ")
     )
 }
 
