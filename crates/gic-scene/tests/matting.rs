@@ -27,14 +27,17 @@ fn measure(scene: &Path, every: usize) -> (f64, f64) {
 /// The film of a ball in a dark laboratory: 256 dithered colours, shadows, a gripper that moves, dark surroundings.
 #[test]
 fn masks_of_a_film_overlap_the_true_ones() {
-    let film = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/film_ball/retimed"));
+    let film = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../../shared/data/film_ball"));
     if !film.is_dir() {
         let _ = writeln!(std::io::stderr(), "SKIPPED: {} is not there", film.display());
         return;
     }
-    let (mean, worst) = measure(film, 1);
-    println!("film_ball: mean {mean:.4}, worst {worst:.4}");
-    assert!(mean >= 0.955 && worst >= 0.92, "mean {mean}, worst {worst}");
+    // The ball put back over its background, and as it was filmed, with the shadow that it throws where it touches.
+    for (version, least_mean, least) in [("retimed", 0.955, 0.92), ("as_filmed", 0.925, 0.79)] {
+        let (mean, worst) = measure(&film.join(version), 1);
+        println!("{version}: mean {mean:.4}, worst {worst:.4}");
+        assert!(mean >= least_mean && worst >= least, "{version}: mean {mean}, worst {worst}");
+    }
 }
 
 fn scenes() -> Vec<std::path::PathBuf> {
@@ -66,6 +69,35 @@ fn masks_of_all_views_overlap_the_true_ones() {
         let (mean, worst) = measure(&scene, 1);
         println!("{}: mean {mean:.4}, worst {worst:.4}", scene.file_name().expect("a name").display());
         assert!(mean >= 0.97, "{}: {mean}", scene.display());
+    }
+}
+
+/// Adds noise of this deviation, the sum of twelve even ones, in whole steps of 8 bits.
+fn with_noise(picture: &Picture, deviation: f32, state: &mut u64) -> Picture {
+    let mut even = || {
+        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (*state >> 40) as f32 / (1 << 24) as f32
+    };
+    let noisy = picture.rgb.iter().map(|value| {
+        let noise = (0..12).map(|_| even()).sum::<f32>() - 6.0;
+        ((value + deviation * noise).clamp(0.0, 1.0) * 255.0).round() / 255.0
+    });
+    Picture { rgb: noisy.collect(), ..*picture }
+}
+
+/// A sensor's noise in picture and background, and a body that is grey in places, as the floor is.
+#[test]
+fn masks_of_noisy_pictures_overlap_the_true_ones() {
+    for scene in scenes().into_iter().filter(|scene| scene.ends_with("bunny_elastic") || scene.ends_with("sand_3")) {
+        let scene = Scene::open(&scene).unwrap_or_else(|error| panic!("{error}"));
+        let mut state = 1;
+        for view in scene.views.iter().step_by(17) {
+            let (picture, truth) = scene.load(view).expect("pixels");
+            let empty = scene.load_background(view.camera).expect("pixels").expect("a background");
+            let [picture, empty] = [&picture, &empty].map(|clean| with_noise(clean, 4.0 / 255.0, &mut state));
+            let overlap = iou(&difference_matte(&picture, &empty), &truth);
+            assert!(overlap >= 0.95, "{}: {overlap}", view.picture.display());
+        }
     }
 }
 
