@@ -38,8 +38,7 @@ pub(super) struct Shade {
 impl Background {
     /// Estimates noise and tint from pixels of a picture and of its background.
     pub(super) fn fit(image: &[[f32; 3]], empty: &[[f32; 3]]) -> Background {
-        let noise = [0, 1, 2].map(|c| noise_of_channel(image, empty, c));
-        let mut model = Background { noise, tint: [1.0; 3], tint_spread: UNKNOWN_TINT_SPREAD };
+        let mut model = Background { noise: noise(image, empty), tint: [1.0; 3], tint_spread: UNKNOWN_TINT_SPREAD };
         for _ in 0..TINT_FITS {
             model = model.refit(image, empty);
         }
@@ -144,6 +143,11 @@ fn add_exponents(a: f32, b: f32) -> f32 {
 
 /// Standard deviations of a normal distribution in its median absolute deviation, inverted.
 const BY_MEDIAN: f32 = 1.4826;
+
+/// Standard deviations of what differs between a picture and its background, for each channel.
+pub(super) fn noise(image: &[[f32; 3]], empty: &[[f32; 3]]) -> [f32; 3] {
+    [0, 1, 2].map(|c| noise_of_channel(image, empty, c))
+}
 
 /// Standard deviation by the difference that a quarter of the pixels exceed: fewer are object. The median would do for
 /// even noise, but codecs leave none in most of a film and a lot in the rest.

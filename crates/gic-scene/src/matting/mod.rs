@@ -7,15 +7,17 @@
 mod background;
 mod colours;
 mod cut;
+mod denoise;
 mod outline;
 mod pixel_set;
 mod tuning;
 
 use rayon::prelude::*;
 
-use self::background::Background;
+use self::background::{Background, noise};
 use self::colours::Colours;
 use self::cut::Grid;
+use self::denoise::denoised;
 use self::outline::Outline;
 use self::pixel_set::PixelSet;
 use crate::picture::{Mask, Picture, PixelBox};
@@ -44,11 +46,11 @@ pub(crate) fn from_white(picture: &Picture, over_white: &Picture) -> Mask {
 /// sum_x -ln p(I(x) | label(x)) + sum_xy contrast(I(x), I(y)) [label(x) != label(y)]
 /// ```
 ///
-/// over neighbours x, y, exactly, as a minimum cut. Noise, the tint of shadows and the object's colours are estimated
-/// from the picture: the noise by what a quarter of the pixels exceed, because fewer are object; the tint from pixels
-/// that are likely in shadow; the colours from the labels of the cut before. Of several regions the one stays that
-/// shows the largest body; small gaps and holes close. Across the outline, coverage a solves I = a F + (1 - a) S with F
-/// the colours just inside and S the background in the shadow just outside.
+/// over neighbours x, y, exactly, as a minimum cut, in pictures without their noise. Noise, the tint of shadows and the
+/// object's colours are estimated from the picture: the noise by what a quarter of the pixels exceed, because fewer are
+/// object; the tint from pixels that are likely in shadow; the colours from the labels of the cut before. Of several
+/// regions the one stays that shows the largest body; small gaps and holes close. Across the outline, coverage a solves
+/// I = a F + (1 - a) S with F the colours just inside and S the background in the shadow just outside.
 pub fn difference_matte(picture: &Picture, background: &Picture) -> Mask {
     difference_matte_within(picture, background, None)
 }
@@ -57,8 +59,10 @@ pub fn difference_matte(picture: &Picture, background: &Picture) -> Mask {
 pub(crate) fn difference_matte_within(picture: &Picture, background: &Picture, window: Option<PixelBox>) -> Mask {
     let (width, height) = (picture.width.min(background.width), picture.height.min(background.height));
     let pixel = |i: usize| (i % width, i / width);
-    let image: Vec<[f32; 3]> = (0..width * height).map(|i| picture.at(pixel(i).0, pixel(i).1)).collect();
-    let empty: Vec<[f32; 3]> = (0..width * height).map(|i| background.at(pixel(i).0, pixel(i).1)).collect();
+    let filmed = [picture, background]
+        .map(|picture| -> Vec<[f32; 3]> { (0..width * height).map(|i| picture.at(pixel(i).0, pixel(i).1)).collect() });
+    let noise = noise(&filmed[0], &filmed[1]);
+    let [image, empty] = filmed.map(|pixels| denoised(&pixels, width, noise));
     let model = Background::fit(&image, &empty);
     let shades = model.shades(&image, &empty);
 
