@@ -142,10 +142,11 @@ impl FreeFlight {
                 break;
             }
             let longer = flight.clone().longer(time - times[0], seen, sought);
-            // Delays and errors of cameras are not known before there are two frames.
-            let noise = if frame == 1 { &longer } else { &flight }.noise_px(seen);
-            if frame > 0 && !noise.is_some_and(|noise| longer.miss_of_newest(seen) <= LARGEST_EXCESS * noise) {
-                break;
+            if frame > 0 {
+                let noise = if flight.is_told() { &flight } else { &longer }.noise_px(seen, sought);
+                if !noise.is_some_and(|noise| longer.miss_of_newest(seen) <= LARGEST_EXCESS * noise) {
+                    break;
+                }
             }
             flight = longer;
         }
@@ -215,11 +216,19 @@ impl FreeFlight {
         rms(&self.misses(moments, &with_newest)).unwrap_or(f64::INFINITY)
     }
 
-    /// How far outlines are from common tangents that no motion could bring nearer, root mean square [pixels].
-    fn noise_px(&self, seen: &Sightings) -> Option<f64> {
+    /// Whether the outlines are more than what is sought.
+    fn is_told(&self) -> bool {
+        self.frames() > 1 && self.spread_px.is_finite()
+    }
+
+    /// How far outlines are from common tangents that no motion could bring nearer, root mean square [pixels]: those of
+    /// a frame, and per degree of freedom where what is sought of the cameras brings them nearer.
+    fn noise_px(&self, seen: &Sightings, sought: Sought) -> Option<f64> {
         let moments = seen.until(self.frames());
         let same_frame = pairs(moments, |a, b| a.frame == b.frame);
-        rms(&self.misses(moments, &same_frame)).map(|miss| miss.hypot(PIXEL_NOISE_PX))
+        let by_cameras = (sought.delays || sought.errors) && self.is_told() && self.miss_px > 0.0;
+        let of_freedom = if by_cameras { self.spread_px / self.miss_px } else { 1.0 };
+        rms(&self.misses(moments, &same_frame)).map(|miss| of_freedom * miss.hypot(PIXEL_NOISE_PX))
     }
 
     /// The flight that takes least of what is sought of the cameras and explains the outlines as well as this one does,

@@ -60,12 +60,13 @@ fn find(times: &[f64], place: impl Fn(f64, DVec3) -> DVec3) -> Option<FreeFlight
 
 /// The same by cameras that are late [s].
 fn find_by_late_cameras(times: &[f64], delays: [f64; 3], place: impl Fn(f64, DVec3) -> DVec3) -> Option<FreeFlight> {
-    find_by(&cameras(), times, delays, place)
+    find_by(&cameras(), None, times, delays, place)
 }
 
-/// The same by cameras that are not as they are stated to be either.
+/// The same by cameras that are not as they are stated to be either, the acceleration known or not.
 fn find_by(
     stated: &[Camera],
+    acceleration: Option<DVec3>,
     times: &[f64],
     delays: [f64; 3],
     place: impl Fn(f64, DVec3) -> DVec3,
@@ -82,7 +83,7 @@ fn find_by(
         };
         Ok::<_, Infallible>(stated.iter().zip(masks).enumerate().map(view).collect())
     };
-    let Ok(found) = FreeFlight::find(times, None, BOTH, views);
+    let Ok(found) = FreeFlight::find(times, acceleration, BOTH, views);
     found
 }
 
@@ -160,7 +161,7 @@ fn cameras_that_are_not_as_stated_are_found_with_the_flight() {
     let errors = ERRORS.map(|numbers| CalibrationError::of_numbers(&numbers));
     let stated: Vec<Camera> = cameras().iter().zip(&errors).map(|(camera, error)| error.mended(camera)).collect();
     for delays in [[0.0; 3], [0.0, 0.025, -0.01]] {
-        let found = find_by(&stated, &times(), delays, |t, p| flown(t, p, SPIN)).expect("it flies");
+        let found = find_by(&stated, None, &times(), delays, |t, p| flown(t, p, SPIN)).expect("it flies");
         let late = found.delays.iter().zip(delays).map(|(found, truth)| 24.0 * (found - truth).abs());
         let late = late.fold(0.0, f64::max);
         let falls = found.acceleration.distance(DVec3::new(0.0, -9.8, 0.0));
@@ -172,6 +173,38 @@ fn cameras_that_are_not_as_stated_are_found_with_the_flight() {
         assert!(found.frames() == 6 && late < 0.02 && focal < 0.005 && falls < 0.2, "{late} {focal} {falls}");
         assert!(found.error_deviations.iter().all(|deviation| deviation.focal < 0.01), "less sure than before");
         assert!(found.miss_px < 0.1, "{} pixels", found.miss_px);
+    }
+}
+
+/// Two frames leave room for many errors, which take so much of the outlines' noise that the third seems to miss them.
+#[test]
+fn all_of_the_flight_is_seen_where_two_frames_do_not_tell_the_errors() {
+    let gravity = Some(DVec3::new(0.0, -9.8, 0.0));
+    let errors = ERRORS.map(|numbers| CalibrationError::of_numbers(&numbers));
+    let stated: Vec<Camera> = cameras().iter().zip(&errors).map(|(camera, error)| error.mended(camera)).collect();
+    for seed in 0..8_u64 {
+        let mut state = seed;
+        let mut noise = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 40) as f64 / f64::from(1 << 23) - 1.0
+        };
+        let views = |frame: usize| {
+            let view = |(index, (camera, seen)): (usize, (&Camera, &Camera))| {
+                let time = times()[frame] + [0.0, 0.025, 0.008][index];
+                // A tenth of a pixel for each ball, as of a mask that was made by difference.
+                let shift = BALLS.map(|_| 5e-4 * DVec3::new(noise(), noise(), noise()));
+                let place = |p: DVec3| {
+                    let ball = BALLS.iter().position(|(centre, _)| *centre == p).expect("a ball");
+                    flown(time, p, SPIN) + shift[ball]
+                };
+                FlightView { index, camera: camera.clone(), lag_s: 0.0, mask: mask(seen, place) }
+            };
+            Ok::<_, Infallible>(stated.iter().zip(&cameras()).enumerate().map(view).collect())
+        };
+        let Ok(found) = FreeFlight::find(&times(), gravity, BOTH, views);
+        let frames = found.map(|found| found.frames()).unwrap_or_default();
+        println!("seed {seed}: {frames} frames");
+        assert!(frames >= 4, "seed {seed}: {frames} frames of six");
     }
 }
 
