@@ -17,6 +17,8 @@ pub struct Checkpoint {
     pub(crate) material: Option<State>,
     /// End of the joint stage.
     pub(crate) joint: Option<State>,
+    /// Other minima that the joint stage found, and by how much more they cost.
+    pub(crate) other_minima: Vec<(f64, State)>,
     /// All steps so far.
     pub(crate) trace: Vec<Step>,
     /// Rollouts so far, on the full and on the coarse grid.

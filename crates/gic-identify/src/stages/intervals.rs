@@ -15,7 +15,9 @@ use crate::solve::problem::Problem;
 use crate::stages::identification::Identification;
 use crate::stages::joint;
 use crate::tuning::NoiseTuning;
-use crate::uncertainty::interval::{covariance, half_width, response, shape_prior_covariance};
+use crate::uncertainty::interval::{
+    covariance, half_width, independent_covariance, response, shape_prior_covariance, tells_apart,
+};
 use crate::unknowns::state::{State, Unknown};
 
 /// Covariance of the joint stage's unknowns.
@@ -24,6 +26,8 @@ pub(crate) struct Uncertainty<'a> {
     unknowns: Vec<Unknown>,
     /// `None` where it could not be measured.
     covariance: Option<DMatrix<f64>>,
+    /// What the covariance would be if all residuals were independent.
+    independent: Option<DMatrix<f64>>,
     /// How far each unknown moves when the simulation grid is refined; `None` where that was not tried.
     refinement_shifts: Option<Vec<f64>>,
 }
@@ -33,6 +37,13 @@ impl Uncertainty<'_> {
     pub(crate) fn half_width(&self, unknown: Unknown) -> Option<f64> {
         let k = self.place(unknown)?;
         self.covariance.as_ref().map(|c| half_width(c[(k, k)], self.tuning))
+    }
+
+    /// Whether the video tells the fit from a minimum that costs so much more, as far as an unknown goes.
+    pub(crate) fn tells_apart(&self, unknown: Unknown, more_cost: f64) -> bool {
+        let variance = |of: &Option<DMatrix<f64>>| Some(of.as_ref()?[(self.place(unknown)?, self.place(unknown)?)]);
+        let known = variance(&self.covariance).zip(variance(&self.independent));
+        known.is_some_and(|(robust, independent)| tells_apart(more_cost, robust, independent, self.tuning))
     }
 
     /// How far an unknown moves when the simulation grid is refined.
@@ -74,7 +85,13 @@ pub(crate) fn uncertainty<'a>(
         Err(reason) => {
             session.warn([format!("no intervals: {reason}")]);
             let tuning = &identification.tuning.noise;
-            Uncertainty { tuning, unknowns: problem.unknowns, covariance: None, refinement_shifts: None }
+            Uncertainty {
+                tuning,
+                unknowns: problem.unknowns,
+                covariance: None,
+                independent: None,
+                refinement_shifts: None,
+            }
         }
     };
     Ok((trajectories, uncertainty))
@@ -103,7 +120,8 @@ fn of_tangents<'a>(
     let nuisances = DMatrix::identity(nuisances, nuisances);
     let covariance = covariance(&blocks, &weights, count, &known, &nuisances, tuning)
         .map(|c| c + shape_prior_covariance(&blocks, &weights, count, &known, &materials, &shapes));
-    Uncertainty { tuning, unknowns: problem.unknowns.clone(), covariance, refinement_shifts }
+    let independent = independent_covariance(&blocks, &weights, count, &known);
+    Uncertainty { tuning, unknowns: problem.unknowns.clone(), covariance, independent, refinement_shifts }
 }
 
 /// The trajectories at `state` on a grid refined by `factor`; `None` where it cannot be simulated there.

@@ -2,6 +2,8 @@
 //!
 //! Errors of free flight and of the shape then do not bias the material, and the intervals know of them. The noise of
 //! the frames after contact is known only once they are explained, so a short fit precedes the weights of the long one.
+//! With another shape another material may explain the video best: the fit starts again from its neighbours where these
+//! cost less than the quadratic model predicts.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -11,12 +13,13 @@ use crate::forward::simulation::Simulation;
 use crate::result::Stage;
 use crate::session::Session;
 use crate::settings::Optimizer;
-use crate::solve::levenberg_marquardt::Limits;
+use crate::solve::levenberg_marquardt::{Fit, Limits};
 use crate::solve::linearisation::Linearisation;
 use crate::solve::objective::Objective;
 use crate::solve::prior::Prior;
 use crate::solve::problem::Problem;
 use crate::stages::identification::Identification;
+use crate::stages::neighbours::neighbouring_start;
 use crate::unknowns::state::{State, Unknown};
 
 /// The end of the joint stage, and the linearisation there where it was measured rather than carried there. The state
@@ -30,11 +33,14 @@ pub(crate) fn fit_jointly(
     start: State,
 ) -> Result<(State, Option<Linearisation>), IdentifyError> {
     // The paper stops after its material stage.
-    let (state, linearisation) = match identification.settings.optimizer {
+    let (state, linearisation, others) = match identification.settings.optimizer {
         Optimizer::LevenbergMarquardt => fit(identification, session, start).map_err(|error| error.of_stage(1))?,
-        Optimizer::Adam => (start, None),
+        Optimizer::Adam => (start, None, Vec::new()),
     };
-    let reached = session.reach(Some(Stage::Joint), |checkpoint| checkpoint.joint = Some(state.clone()));
+    let reached = session.reach(Some(Stage::Joint), |checkpoint| {
+        checkpoint.joint = Some(state.clone());
+        checkpoint.other_minima = others;
+    });
     reached.map_err(|error| error.of_stage(1))?;
     Ok((state, linearisation))
 }
@@ -43,11 +49,11 @@ fn fit(
     identification: &Identification,
     session: &mut Session,
     start: State,
-) -> Result<(State, Option<Linearisation>), FitError> {
+) -> Result<(State, Option<Linearisation>, Vec<(f64, State)>), FitError> {
     let (simulation, prior) = (identification.simulation(), prior(identification));
     let most = identification.settings.iterations;
-    let (mut state, mut known) = (start, None);
-    for iterations in [identification.tuning.descent.short_iterations.min(most), most] {
+    let (mut state, mut known, mut others) = (start, None, Vec::new());
+    for (iterations, is_last) in [(identification.tuning.descent.short_iterations.min(most), false), (most, true)] {
         let problem = problem(identification, &simulation, &prior);
         // Where the first fit ended, its tangents are good enough for weights, and for a first step.
         let mut here = match known {
@@ -60,10 +66,46 @@ fn fit(
         // The cost is in units of chi-squared: what matters is the absolute gain.
         let least_gain = identification.tuning.joint.least_gain;
         let limits = Limits { iterations, gain_tolerance: 0.0, least_gain, secants: true };
-        let fit = session.minimise(Stage::Joint, &problem, (state, Some(here)), limits, &|_| false)?;
+        let mut fit = session.minimise(Stage::Joint, &problem, (state, Some(here)), limits, &|_| false)?;
+        if is_last {
+            (fit, others) = beyond_the_walls(identification, session, &problem, fit, limits)?;
+        }
         (state, known) = (fit.state, Some(fit.linearisation));
     }
-    Ok((state, known.filter(Linearisation::is_fresh)))
+    Ok((state, known.filter(Linearisation::is_fresh), others))
+}
+
+/// The best of `fit` and of fits from neighbours of it, by what changes the motion visibly in each parameter; and the
+/// others, with how much more they cost.
+fn beyond_the_walls(
+    identification: &Identification,
+    session: &mut Session,
+    problem: &Problem,
+    mut fit: Fit,
+    limits: Limits,
+) -> Result<(Fit, Vec<(f64, State)>), FitError> {
+    let (tuning, mut others) = (&identification.tuning.material, Vec::new());
+    let far =
+        |unknown: &Unknown| matches!(unknown, Unknown::Material(_)).then(|| problem.coordinates.largest_step(*unknown));
+    for _ in 0..tuning.most_restarts {
+        let start = neighbouring_start(session, problem, &mut fit, &far, tuning.most_cost_ratio)?;
+        let Some(start) = start else { break };
+        let found = match session.minimise(Stage::Joint, problem, (start, None), limits, &|_| false) {
+            Err(FitError::Interrupted) => return Err(FitError::Interrupted),
+            found => found.ok(),
+        };
+        let Some(mut other) = found else { break };
+        let is_better = other.cost < fit.cost;
+        if is_better {
+            std::mem::swap(&mut fit, &mut other);
+        }
+        others.push((other.cost, other.state));
+        if !is_better {
+            break;
+        }
+    }
+    others.iter_mut().for_each(|(cost, _)| *cost -= fit.cost);
+    Ok((fit, others))
 }
 
 /// The joint stage's search, weighted by the noise of free flight.

@@ -10,11 +10,10 @@ use crate::result::Stage;
 use crate::session::Session;
 use crate::settings::Optimizer;
 use crate::solve::levenberg_marquardt::{Fit, Iterate, Limits};
-use crate::solve::normal_equations::Normal;
-use crate::solve::problem::Problem;
 use crate::stages::adam::adam;
-use crate::stages::candidates::{cheapest, costs, same_minimum};
+use crate::stages::candidates::{cheapest, same_minimum};
 use crate::stages::identification::Identification;
+use crate::stages::neighbours::neighbouring_start;
 use crate::tuning::MaterialTuning;
 use crate::unknowns::state::{State, Unknown};
 use crate::{FitError, IdentifyError};
@@ -155,9 +154,7 @@ impl MaterialStage<'_> {
     }
 
     /// Where a better minimum next to that of `fit` may begin: each parameter of which there are several starts is
-    /// moved by `distance` both ways, the others to where they suit it best. Of those that cost little more than `fit`
-    /// the one counts that costs least in comparison with what the quadratic model predicts. Along a flat direction of
-    /// the same minimum none costs less than that.
+    /// moved by `distance`.
     fn neighbouring_start(
         &self,
         session: &mut Session,
@@ -166,32 +163,7 @@ impl MaterialStage<'_> {
     ) -> Result<Option<State>, FitError> {
         let problem =
             self.identification.material_problem(self.simulation, self.identification.tuning.masks.blur_pooling);
-        let normal = problem.normal(fit.linearisation.blocks(&problem), &fit.state);
-        let (predicted, states): (Vec<f64>, Vec<State>) = (0..problem.unknowns.len())
-            .filter(|k| self.identification.is_varied(&problem.unknowns[*k]))
-            .flat_map(|k| [(k, distance), (k, -distance)])
-            .filter_map(|moved| neighbour(&problem, &normal, fit, moved))
-            .unzip();
-        let costs = costs(session, (self.simulation, problem.objective), &states, &problem.selection)?;
-        let gain = |((cost, predicted), state): ((Result<f64, FitError>, f64), State)| {
-            let most =
-                (predicted - problem.descent.gain_tolerance * fit.cost).min(self.tuning.most_cost_ratio * fit.cost);
-            let cost = cost.ok().filter(|cost| *cost < most)?;
-            Some((predicted - cost, state))
-        };
-        let gains = costs.into_iter().zip(predicted).zip(states).filter_map(gain);
-        Ok(gains.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, state)| state))
+        let far = |unknown: &Unknown| self.identification.is_varied(unknown).then_some(distance);
+        neighbouring_start(session, &problem, fit, &far, self.tuning.most_cost_ratio)
     }
-}
-
-/// The state with the `k`-th unknown moved by `distance`, and what the quadratic model predicts that it costs.
-fn neighbour(problem: &Problem, normal: &Normal, fit: &Fit, (k, distance): (usize, f64)) -> Option<(f64, State)> {
-    let step = normal.step_along(k, distance)?;
-    let short = |(i, unknown): (usize, &Unknown)| {
-        let most = problem.coordinates.largest_step(*unknown);
-        if i == k { step[i] } else { step[i].clamp(-most, most) }
-    };
-    let step: Vec<f64> = problem.unknowns.iter().enumerate().map(short).collect();
-    let (state, delta) = problem.moved(&fit.state, &step);
-    (delta[k] != 0.0).then(|| (fit.cost - normal.predicted_decrease(&delta), state))
 }

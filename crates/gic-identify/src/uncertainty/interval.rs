@@ -38,6 +38,17 @@ pub(crate) fn covariance(
     covariance.iter().all(|entry| entry.is_finite()).then_some(covariance)
 }
 
+/// Covariance of the first `unknowns` columns if all residuals were independent: the textbook's.
+pub(crate) fn independent_covariance(
+    blocks: &[ResidualBlock],
+    weights: &Weights,
+    unknowns: usize,
+    known: &DMatrix<f64>,
+) -> Option<DMatrix<f64>> {
+    let total = Normal::sum(blocks, weights, blocks.first()?.gradient.len());
+    regularised_inverse(&with_prior(&total.hessian, unknowns, known))
+}
+
 /// Covariance of the first `unknowns` columns, nonzero for `materials`, from the whole prior (unit variances) of those
 /// in `shapes`, as if the data did not narrow it.
 ///
@@ -89,6 +100,19 @@ fn with_prior(hessian: &DMatrix<f64>, unknowns: usize, known: &DMatrix<f64>) -> 
 /// Half-width of the 95 % interval for a variance.
 pub(crate) fn half_width(variance: f64, tuning: &NoiseTuning) -> f64 {
     tuning.student_t * variance.max(0.0).sqrt()
+}
+
+/// Whether the residuals tell a fit from a minimum that costs `more`, as far as an unknown goes with this `robust`
+/// variance, and this one if they were `independent`: the likelihood ratio, in units in which it is chi-squared although
+/// they are not (Rotnitzky and Jewell 1990).
+pub(crate) fn tells_apart(more: f64, robust: f64, independent: f64, tuning: &NoiseTuning) -> bool {
+    2.0 * more * independent >= tuning.student_t.powi(2) * robust
+}
+
+/// The interval about a value and those about the same unknown's values in other minima, as one.
+pub(crate) fn united(value: f64, half_width: f64, others: &[f64]) -> (f64, f64) {
+    let (low, high) = others.iter().fold((value, value), |(low, high), other| (low.min(*other), high.max(*other)));
+    (low - half_width, high + half_width)
 }
 
 /// The weighted gradients of whole groups of blocks, in the order of the groups' keys.
@@ -161,6 +185,19 @@ mod tests {
             |weights: &Weights| covariance(&blocks, weights, 1, &none, &none, &NoiseTuning::default()).unwrap()[(0, 0)];
         let wider = Weights { error_inflation: vec![3.0; 8], ..weights.clone() };
         assert!((variance(&wider) / variance(&weights) - 9.0).abs() < 1e-9);
+    }
+
+    /// Of a quadratic cost with curvature h, what lies outside the robust interval is told from the minimum, and what
+    /// lies inside is not.
+    #[test]
+    fn a_minimum_is_told_apart_where_it_lies_outside_of_the_interval() {
+        let (tuning, curvature, robust) = (NoiseTuning::default(), 40.0, 1.7);
+        for (share, is_told) in [(0.9, false), (1.1, true)] {
+            let away = share * half_width(robust, &tuning);
+            assert_eq!(tells_apart(0.5 * curvature * away * away, robust, 1.0 / curvature, &tuning), is_told);
+        }
+        assert_eq!(united(2.0, 0.5, &[]), (1.5, 2.5));
+        assert_eq!(united(2.0, 0.5, &[1.0, 2.2, 3.0]), (0.5, 3.5));
     }
 
     /// A line y = a + b x seen by 11 "cameras" in 14 "frames" with errors that are common to a camera: the nominal 95 %
