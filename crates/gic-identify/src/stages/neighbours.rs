@@ -11,9 +11,9 @@ use crate::solve::problem::Problem;
 use crate::unknowns::state::{State, Unknown};
 
 /// Where a better minimum next to that of `fit` may begin. Each unknown is moved both ways, as far as `far` says, the
-/// others to where they suit it best. Of those that cost at most `most_cost_ratio` times as much as `fit` the one counts
-/// that costs least in comparison with what the quadratic model predicts. Along a flat direction of the same minimum
-/// none costs less than that.
+/// others to where they suit it best. Of those that cost at most `most_cost_ratio` times as much as `fit` the one
+/// counts that costs least in comparison with what the quadratic model predicts. Along a flat direction of the same
+/// minimum none costs less than that.
 ///
 /// # Errors
 /// Interruption.

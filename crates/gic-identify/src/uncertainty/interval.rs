@@ -103,8 +103,8 @@ pub(crate) fn half_width(variance: f64, tuning: &NoiseTuning) -> f64 {
 }
 
 /// Whether the residuals tell a fit from a minimum that costs `more`, as far as an unknown goes with this `robust`
-/// variance, and this one if they were `independent`: the likelihood ratio, in units in which it is chi-squared although
-/// they are not (Rotnitzky and Jewell 1990).
+/// variance, and this one if they were `independent`: the likelihood ratio, in units in which it is chi-squared
+/// although they are not (Rotnitzky and Jewell 1990).
 pub(crate) fn tells_apart(more: f64, robust: f64, independent: f64, tuning: &NoiseTuning) -> bool {
     2.0 * more * independent >= tuning.student_t.powi(2) * robust
 }
