@@ -48,8 +48,7 @@ impl Run<'_> {
         }
         let (obstacles, ground) = match (self.scene.world.ground, seen) {
             (Some(plane), _) => {
-                let deviation = self.scene.world.ground_deviation_m;
-                let doubt = (deviation > 0.0).then(|| self.doubt(deviation));
+                let doubt = self.doubt(self.scene.world.ground_deviation_m);
                 (self.floor(plane.point.into(), plane.normal.into()), doubt)
             }
             (None, Some(seen)) => self.guessed_floor(&seen),
@@ -91,13 +90,13 @@ impl Run<'_> {
             2e3 * height_m
         );
         self.events.warn(Stage::Identify.name(), text);
-        (self.floor(point, normal), Some(self.doubt(height_m)))
+        (self.floor(point, normal), self.doubt(height_m))
     }
 
-    /// How well a floor is known whose height is known to `height_m` [m].
-    fn doubt(&self, height_m: f64) -> GroundDoubt {
-        let (tilt_rad, log_friction) = if self.is_film() { (FILMED_TILT_RAD, FILMED_LOG_FRICTION) } else { (0.0, 0.0) };
-        GroundDoubt { collider: 0, height_m, tilt_rad, log_friction }
+    /// How well a floor is known whose height is known to `height_m` [m]; `None` where it is exact.
+    fn doubt(&self, height_m: f64) -> Option<GroundDoubt> {
+        let has_real_cameras = !self.scene.delays_s.is_empty() || !self.scene.calibration_errors.is_empty();
+        ground_doubt(height_m, self.is_film(), has_real_cameras)
     }
 
     /// Whether the scene was filmed, and not rendered by a suite whose files say what the ground is.
@@ -116,6 +115,14 @@ impl Run<'_> {
     }
 }
 
+/// The doubt of a floor. Where cameras lag or are not as stated, somebody filmed, whatever the format: then a floor
+/// whose height is known is not quite level either.
+fn ground_doubt(height_m: f64, is_film: bool, has_real_cameras: bool) -> Option<GroundDoubt> {
+    let tilt_rad = if is_film || has_real_cameras { FILMED_TILT_RAD } else { 0.0 };
+    let log_friction = if is_film { FILMED_LOG_FRICTION } else { 0.0 };
+    (height_m > 0.0 || has_real_cameras).then_some(GroundDoubt { collider: 0, height_m, tilt_rad, log_friction })
+}
+
 /// The obstacles as the fit moved them.
 pub(super) fn as_fitted(mut obstacles: Vec<Obstacle>, fitted: &[Collider]) -> Vec<Obstacle> {
     for (obstacle, collider) in obstacles.iter_mut().zip(fitted) {
@@ -131,4 +138,18 @@ pub(super) fn as_fitted(mut obstacles: Vec<Obstacle>, fitted: &[Collider]) -> Ve
         }
     }
     obstacles
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_filmed_has_a_floor_that_may_slope() {
+        assert_eq!(ground_doubt(0.0, false, false), None, "a suite states its floor");
+        let tilt = |doubt: Option<GroundDoubt>| doubt.expect("in doubt").tilt_rad;
+        assert_eq!(tilt(ground_doubt(0.01, false, false)), 0.0, "of a suite only the height");
+        assert!(tilt(ground_doubt(0.0, false, true)) > 0.0, "cameras that lag are real");
+        assert!(ground_doubt(0.01, true, false).is_some_and(|doubt| doubt.tilt_rad > 0.0 && doubt.log_friction > 0.0));
+    }
 }
