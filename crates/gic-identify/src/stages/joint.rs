@@ -22,6 +22,9 @@ use crate::stages::identification::Identification;
 use crate::stages::neighbours::neighbouring_start;
 use crate::unknowns::state::{State, Unknown};
 
+/// Minima that were left for a better one, and those that a fit from a neighbour found, with how much more they cost.
+type OtherMinima = Vec<(f64, State)>;
+
 /// The end of the joint stage, and the linearisation there where it was measured rather than carried there. The state
 /// goes into the checkpoint.
 ///
@@ -49,7 +52,7 @@ fn fit(
     identification: &Identification,
     session: &mut Session,
     start: State,
-) -> Result<(State, Option<Linearisation>, Vec<(f64, State)>), FitError> {
+) -> Result<(State, Option<Linearisation>, OtherMinima), FitError> {
     let (simulation, prior) = (identification.simulation(), prior(identification));
     let most = identification.settings.iterations;
     let (mut state, mut known, mut others) = (start, None, Vec::new());
@@ -83,8 +86,8 @@ fn beyond_the_walls(
     problem: &Problem,
     mut fit: Fit,
     limits: Limits,
-) -> Result<(Fit, Vec<(f64, State)>), FitError> {
-    let (tuning, mut others) = (&identification.tuning.material, Vec::new());
+) -> Result<(Fit, OtherMinima), FitError> {
+    let (tuning, mut others) = (&identification.tuning.material, OtherMinima::new());
     let far =
         |unknown: &Unknown| matches!(unknown, Unknown::Material(_)).then(|| problem.coordinates.largest_step(*unknown));
     for _ in 0..tuning.most_restarts {
