@@ -10,8 +10,7 @@ use rayon::prelude::*;
 
 use super::tuning::{
     FEWEST_SHADOW_PIXELS, MAX_SHADOW_DEPTH, MIN_NOISE, MIN_SHADOW_DEPTH, MIN_TINT_SPREAD, MOST_TINT, OBJECT_SHARE,
-    REFLECTED_LIGHT, SHADOW_SHARE, STRAY_SHARE, TELLING_DEPTH, TINT_FITS, TINT_SPREAD_HALVINGS, UNKNOWN_TINT_SPREAD,
-    USUAL_TINT_SPREAD,
+    REFLECTED_LIGHT, SHADOW_SHARE, STRAY_SHARE, TELLING_DEPTH, TINT_FITS, UNKNOWN_TINT_SPREAD, USUAL_TINT_SPREAD,
 };
 
 /// What makes up the difference between a picture and its background, where nothing stands in front.
@@ -101,38 +100,19 @@ impl Background {
         });
         let mean = tint.iter().sum::<f32>() / 3.0;
         let tint = tint.map(|d| d / mean);
-        let mut residuals: Vec<Residual> = Vec::new();
+        // The spread with which each residual is one median absolute deviation of noise and spread together: half of
+        // the residuals are within that of their median.
+        let mut spreads: Vec<f32> = Vec::new();
         for (depth, image, empty) in &shadows {
             for c in 0..3 {
-                let size = (image[c] - empty[c] * (1.0 - depth * tint[c])).abs();
-                residuals.push(Residual { size, taken: depth * empty[c], noise: self.noise[c] });
+                let residual = BY_MEDIAN * (image[c] - empty[c] * (1.0 - depth * tint[c]));
+                let beyond_noise = (residual * residual - self.noise[c] * self.noise[c]).max(0.0).sqrt();
+                spreads.push(beyond_noise / (depth * empty[c]).max(MIN_NOISE));
             }
         }
-        let tint_spread = spread_beyond_noise(&residuals);
+        let tint_spread = quantile(spreads, 0.5).clamp(MIN_TINT_SPREAD, UNKNOWN_TINT_SPREAD);
         Background { noise: self.noise, tint, tint_spread }
     }
-}
-
-/// By how much a channel of a pixel in shadow differs from what the tint says.
-struct Residual {
-    size: f32,
-    /// What the shadow takes.
-    taken: f32,
-    noise: f32,
-}
-
-/// The spread s of the tint by which half of the residuals, of variance noise^2 + (s taken)^2, are within a normal
-/// distribution's median absolute deviation.
-fn spread_beyond_noise(residuals: &[Residual]) -> f32 {
-    let is_within =
-        |residual: &&Residual, spread: f32| BY_MEDIAN * residual.size < residual.noise.hypot(spread * residual.taken);
-    let (mut low, mut high) = (MIN_TINT_SPREAD, UNKNOWN_TINT_SPREAD);
-    for _ in 0..TINT_SPREAD_HALVINGS {
-        let middle = 0.5 * (low + high);
-        let within = residuals.iter().filter(|residual| is_within(residual, middle)).count();
-        *(if 2 * within < residuals.len() { &mut low } else { &mut high }) = middle;
-    }
-    0.5 * (low + high)
 }
 
 /// ln(e^a + e^b).

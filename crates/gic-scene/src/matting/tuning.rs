@@ -33,8 +33,6 @@ pub(super) const MOST_TINT: f32 = 0.2;
 /// Rounds of fitting the tint and the object's colours. Budget: further ones change few pixels.
 pub(super) const TINT_FITS: usize = 5;
 pub(super) const COLOUR_FITS: usize = 3;
-/// Halvings of the range of the tint's spread. Derived: it is then known to a thousandth of its least.
-pub(super) const TINT_SPREAD_HALVINGS: usize = 12;
 /// Pixels of the background that do anything. Derived: no pixel is worth more than 7 of its neighbours' doubts.
 pub(super) const STRAY_SHARE: f32 = 1e-3;
 /// Share of pixels that the object covers, before it is known. Derived: the order of magnitude of filmed objects.
