@@ -3,11 +3,7 @@
 use rayon::prelude::*;
 
 use crate::FitError;
-use crate::forward::simulation::Simulation;
-use crate::forward::trajectories::ForwardModel;
-use crate::forward::trajectories::FrameSelection;
 use crate::session::Session;
-use crate::solve::objective::Objective;
 use crate::unknowns::parameter::Parameter;
 use crate::unknowns::state::State;
 
@@ -17,17 +13,13 @@ use crate::unknowns::state::State;
 /// Interruption.
 pub(crate) fn costs(
     session: &mut Session,
-    (simulation, objective): (&Simulation, Objective),
     states: &[State],
-    selection: &FrameSelection,
+    cost: impl Fn(&State) -> Result<f64, FitError> + Sync,
 ) -> Result<Vec<Result<f64, FitError>>, FitError> {
     let mut costs = Vec::new();
     // The work may be stopped after each batch.
     for batch in states.chunks(rayon::current_num_threads()) {
-        let cost = |state| {
-            simulation.trajectories(state, selection).map(|trajectories| objective.cost(&trajectories, selection))
-        };
-        costs.extend(batch.par_iter().with_max_len(1).map(cost).collect::<Vec<_>>());
+        costs.extend(batch.par_iter().with_max_len(1).map(&cost).collect::<Vec<_>>());
         session.pause()?;
     }
     Ok(costs)

@@ -12,7 +12,6 @@ use crate::solve::linearisation::Linearisation;
 use crate::solve::loss::mean_loss;
 use crate::stages::identification::Identification;
 use crate::stages::intervals::{Uncertainty, flight_half_width, uncertainty};
-use crate::uncertainty::interval::united;
 use crate::uncertainty::verdicts;
 use crate::unknowns::state::{State, Unknown};
 use crate::{GroundEstimate, IdentifyError, Parameter};
@@ -54,8 +53,7 @@ pub(crate) fn with_intervals(
     let parameters = identification.parameters().iter().zip(&state.material).enumerate();
     let estimates = parameters
         .map(|(i, (p, coordinate))| {
-            let others = other_values(session, &uncertainty, i);
-            let estimate = estimate(identification, (i, p), *coordinate, Some((&uncertainty, &others)));
+            let estimate = estimate(identification, (i, p), *coordinate, Some(&uncertainty));
             Estimate { identifiable: estimate.identifiable && is_explained, ..estimate }
         })
         .collect();
@@ -105,31 +103,20 @@ fn velocity_half_width(identification: &Identification, joint: Option<&Uncertain
     Some(DVec3::new(of_axis(0)?, of_axis(1)?, of_axis(2)?))
 }
 
-/// Coordinates of a material parameter in minima that the video does not tell from the fit.
-fn other_values(session: &Session, uncertainty: &Uncertainty, parameter: usize) -> Vec<f64> {
-    let minima = session.checkpoint().other_minima.iter();
-    let alike = minima.filter(|(more_cost, _)| !uncertainty.tells_apart(Unknown::Material(parameter), *more_cost));
-    alike.map(|(_, state)| state.material[parameter]).collect()
-}
-
 fn estimate(
     identification: &Identification,
     (i, p): (usize, &Parameter),
     coordinate: f64,
-    uncertainty: Option<(&Uncertainty, &[f64])>,
+    uncertainty: Option<&Uncertainty>,
 ) -> Estimate {
     let value = p.value(coordinate);
     let fixed = identification.settings.fixed_value(p).is_some();
     let (low, high) = p.limits();
-    let half_width = uncertainty.and_then(|(all, _)| all.half_width(Unknown::Material(i)));
-    let shift = uncertainty.and_then(|(all, _)| all.refinement_shift(Unknown::Material(i)));
-    let interval = match half_width {
+    let interval = uncertainty.and_then(|all| all.interval(Unknown::Material(i), coordinate));
+    let shift = uncertainty.and_then(|all| all.refinement_shift(Unknown::Material(i)));
+    let interval = match interval {
         _ if fixed => (value, value),
-        Some(half) => {
-            let others = uncertainty.map(|(_, others)| others).unwrap_or_default();
-            let (from, to) = united(coordinate, half, others);
-            (p.value(from.max(low)), p.value(to.min(high)))
-        }
+        Some((from, to)) => (p.value(from.max(low)), p.value(to.min(high))),
         None => p.bounds,
     };
     let at_bound = !fixed && identification.coordinates().is_at_limit(i, coordinate);

@@ -16,7 +16,7 @@ use crate::stages::identification::Identification;
 use crate::stages::joint;
 use crate::tuning::NoiseTuning;
 use crate::uncertainty::interval::{
-    covariance, half_width, independent_covariance, response, shape_prior_covariance, tells_apart,
+    covariance, half_width, independent_covariance, response, shape_prior_covariance, tells_apart, united,
 };
 use crate::unknowns::state::{State, Unknown};
 
@@ -28,6 +28,8 @@ pub(crate) struct Uncertainty<'a> {
     covariance: Option<DMatrix<f64>>,
     /// What the covariance would be if all residuals were independent.
     independent: Option<DMatrix<f64>>,
+    /// Other minima, and by how much more they cost.
+    other_minima: Vec<(f64, State)>,
     /// How far each unknown moves when the simulation grid is refined; `None` where that was not tried.
     refinement_shifts: Option<Vec<f64>>,
 }
@@ -39,8 +41,17 @@ impl Uncertainty<'_> {
         self.covariance.as_ref().map(|c| half_width(c[(k, k)], self.tuning))
     }
 
+    /// The 95 % interval about an unknown's coordinate, with those about other minima that the video does not tell from
+    /// the fit.
+    pub(crate) fn interval(&self, unknown: Unknown, coordinate: f64) -> Option<(f64, f64)> {
+        let half_width = self.half_width(unknown)?;
+        let alike = self.other_minima.iter().filter(|(more_cost, _)| !self.tells_apart(unknown, *more_cost));
+        let others: Vec<f64> = alike.map(|(_, state)| state.get(unknown)).collect();
+        Some(united(coordinate, half_width, &others))
+    }
+
     /// Whether the video tells the fit from a minimum that costs so much more, as far as an unknown goes.
-    pub(crate) fn tells_apart(&self, unknown: Unknown, more_cost: f64) -> bool {
+    fn tells_apart(&self, unknown: Unknown, more_cost: f64) -> bool {
         let variance = |of: &Option<DMatrix<f64>>| Some(of.as_ref()?[(self.place(unknown)?, self.place(unknown)?)]);
         let known = variance(&self.covariance).zip(variance(&self.independent));
         known.is_some_and(|(robust, independent)| tells_apart(more_cost, robust, independent, self.tuning))
@@ -81,7 +92,10 @@ pub(crate) fn uncertainty<'a>(
     let (trajectories, tangents) = measured?;
     session.pause()?;
     let uncertainty = match tangents {
-        Ok(tangents) => of_tangents(identification, (&problem, &prior), &trajectories, tangents, refined),
+        Ok(tangents) => Uncertainty {
+            other_minima: session.checkpoint().other_minima.clone(),
+            ..of_tangents(identification, (&problem, &prior), &trajectories, tangents, refined)
+        },
         Err(reason) => {
             session.warn([format!("no intervals: {reason}")]);
             let tuning = &identification.tuning.noise;
@@ -90,6 +104,7 @@ pub(crate) fn uncertainty<'a>(
                 unknowns: problem.unknowns,
                 covariance: None,
                 independent: None,
+                other_minima: Vec::new(),
                 refinement_shifts: None,
             }
         }
@@ -121,7 +136,14 @@ fn of_tangents<'a>(
     let covariance = covariance(&blocks, &weights, count, &known, &nuisances, tuning)
         .map(|c| c + shape_prior_covariance(&blocks, &weights, count, &known, &materials, &shapes));
     let independent = independent_covariance(&blocks, &weights, count, &known);
-    Uncertainty { tuning, unknowns: problem.unknowns.clone(), covariance, independent, refinement_shifts }
+    Uncertainty {
+        tuning,
+        unknowns: problem.unknowns.clone(),
+        covariance,
+        independent,
+        other_minima: Vec::new(),
+        refinement_shifts,
+    }
 }
 
 /// The trajectories at `state` on a grid refined by `factor`; `None` where it cannot be simulated there.

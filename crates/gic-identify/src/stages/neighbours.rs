@@ -1,13 +1,12 @@
 //! Over the walls of a local minimum: a parameter is moved far, the others follow the quadratic model. Where that costs
 //! less than the model says, another minimum may begin.
 
-use rayon::prelude::*;
-
 use crate::FitError;
 use crate::session::Session;
 use crate::solve::levenberg_marquardt::Fit;
 use crate::solve::normal_equations::Normal;
 use crate::solve::problem::Problem;
+use crate::stages::candidates::costs;
 use crate::unknowns::state::{State, Unknown};
 
 /// Where a better minimum next to that of `fit` may begin. Each unknown is moved both ways, as far as `far` says, the
@@ -26,28 +25,19 @@ pub(crate) fn neighbouring_start(
 ) -> Result<Option<State>, FitError> {
     let normal = problem.normal(fit.linearisation.blocks(problem), &fit.state);
     let moves = problem.unknowns.iter().enumerate().filter_map(|(k, unknown)| Some((k, far(unknown)?)));
-    let neighbours: Vec<(f64, State)> = moves
+    let (predicted, states): (Vec<f64>, Vec<State>) = moves
         .flat_map(|(k, distance)| [(k, distance), (k, -distance)])
         .filter_map(|moved| neighbour(problem, &normal, fit, moved))
-        .collect();
-    let mut best: Option<(f64, State)> = None;
-    // The work may be stopped after each batch.
-    for batch in neighbours.chunks(rayon::current_num_threads()) {
-        let cost = |(_, state): &(f64, State)| {
-            let trajectories = problem.forward.trajectories(state, &problem.selection).ok()?;
-            Some(problem.cost(state, &trajectories))
-        };
-        let costs: Vec<Option<f64>> = batch.par_iter().with_max_len(1).map(cost).collect();
-        for ((predicted, state), cost) in batch.iter().zip(costs) {
-            let most = (predicted - problem.descent.gain_tolerance * fit.cost).min(most_cost_ratio * fit.cost);
-            let Some(gain) = cost.filter(|cost| *cost < most).map(|cost| predicted - cost) else { continue };
-            if best.as_ref().is_none_or(|(least, _)| gain >= *least) {
-                best = Some((gain, state.clone()));
-            }
-        }
-        session.pause()?;
-    }
-    Ok(best.map(|(_, state)| state))
+        .unzip();
+    let cost = |state: &State| Ok(problem.cost(state, &problem.forward.trajectories(state, &problem.selection)?));
+    let costs = costs(session, &states, cost)?;
+    let gain = |((cost, predicted), state): ((Result<f64, FitError>, f64), State)| {
+        let most = (predicted - problem.descent.gain_tolerance * fit.cost).min(most_cost_ratio * fit.cost);
+        let cost = cost.ok().filter(|cost| *cost < most)?;
+        Some((predicted - cost, state))
+    };
+    let gains = costs.into_iter().zip(predicted).zip(states).filter_map(gain);
+    Ok(gains.max_by(|a, b| a.0.total_cmp(&b.0)).map(|(_, state)| state))
 }
 
 /// The state with the `k`-th unknown moved by `distance`, and what the quadratic model predicts that it costs.

@@ -9,6 +9,7 @@ use glam::DVec3;
 use crate::forward::simulation::{Resolution, Simulation};
 use crate::forward::splat_widths::SplatWidths;
 use crate::forward::thinned::ThinnedContinuum;
+use crate::forward::trajectories::ForwardModel;
 use crate::result::Stage;
 use crate::session::Session;
 use crate::solve::levenberg_marquardt::Limits;
@@ -69,7 +70,9 @@ fn coarse_starts(
     let problem = identification.material_problem(&simulation, identification.tuning.masks.blur_pooling);
     let unknowns = problem.unknowns.iter().copied().filter(is_varied).collect();
     let problem = Problem { objective, unknowns, ..problem };
-    let costs = costs(session, (&simulation, objective), candidates, &problem.selection)?;
+    let costs = costs(session, candidates, |state| {
+        Ok(objective.cost(&simulation.trajectories(state, &problem.selection)?, &problem.selection))
+    })?;
     let ranked = ranked(costs.iter().cloned(), candidates);
     let mut found = improved(session, &problem, &ranked, tuning)?;
     found.extend(ranked.iter().take(tuning.full_grid_points).map(|(cost, state)| (*cost, (*state).clone())));
@@ -112,7 +115,9 @@ fn rank_on_full_grid(
     }
     let (simulation, selection) =
         (identification.simulation(), identification.touched_frames(identification.tuning.masks.blur_pooling));
-    let costs = costs(session, (&simulation, identification.objective()), &distinct, &selection)?;
+    let objective = identification.objective();
+    let cost = |state: &State| Ok(objective.cost(&simulation.trajectories(state, &selection)?, &selection));
+    let costs = costs(session, &distinct, cost)?;
     let ranked = ranked(costs.iter().cloned(), distinct);
     if ranked.is_empty() {
         return Err(costs.into_iter().find_map(Result::err).unwrap_or(FitError::NoIteration));

@@ -27,7 +27,7 @@ pub(crate) fn covariance(
 ) -> Option<DMatrix<f64>> {
     let columns = blocks.first()?.gradient.len();
     let total = Normal::sum(blocks, weights, columns);
-    let inverse = regularised_inverse(&with_prior(&total.hessian, unknowns, known))?;
+    let inverse = inverse_curvature(&total, unknowns, known)?;
     let mut middle = if known.is_empty() { DMatrix::zeros(unknowns, unknowns) } else { known.clone() };
     let weight = |c: &ResidualBlock| weights.of_errors(c);
     middle += scatter(&groups(blocks, &weight, unknowns, &|c| c.camera.unwrap_or(usize::MAX)), 0);
@@ -46,6 +46,10 @@ pub(crate) fn independent_covariance(
     known: &DMatrix<f64>,
 ) -> Option<DMatrix<f64>> {
     let total = Normal::sum(blocks, weights, blocks.first()?.gradient.len());
+    inverse_curvature(&total, unknowns, known)
+}
+
+fn inverse_curvature(total: &Normal, unknowns: usize, known: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     regularised_inverse(&with_prior(&total.hessian, unknowns, known))
 }
 
@@ -87,7 +91,7 @@ pub(crate) fn response(
     other: usize,
 ) -> Option<Vec<f64>> {
     let total = Normal::sum(blocks, weights, blocks.first()?.gradient.len());
-    let inverse = regularised_inverse(&with_prior(&total.hessian, unknowns, known))?;
+    let inverse = inverse_curvature(&total, unknowns, known)?;
     let cross: DVector<f64> = total.hessian.view((0, other), (unknowns, 1)).column(0).into_owned();
     Some((inverse * -cross).iter().copied().collect())
 }

@@ -60,13 +60,12 @@ fn find(times: &[f64], place: impl Fn(f64, DVec3) -> DVec3) -> Option<FreeFlight
 
 /// The same by cameras that are late [s].
 fn find_by_late_cameras(times: &[f64], delays: [f64; 3], place: impl Fn(f64, DVec3) -> DVec3) -> Option<FreeFlight> {
-    find_by(&cameras(), None, times, delays, place)
+    find_by(&cameras(), times, delays, place)
 }
 
-/// The same by cameras that are not as they are stated to be either, the acceleration known or not.
+/// The same by cameras that are not as they are stated to be either.
 fn find_by(
     stated: &[Camera],
-    acceleration: Option<DVec3>,
     times: &[f64],
     delays: [f64; 3],
     place: impl Fn(f64, DVec3) -> DVec3,
@@ -83,7 +82,7 @@ fn find_by(
         };
         Ok::<_, Infallible>(stated.iter().zip(masks).enumerate().map(view).collect())
     };
-    let Ok(found) = FreeFlight::find(times, acceleration, BOTH, views);
+    let Ok(found) = FreeFlight::find(times, None, BOTH, views);
     found
 }
 
@@ -161,7 +160,7 @@ fn cameras_that_are_not_as_stated_are_found_with_the_flight() {
     let errors = ERRORS.map(|numbers| CalibrationError::of_numbers(&numbers));
     let stated: Vec<Camera> = cameras().iter().zip(&errors).map(|(camera, error)| error.mended(camera)).collect();
     for delays in [[0.0; 3], [0.0, 0.025, -0.01]] {
-        let found = find_by(&stated, None, &times(), delays, |t, p| flown(t, p, SPIN)).expect("it flies");
+        let found = find_by(&stated, &times(), delays, |t, p| flown(t, p, SPIN)).expect("it flies");
         let late = found.delays.iter().zip(delays).map(|(found, truth)| 24.0 * (found - truth).abs());
         let late = late.fold(0.0, f64::max);
         let falls = found.acceleration.distance(DVec3::new(0.0, -9.8, 0.0));
