@@ -5,7 +5,7 @@ use gic_scene::Camera;
 use glam::DVec3;
 
 use crate::IdentifyError;
-use crate::unknowns::state::GROUND_UNKNOWNS;
+use crate::unknowns::state::WORLD_UNKNOWNS;
 
 /// The observed coverage of the object in one picture.
 #[derive(Clone, Debug)]
@@ -30,10 +30,12 @@ pub struct Observation {
     pub views: Vec<View>,
 }
 
-/// A plane at rest among the obstacles that is known only so well: standard deviations, zero of what is known.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct GroundDoubt {
-    /// Index into [`Input::colliders`].
+/// How well the world around the body is known: standard deviations, zero of what is known. Where cameras are not
+/// where they are said to be, what all their errors have in common is one of the world: the ground is as much too high,
+/// and lengths are as much too short as gravity seems too strong.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct WorldDoubt {
+    /// The ground: a plane at rest, by its index into [`Input::colliders`].
     pub collider: usize,
     /// Of its height below the body [m].
     pub height_m: f64,
@@ -41,12 +43,14 @@ pub struct GroundDoubt {
     pub tilt_rad: f64,
     /// Of the logarithm of its friction.
     pub log_friction: f64,
+    /// Of the logarithm of gravity in the lengths that the cameras see.
+    pub log_gravity: f64,
 }
 
-impl GroundDoubt {
-    /// The same in the order of the unknowns: height, tilts, friction.
-    pub(crate) fn deviations(&self) -> [f64; GROUND_UNKNOWNS] {
-        [self.height_m, self.tilt_rad, self.tilt_rad, self.log_friction]
+impl WorldDoubt {
+    /// The same in the order of the unknowns: height, tilts, friction, gravity.
+    pub(crate) fn deviations(&self) -> [f64; WORLD_UNKNOWNS] {
+        [self.height_m, self.tilt_rad, self.tilt_rad, self.log_friction, self.log_gravity]
     }
 }
 
@@ -79,8 +83,8 @@ pub struct Input {
     pub gravity_m_s2: DVec3,
     /// Obstacles.
     pub colliders: Vec<Collider>,
-    /// The plane among them that is sought with the material; `None` where all are where they are said to be.
-    pub ground: Option<GroundDoubt>,
+    /// What of the world is sought with the material; `None` where it is as it is said to be.
+    pub world_doubt: Option<WorldDoubt>,
     /// Density [kg/m^3], given: a video determines only the ratio of stress to density.
     pub density_kg_m3: f64,
     /// Side of a cell of the simulation grid [m].
@@ -143,16 +147,16 @@ impl Input {
     }
 
     fn validate_ground(&self) -> Result<(), IdentifyError> {
-        let Some(ground) = self.ground else { return Ok(()) };
+        let Some(doubt) = self.world_doubt else { return Ok(()) };
         let is_plane = |c: &Collider| matches!(c.primitive, gic_mpm::Primitive::HalfSpace { .. });
-        if !self.colliders.get(ground.collider).is_some_and(is_plane) {
-            return Err(IdentifyError::input("ground", "names no plane", "give the index of a half space"));
+        if !self.colliders.get(doubt.collider).is_some_and(is_plane) {
+            return Err(IdentifyError::input("world_doubt", "names no plane", "give the index of a half space"));
         }
-        let deviations = ground.deviations();
+        let deviations = doubt.deviations();
         let are_deviations = deviations.iter().all(|deviation| *deviation >= 0.0 && deviation.is_finite());
-        if !are_deviations || deviations == [0.0; GROUND_UNKNOWNS] {
+        if !are_deviations || deviations == [0.0; WORLD_UNKNOWNS] {
             let way_out = "give standard deviations, one of them positive";
-            return Err(IdentifyError::input("ground", "is in no doubt, or in endless doubt", way_out));
+            return Err(IdentifyError::input("world_doubt", "is none, or endless", way_out));
         }
         Ok(())
     }

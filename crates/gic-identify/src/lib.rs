@@ -39,8 +39,8 @@ mod vector;
 
 pub use checkpoint::{Checkpoint, Event};
 pub use error::{FitError, IdentifyError};
-pub use input::{GroundDoubt, Input, Observation, View};
-pub use result::{Estimate, Estimates, GroundEstimate, Loss, Stage, Step};
+pub use input::{Input, Observation, View, WorldDoubt};
+pub use result::{Estimate, Estimates, Loss, Stage, Step, WorldEstimate};
 pub use settings::{MaterialChoice, Optimizer, Settings, Target};
 pub use stages::identify;
 pub use tuning::{

@@ -70,11 +70,11 @@ pub struct Step {
     pub seconds: f64,
 }
 
-/// How the ground differs from the given one, with half-widths of 95 % intervals; absent where one could not be
+/// How the world differs from the given one, with half-widths of 95 % intervals; absent where one could not be
 /// measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct GroundEstimate {
-    /// How much higher it is [m].
+pub struct WorldEstimate {
+    /// How much higher the ground is [m].
     pub height_m: f64,
     /// Half-width of that [m].
     pub height_half_width_m: Option<f64>,
@@ -86,6 +86,10 @@ pub struct GroundEstimate {
     pub log_friction: f64,
     /// Half-width of that.
     pub log_friction_half_width: Option<f64>,
+    /// Logarithm of the factor on gravity: where it is above zero, lengths are by as much too long as cameras see them.
+    pub log_gravity: f64,
+    /// Half-width of that.
+    pub log_gravity_half_width: Option<f64>,
 }
 
 /// The identified twin.
@@ -119,8 +123,10 @@ pub struct Estimates {
     pub splat_factor: f64,
     /// The obstacles as fitted: those of the input, with the ground where it was sought where it was found.
     pub colliders: Vec<gic_mpm::Collider>,
-    /// How the ground differs from the given one; `None` where it was not sought.
-    pub ground: Option<GroundEstimate>,
+    /// Gravity in the lengths that the cameras see [m/s^2]: the given one where it is in no doubt.
+    pub gravity_m_s2: DVec3,
+    /// How the world differs from the given one; `None` where it was in no doubt.
+    pub world: Option<WorldEstimate>,
     /// The body at time 0 as fitted, shifted and reshaped by what the pictures say against the input's: positions of
     /// the input's particles [m], shape [n].
     pub positions: Vec<DVec3>,

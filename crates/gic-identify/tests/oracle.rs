@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use gic_identify::{
-    Checkpoint, Estimates, Event, GroundDoubt, IdentifyError, Input, Observation, Settings, Target, identify, sought,
+    Checkpoint, Estimates, Event, IdentifyError, Input, Observation, Settings, Target, WorldDoubt, identify, sought,
     sought_values,
 };
 use gic_mpm::{
@@ -111,7 +111,7 @@ fn observed_on(floor: Collider, material: Material, velocity: DVec3, frames: usi
         frame_rate_hz: RATE,
         gravity_m_s2: GRAVITY,
         colliders: vec![floor],
-        ground: None,
+        world_doubt: None,
         density_kg_m3: 1000.0,
         grid_spacing_m: SPACING,
         substeps_per_frame: SUBSTEPS,
@@ -124,10 +124,10 @@ fn a_ground_that_is_elsewhere_is_found() {
     for off in [0.006, -0.004] {
         let mut input = observed(ELASTIC, DVec3::new(0.4, -1.5, 0.2), 8);
         input.colliders = vec![Collider::plane(DVec3::new(0.0, off, 0.0), DVec3::Y, Contact::Sticky)];
-        input.ground = Some(GroundDoubt { collider: 0, height_m: 0.02, tilt_rad: 0.0, log_friction: 0.0 });
+        input.world_doubt = Some(WorldDoubt { height_m: 0.02, ..WorldDoubt::default() });
         let settings = Settings { target: Target::Surfaces, resolution_check: 0.0, ..Settings::default() };
         let found = run(&input, ELASTIC.kind(), &settings).expect("identified");
-        let height = found.ground.expect("it was sought").height_m;
+        let height = found.world.expect("it was sought").height_m;
         let error = found.estimates[0].parameter.error(found.estimates[0].value, 1.0e5);
         println!("given {off} m off, found {height:.5} m from there; E off by {error:.4}");
         assert!((height + off).abs() < 3e-4 && error.abs() < 0.02, "{height} {error}");
@@ -142,15 +142,35 @@ fn a_ground_that_slopes_and_grips_otherwise_is_found() {
     let truth = floor(DVec3::new(0.02, 1.0, -0.015).normalize(), 0.3);
     let mut input = observed_on(truth.clone(), ELASTIC, DVec3::new(0.9, -1.5, 0.4), 12);
     input.colliders = vec![floor(DVec3::Y, 0.5)];
-    input.ground =
-        Some(GroundDoubt { collider: 0, height_m: 0.005, tilt_rad: 0.03, log_friction: std::f64::consts::LN_2 });
+    let log_friction = std::f64::consts::LN_2;
+    input.world_doubt = Some(WorldDoubt { height_m: 0.005, tilt_rad: 0.03, log_friction, ..WorldDoubt::default() });
     let settings = Settings { target: Target::Surfaces, resolution_check: 0.0, ..Settings::default() };
     let found = run(&input, ELASTIC.kind(), &settings).expect("identified");
-    let ground = found.ground.expect("it was sought");
+    let ground = found.world.expect("it was sought");
     let angle = found.colliders[0].normal().expect("a plane").angle_between(truth.normal().expect("a plane"));
     let friction = 0.5 * ground.log_friction.exp();
     println!("{angle:.4} rad off, friction {friction:.3} for .3, {ground:?}");
     assert!(angle < 0.004 && (friction / 0.3).ln().abs() < 0.1, "{angle} {friction}");
+}
+
+/// Cameras whose focal lengths are all wrong alike see lengths in which gravity is another: the fall and the bounce say
+/// which.
+#[test]
+fn a_gravity_in_other_lengths_is_found() {
+    let velocity = DVec3::new(0.4, -1.5, 0.2);
+    for log_gravity in [0.02f64, -0.015] {
+        let mut input = observed(ELASTIC, velocity, 10);
+        input.gravity_m_s2 = GRAVITY * (-log_gravity).exp();
+        input.world_doubt = Some(WorldDoubt { log_gravity: 0.02, ..WorldDoubt::default() });
+        let settings = Settings { target: Target::Surfaces, resolution_check: 0.0, ..Settings::default() };
+        let found = run(&input, ELASTIC.kind(), &settings).expect("identified");
+        let world = found.world.expect("it was sought");
+        let error = found.estimates[0].parameter.error(found.estimates[0].value, 1.0e5);
+        let off = (found.velocity_m_s - velocity).length();
+        println!("{:.4} for {log_gravity}, E off by {error:.4}, velocity by {off:.4} m/s", world.log_gravity);
+        assert!((world.log_gravity - log_gravity).abs() < 1e-3 && error.abs() < 0.02 && off < 3e-3);
+        assert!((found.gravity_m_s2 - GRAVITY).length() < 0.01);
+    }
 }
 
 /// Identifies from `starts` random starts, two decades wide for moduli and the whole range for the others.

@@ -3,7 +3,6 @@
 
 pub(crate) mod flight;
 pub(crate) mod footprint;
-pub(crate) mod ground;
 pub(crate) mod outline_window;
 pub(crate) mod shape;
 pub(crate) mod silhouette;
@@ -12,3 +11,4 @@ pub(crate) mod splat_widths;
 pub(crate) mod surface_membership;
 pub(crate) mod thinned;
 pub(crate) mod trajectories;
+pub(crate) mod world;

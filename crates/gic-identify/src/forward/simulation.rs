@@ -8,10 +8,10 @@ use gic_mpm::{Body, MaterialKind, Options, Stepping, World, rollout};
 use glam::DVec3;
 
 use crate::forward::flight::{fall, placed, substep, volume_factors};
-use crate::forward::ground::colliders;
 use crate::forward::shape::ShapeModes;
 use crate::forward::splat_widths::SplatWidths;
 use crate::forward::trajectories::{ForwardModel, FrameSelection, Trajectories};
+use crate::forward::world::{colliders, gravity};
 use crate::observe::video::ObservedVideo;
 use crate::unknowns::parameter::{material_of, sought};
 use crate::unknowns::state::State;
@@ -74,12 +74,29 @@ impl Simulation<'_> {
         material_of(self.kind, &values)
     }
 
+    /// Half of the time of free flight [s].
+    pub(crate) fn halfway_s(&self) -> f64 {
+        let last = self.video.frames[self.free.max(1) - 1].simulated_frame;
+        0.5 * last as f64 / self.input.frame_rate_hz
+    }
+
+    /// Initial velocity of a state [m/s].
+    pub(crate) fn velocity(&self, state: &State) -> DVec3 {
+        state.velocity + self.halfway_s() * (self.input.gravity_m_s2 - gravity(self.input, state))
+    }
+
+    /// How far the body has flown at a simulated frame [m].
+    fn flown(&self, state: &State, frame: usize) -> DVec3 {
+        let time = frame as f64 / self.input.frame_rate_hz;
+        self.velocity(state) * time + fall(gravity(self.input, state), time, substep(self.input))
+    }
+
     /// The world of a state, starting at simulated frame `from`; before it the body flies freely without rotation.
     fn world(&self, state: &State, from: usize) -> World {
         let input = self.input;
         let (all, _) = placed(input, self.shape, state);
         let time = from as f64 / input.frame_rate_hz;
-        let shift = state.velocity * time + fall(input.gravity_m_s2, time, substep(input));
+        let (shift, gravity_m_s2) = (self.flown(state, from), gravity(input, state));
         let factors = volume_factors(input, self.shape, state);
         let (positions, volume_factors, share): (Vec<DVec3>, Vec<f64>, f64) = match &self.resolution.thinning {
             None => (all.iter().map(|p| *p + shift).collect(), factors, 1.0),
@@ -96,12 +113,12 @@ impl Simulation<'_> {
                 particle_volume_m3: input.particle_volume_m3 * share,
                 volume_factors,
                 positions,
-                velocity_m_s: state.velocity + input.gravity_m_s2 * time,
+                velocity_m_s: self.velocity(state) + gravity_m_s2 * time,
                 angular_velocity_rad_s: state.angular,
                 own_velocities_m_s: Vec::new(),
             }],
             colliders: colliders(input, state),
-            gravity_m_s2: input.gravity_m_s2,
+            gravity_m_s2,
             grid_spacing_m: input.grid_spacing_m * self.resolution.spacing_factor,
             frame_rate_hz: input.frame_rate_hz,
             stepping: Stepping::at_least(self.resolution.substeps_per_frame),
@@ -145,13 +162,7 @@ impl ForwardModel for Simulation<'_> {
                 continue;
             }
             // Free flight, seen from where the rollout starts.
-            let input = self.input;
-            let (now, start) = (observed.simulated_frame as f64, from as f64);
-            let travelled = |frame: f64| {
-                let t = frame / input.frame_rate_hz;
-                state.velocity * t + fall(input.gravity_m_s2, t, substep(input))
-            };
-            let back = travelled(now) - travelled(start);
+            let back = self.flown(state, observed.simulated_frame) - self.flown(state, from);
             positions[o] = world.bodies[0].positions.iter().map(|p| single(&(*p + back))).collect();
         }
         let last = self.video.frames[..end].last().map_or(0, |observed| observed.simulated_frame);

@@ -4,8 +4,8 @@ use gic_mpm::MaterialKind;
 use glam::DVec3;
 
 use crate::forward::flight::{placed, volume_factors};
-use crate::forward::ground::colliders;
 use crate::forward::trajectories::{ForwardModel, Trajectories};
+use crate::forward::world::{colliders, gravity};
 use crate::result::{Estimate, Estimates, Loss, Stage};
 use crate::session::Session;
 use crate::solve::linearisation::Linearisation;
@@ -13,8 +13,8 @@ use crate::solve::loss::mean_loss;
 use crate::stages::identification::Identification;
 use crate::stages::intervals::{Uncertainty, flight_half_width, uncertainty};
 use crate::uncertainty::verdicts;
-use crate::unknowns::state::{State, Unknown};
-use crate::{GroundEstimate, IdentifyError, Parameter};
+use crate::unknowns::state::{LOG_GRAVITY, State, Unknown};
+use crate::{IdentifyError, Parameter, WorldEstimate};
 
 /// The result where nothing is touched.
 pub(crate) fn of_free_flight(identification: &Identification, session: &mut Session) -> Estimates {
@@ -92,13 +92,16 @@ fn unbounded(
 /// Half-width of the velocity's interval [m/s]: from free flight, and from the joint fit where there was one. `None`
 /// where one of them could not be measured.
 fn velocity_half_width(identification: &Identification, joint: Option<&Uncertainty>) -> Option<DVec3> {
+    let halfway_s = identification.simulation().halfway_s();
     let of_axis = |axis: usize| {
         let unknown = Unknown::Velocity(axis);
         if !identification.flight.motion.contains(&unknown) {
             return Some(0.0);
         }
         let from_joint = joint.map_or(Some(0.0), |uncertainty| uncertainty.half_width(unknown))?;
-        Some(flight_half_width(identification, unknown)?.hypot(from_joint))
+        let log_gravity = joint.and_then(|uncertainty| uncertainty.half_width(Unknown::World(LOG_GRAVITY)));
+        let by_gravity = halfway_s * log_gravity.unwrap_or(0.0) * identification.input.gravity_m_s2[axis];
+        Some(flight_half_width(identification, unknown)?.hypot(from_joint).hypot(by_gravity))
     };
     Some(DVec3::new(of_axis(0)?, of_axis(1)?, of_axis(2)?))
 }
@@ -131,17 +134,19 @@ fn estimate(
     }
 }
 
-/// The ground as it was found.
-fn ground(state: &State, uncertainty: Option<&Uncertainty>) -> GroundEstimate {
-    let half_width = |k: usize| uncertainty.and_then(|all| all.half_width(Unknown::Ground(k)));
-    let [height_m, tilt_x, tilt_y, log_friction] = state.ground;
-    GroundEstimate {
+/// The world as it was found.
+fn world(state: &State, uncertainty: Option<&Uncertainty>) -> WorldEstimate {
+    let half_width = |k: usize| uncertainty.and_then(|all| all.half_width(Unknown::World(k)));
+    let [height_m, tilt_x, tilt_y, log_friction, log_gravity] = state.world;
+    WorldEstimate {
         height_m,
         height_half_width_m: half_width(0),
         tilt_rad: [tilt_x, tilt_y],
         tilt_half_width_rad: [half_width(1), half_width(2)],
         log_friction,
         log_friction_half_width: half_width(3),
+        log_gravity,
+        log_gravity_half_width: half_width(4),
     }
 }
 
@@ -165,7 +170,7 @@ fn result(
     Estimates {
         material: identification.simulation().material(state),
         estimates,
-        velocity_m_s: state.velocity,
+        velocity_m_s: identification.simulation().velocity(state),
         velocity_interval_95: velocity_half_width(identification, uncertainty),
         angular_velocity_rad_s: state.angular,
         free_frames: identification.flight.free,
@@ -177,7 +182,8 @@ fn result(
         warnings: session.warnings().to_vec(),
         splat_factor: state.splat.exp(),
         colliders: colliders(input, state),
-        ground: input.ground.map(|_| ground(state, uncertainty)),
+        gravity_m_s2: gravity(input, state),
+        world: input.world_doubt.map(|_| world(state, uncertainty)),
         positions: placed(input, shape, state).0,
         particle_volume_m3: input.particle_volume_m3,
         volume_factors: volume_factors(input, shape, state),

@@ -25,7 +25,7 @@ use crate::uncertainty::noise::effective_weights;
 use crate::unknowns::coordinates::Coordinates;
 use crate::unknowns::parameter::sought;
 use crate::unknowns::state::{State, Unknown};
-use crate::{GroundDoubt, IdentifyError, Input, Parameter, Settings, Tuning};
+use crate::{IdentifyError, Input, Parameter, Settings, Tuning, WorldDoubt};
 
 /// The observations, the body, the fit of free flight and the weights that it gives.
 pub(crate) struct Identification<'a> {
@@ -40,8 +40,8 @@ pub(crate) struct Identification<'a> {
     pub splat_widths: SplatWidths,
     /// Velocity and angular velocity, where the outlines alone tell them.
     pub motion_by_outlines: Option<Prior>,
-    /// What is known of the ground besides the pictures; `None` where it is not sought.
-    pub ground_prior: Option<Prior>,
+    /// What is known of the world besides the pictures; `None` where it is as it is said to be.
+    pub world_prior: Option<Prior>,
     pub flight: FreeFlightFit,
     /// Of free flight's noise, for all frames.
     pub weights: Weights,
@@ -95,7 +95,7 @@ impl<'a> Identification<'a> {
             shape,
             splat_widths,
             motion_by_outlines,
-            ground_prior: input.ground.map(ground_prior),
+            world_prior: input.world_doubt.map(world_prior),
             flight,
             weights,
         })
@@ -148,15 +148,15 @@ impl<'a> Identification<'a> {
         }
     }
 
-    /// The ground, where it is sought.
-    pub(crate) fn grounds(&self) -> Vec<Unknown> {
-        self.ground_prior.as_ref().map(|prior| prior.unknowns.clone()).unwrap_or_default()
+    /// What is sought of the world.
+    pub(crate) fn world_unknowns(&self) -> Vec<Unknown> {
+        self.world_prior.as_ref().map(|prior| prior.unknowns.clone()).unwrap_or_default()
     }
 
     /// The search for material parameters with the motion of free flight.
     pub(crate) fn material_problem<'b>(&'b self, forward: &'b dyn ForwardModel, pooling: usize) -> Problem<'b> {
         let mut unknowns = self.free_materials();
-        unknowns.extend(self.grounds());
+        unknowns.extend(self.world_unknowns());
         Problem {
             forward,
             objective: self.objective(),
@@ -164,7 +164,7 @@ impl<'a> Identification<'a> {
             coordinates: self.coordinates(),
             descent: &self.tuning.descent,
             selection: self.touched_frames(pooling),
-            prior: self.ground_prior.as_ref(),
+            prior: self.world_prior.as_ref(),
         }
     }
 
@@ -207,12 +207,12 @@ impl<'a> Identification<'a> {
     }
 }
 
-/// The ground, as sure as it was given.
-fn ground_prior(doubt: GroundDoubt) -> Prior {
+/// The world, as sure as it was given.
+fn world_prior(doubt: WorldDoubt) -> Prior {
     let unsure: Vec<(usize, f64)> = doubt.deviations().into_iter().enumerate().filter(|(_, sd)| *sd > 0.0).collect();
     let information = DVector::from_iterator(unsure.len(), unsure.iter().map(|(_, deviation)| deviation.powi(-2)));
     Prior {
-        unknowns: unsure.iter().map(|(k, _)| Unknown::Ground(*k)).collect(),
+        unknowns: unsure.iter().map(|(k, _)| Unknown::World(*k)).collect(),
         mean: DVector::zeros(unsure.len()),
         information: DMatrix::from_diagonal(&information),
     }

@@ -119,7 +119,7 @@ mod tests {
             frame_rate_hz: 24.0,
             gravity_m_s2: DVec3::ZERO,
             colliders: Vec::new(),
-            ground: None,
+            world_doubt: None,
             density_kg_m3: 1000.0,
             grid_spacing_m: 0.04,
             substeps_per_frame: 10,

@@ -44,8 +44,8 @@ impl Coordinates<'_> {
             Unknown::Splat => 1.0,
             // Standard deviations of a fifth of a particle spacing: a cell.
             Unknown::Shape(_) => 10.0,
-            // [m]: a cell; [rad]: a cell under a body of ten; a factor of e.
-            Unknown::Ground(k) => [0.02, 0.1, 0.1, 1.0][k],
+            // [m]: a cell; [rad]: a cell under a body of ten; factors of e.
+            Unknown::World(k) => [0.02, 0.1, 0.1, 1.0, 1.0][k],
         }
     }
 

@@ -18,8 +18,8 @@ pub(crate) enum Unknown {
     Splat,
     /// How far the body differs from its reconstruction along a component of the shape (a nuisance).
     Shape(usize),
-    /// What is unknown of the ground, in the order of [`State::ground`].
-    Ground(usize),
+    /// What is unknown of the world, in the order of [`State::world`].
+    World(usize),
 }
 
 impl Unknown {
@@ -29,15 +29,18 @@ impl Unknown {
     }
 }
 
-/// Numbers that may be unknown of the ground.
-pub(crate) const GROUND_UNKNOWNS: usize = 4;
+/// Numbers that may be unknown of the world.
+pub(crate) const WORLD_UNKNOWNS: usize = 5;
+/// The last of them.
+pub(crate) const LOG_GRAVITY: usize = WORLD_UNKNOWNS - 1;
 
 /// A point in the space of all unknowns.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct State {
     /// Search coordinates of the material parameters.
     pub material: Vec<f64>,
-    /// Initial velocity of the centre of mass [m/s].
+    /// Initial velocity of the centre of mass [m/s] if gravity is the given one; else the one with which it is as fast
+    /// halfway through the flight, as the outlines say.
     #[serde(with = "crate::vector")]
     pub velocity: DVec3,
     /// Initial angular velocity about the centre of mass [rad/s].
@@ -50,9 +53,9 @@ pub(crate) struct State {
     pub splat: f64,
     /// Standard deviations along each component of the shape; those that are missing are zero.
     pub shape: Vec<f64>,
-    /// How much the ground differs from the given one: higher [m], tilted about two axes in it [rad], and the logarithm
-    /// of the factor on its friction.
-    pub ground: [f64; GROUND_UNKNOWNS],
+    /// How much the world differs from the given one: the ground higher [m], tilted about two axes in it [rad], the
+    /// logarithm of the factor on its friction, and that of the factor on gravity.
+    pub world: [f64; WORLD_UNKNOWNS],
 }
 
 impl State {
@@ -65,7 +68,7 @@ impl State {
             offset: DVec3::ZERO,
             splat: 0.0,
             shape: Vec::new(),
-            ground: [0.0; GROUND_UNKNOWNS],
+            world: [0.0; WORLD_UNKNOWNS],
         }
     }
 
@@ -77,7 +80,7 @@ impl State {
             Unknown::Offset(a) => self.offset[a],
             Unknown::Splat => self.splat,
             Unknown::Shape(k) => self.shape.get(k).copied().unwrap_or(0.0),
-            Unknown::Ground(k) => self.ground[k],
+            Unknown::World(k) => self.world[k],
         }
     }
 
@@ -88,7 +91,7 @@ impl State {
             Unknown::Angular(a) => self.angular[a] = value,
             Unknown::Offset(a) => self.offset[a] = value,
             Unknown::Splat => self.splat = value,
-            Unknown::Ground(k) => self.ground[k] = value,
+            Unknown::World(k) => self.world[k] = value,
             Unknown::Shape(k) => {
                 if self.shape.len() <= k {
                     self.shape.resize(k + 1, 0.0);

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 
 use gic_files::FileError;
 use gic_identify::{
-    Checkpoint, Estimates, Event, GroundEstimate, IdentifyError, Input, MaterialChoice, Observation, Settings,
-    Stage as IdentifyStage, Step, Target, View, identify, sought,
+    Checkpoint, Estimates, Event, IdentifyError, Input, MaterialChoice, Observation, Settings, Stage as IdentifyStage,
+    Step, Target, View, WorldEstimate, identify, sought,
 };
 use gic_mpm::{Body, MaterialKind, Options, Simulator, Stepping, World};
 use gic_scene::Camera;
@@ -46,6 +46,12 @@ pub struct IdentifyRecord {
     /// The ground; absent where it was known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ground: Option<GroundRecord>,
+    /// Factor on gravity in the lengths that the cameras see, which are by this factor longer than the true ones.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    pub gravity_factor: f64,
+    /// The factor that its 95 % interval reaches to either side; absent where it was in no doubt.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gravity_interval_95_factor: Option<f64>,
     /// Leading frames in which nothing is touched.
     pub free_frames: usize,
     /// Mean chamfer distance of the surfaces [m].
@@ -116,8 +122,13 @@ fn one() -> f64 {
     1.0
 }
 
-impl From<GroundEstimate> for GroundRecord {
-    fn from(found: GroundEstimate) -> Self {
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
+fn is_one(factor: &f64) -> bool {
+    *factor == one()
+}
+
+impl From<WorldEstimate> for GroundRecord {
+    fn from(found: WorldEstimate) -> Self {
         GroundRecord {
             height_m: found.height_m,
             height_interval_95_m: found.height_half_width_m,
@@ -283,7 +294,7 @@ impl Run<'_> {
             frame_rate_hz: clock.rate_hz(),
             gravity_m_s2: surroundings.gravity_m_s2,
             colliders: surroundings.obstacles.iter().map(Obstacle::to_collider).collect(),
-            ground: surroundings.ground,
+            world_doubt: surroundings.doubt,
             density_kg_m3: density_of(config, volume_m3),
             grid_spacing_m,
             substeps_per_frame: clock.substeps(substeps_per_frame),
@@ -386,7 +397,7 @@ impl Run<'_> {
             initial_velocity_m_s: record.velocity_m_s,
             initial_angular_velocity_rad_s: record.angular_velocity_rad_s,
             density_kg_m3: input.density_kg_m3,
-            gravity_m_s2: input.gravity_m_s2.into(),
+            gravity_m_s2: found.gravity_m_s2.into(),
             colliders: obstacles,
             grid_spacing_m: Some(input.grid_spacing_m),
             particle_spacing_m: Some(found.particle_volume_m3.cbrt()),
@@ -438,7 +449,7 @@ pub(super) fn motion_of(
             own_velocities_m_s: Vec::new(),
         }],
         colliders: found.colliders.clone(),
-        gravity_m_s2: input.gravity_m_s2,
+        gravity_m_s2: found.gravity_m_s2,
         grid_spacing_m: input.grid_spacing_m,
         frame_rate_hz: input.frame_rate_hz,
         stepping: Stepping::at_least(input.substeps_per_frame),
@@ -474,7 +485,9 @@ fn record(model: &str, found: &Estimates) -> IdentifyRecord {
         velocity_m_s: found.velocity_m_s.into(),
         velocity_interval_95_m_s: found.velocity_interval_95.map(Into::into),
         angular_velocity_rad_s: found.angular_velocity_rad_s.into(),
-        ground: found.ground.map(GroundRecord::from),
+        ground: found.world.map(GroundRecord::from),
+        gravity_factor: found.world.map_or(1.0, |world| world.log_gravity.exp()),
+        gravity_interval_95_factor: found.world.and_then(|world| world.log_gravity_half_width).map(f64::exp),
         free_frames: found.free_frames,
         chamfer_m: found.loss.chamfer_m,
         mask_l1: found.loss.mask_l1,

@@ -1,8 +1,8 @@
 //! What is around the body: gravity and obstacles, given, stated by the scene, or guessed.
 
-use gic_identify::GroundDoubt;
+use gic_identify::WorldDoubt;
 use gic_mpm::{Collider, ColliderPath, Contact};
-use gic_scene::{Format, GroundSource, Inspection};
+use gic_scene::{CalibrationError, Camera, Format, GroundSource, Inspection};
 use gic_twin::twin::{ContactKind, Obstacle, ObstacleShape, Twin};
 use glam::DVec3;
 
@@ -26,8 +26,8 @@ const FILMED_TILT_RAD: f64 = 0.02;
 pub(super) struct Surroundings {
     pub(super) gravity_m_s2: DVec3,
     pub(super) obstacles: Vec<Obstacle>,
-    /// How well the ground is known; `None` where it is exact.
-    pub(super) ground: Option<GroundDoubt>,
+    /// How well the ground and gravity are known; `None` where they are exact.
+    pub(super) doubt: Option<WorldDoubt>,
 }
 
 impl Run<'_> {
@@ -44,9 +44,9 @@ impl Run<'_> {
             None => self.gravity_against(seen.as_ref())?,
         };
         if let Some(path) = file {
-            return Ok(Surroundings { gravity_m_s2, obstacles: Twin::read_obstacles(path)?, ground: None });
+            return Ok(Surroundings { gravity_m_s2, obstacles: Twin::read_obstacles(path)?, doubt: None });
         }
-        let (obstacles, ground) = match (self.scene.world.ground, seen) {
+        let (obstacles, doubt) = match (self.scene.world.ground, seen) {
             (Some(plane), _) => {
                 let doubt = self.doubt(self.scene.world.ground_deviation_m);
                 (self.floor(plane.point.into(), plane.normal.into()), doubt)
@@ -54,7 +54,7 @@ impl Run<'_> {
             (None, Some(seen)) => self.guessed_floor(&seen),
             (None, None) => (Vec::new(), None),
         };
-        Ok(Surroundings { gravity_m_s2, obstacles, ground })
+        Ok(Surroundings { gravity_m_s2, obstacles, doubt })
     }
 
     /// Gravity against the direction that is up.
@@ -76,7 +76,7 @@ impl Run<'_> {
     }
 
     /// The plane below the lowest that the object gets.
-    fn guessed_floor(&self, seen: &Inspection) -> (Vec<Obstacle>, Option<GroundDoubt>) {
+    fn guessed_floor(&self, seen: &Inspection) -> (Vec<Obstacle>, Option<WorldDoubt>) {
         let (Some((point, normal, _)), Some(hull)) = (seen.ground, &seen.hull) else {
             let text = "the scene does not say where its ground is, so the object falls through nothing; \
                         give --colliders FILE";
@@ -93,10 +93,29 @@ impl Run<'_> {
         (self.floor(point, normal), self.doubt(height_m))
     }
 
-    /// How well a floor is known whose height is known to `height_m` [m]; `None` where it is exact.
-    fn doubt(&self, height_m: f64) -> Option<GroundDoubt> {
+    /// How well the world is known whose floor's height is known to `height_m` [m]; `None` where it is exact.
+    fn doubt(&self, height_m: f64) -> Option<WorldDoubt> {
         let has_real_cameras = !self.scene.delays_s.is_empty() || !self.scene.calibration_errors.is_empty();
-        ground_doubt(height_m, self.is_film(), has_real_cameras)
+        let (shared_m, log_length) = self.shared_camera_error().unwrap_or_default();
+        let doubt = floor_doubt(height_m.hypot(shared_m), self.is_film(), has_real_cameras)?;
+        Some(WorldDoubt { log_gravity: log_length, ..doubt })
+    }
+
+    /// What the errors of all cameras may have in common, which no flight tells: how far the body is higher or lower
+    /// than they say [m], and the logarithm of the factor on its lengths, standard deviations. `None` where the cameras
+    /// are as they are said to be.
+    fn shared_camera_error(&self) -> Option<(f64, f64)> {
+        let (deviations, about) = (&self.scene.calibration_error_deviations, self.scene.flight.as_ref()?.about);
+        let lateral_m2 = |(error, camera): (&CalibrationError, &Camera)| {
+            let turned_m = error.turn_rad.length() * camera.centre.distance(about);
+            (turned_m.powi(2) + error.shift_m.length_squared()) / 3.0
+        };
+        let count = (!deviations.is_empty()).then_some(deviations.len() as f64)?;
+        let lateral_m2: f64 = deviations.iter().zip(&self.scene.cameras).map(lateral_m2).sum();
+        let log_length = deviations.iter().map(|error| error.focal).sum::<f64>() / count;
+        // The mean of independent errors; focal lengths are told apart by the flight, but hardly their common factor.
+        let shared = (lateral_m2.sqrt() / count, log_length);
+        (shared.0.is_finite() && shared.1.is_finite()).then_some(shared)
     }
 
     /// Whether the scene was filmed, and not rendered by a suite whose files say what the ground is.
@@ -117,10 +136,11 @@ impl Run<'_> {
 
 /// The doubt of a floor. Where cameras lag or are not as stated, somebody filmed, whatever the format: then a floor
 /// whose height is known is not quite level either.
-fn ground_doubt(height_m: f64, is_film: bool, has_real_cameras: bool) -> Option<GroundDoubt> {
+fn floor_doubt(height_m: f64, is_film: bool, has_real_cameras: bool) -> Option<WorldDoubt> {
     let tilt_rad = if is_film || has_real_cameras { FILMED_TILT_RAD } else { 0.0 };
     let log_friction = if is_film { FILMED_LOG_FRICTION } else { 0.0 };
-    (height_m > 0.0 || has_real_cameras).then_some(GroundDoubt { collider: 0, height_m, tilt_rad, log_friction })
+    let doubt = WorldDoubt { collider: 0, height_m, tilt_rad, log_friction, log_gravity: 0.0 };
+    (height_m > 0.0 || has_real_cameras).then_some(doubt)
 }
 
 /// The obstacles as the fit moved them.
@@ -146,10 +166,10 @@ mod tests {
 
     #[test]
     fn what_was_filmed_has_a_floor_that_may_slope() {
-        assert_eq!(ground_doubt(0.0, false, false), None, "a suite states its floor");
-        let tilt = |doubt: Option<GroundDoubt>| doubt.expect("in doubt").tilt_rad;
-        assert_eq!(tilt(ground_doubt(0.01, false, false)), 0.0, "of a suite only the height");
-        assert!(tilt(ground_doubt(0.0, false, true)) > 0.0, "cameras that lag are real");
-        assert!(ground_doubt(0.01, true, false).is_some_and(|doubt| doubt.tilt_rad > 0.0 && doubt.log_friction > 0.0));
+        assert_eq!(floor_doubt(0.0, false, false), None, "a suite states its floor");
+        let tilt = |doubt: Option<WorldDoubt>| doubt.expect("in doubt").tilt_rad;
+        assert_eq!(tilt(floor_doubt(0.01, false, false)), 0.0, "of a suite only the height");
+        assert!(tilt(floor_doubt(0.0, false, true)) > 0.0, "cameras that lag are real");
+        assert!(floor_doubt(0.01, true, false).is_some_and(|doubt| doubt.tilt_rad > 0.0 && doubt.log_friction > 0.0));
     }
 }

@@ -163,6 +163,15 @@ fn remarks(found: &IdentifyRecord) -> Vec<String> {
             ));
         }
     }
+    if let Some(half) = found.gravity_interval_95_factor {
+        let percent = |factor: f64| 100.0 * (factor - 1.0);
+        remarks.push(format!(
+            "Lengths as the cameras see them are {:.1} % too {} (95 % within {:.1} %), as the fall shows.",
+            percent(found.gravity_factor).abs(),
+            if found.gravity_factor < 1.0 { "short" } else { "long" },
+            percent(half)
+        ));
+    }
     remarks.push(format!("Nothing is touched in the first {} frames.", found.free_frames));
     // Without surfaces in the fit there is no such distance.
     if found.chamfer_m > 0.0 {

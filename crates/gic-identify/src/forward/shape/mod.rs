@@ -176,7 +176,7 @@ mod tests {
             frame_rate_hz: 24.0,
             gravity_m_s2: DVec3::new(0.0, -9.8, 0.0),
             colliders: Vec::new(),
-            ground: None,
+            world_doubt: None,
             density_kg_m3: 1000.0,
             grid_spacing_m: 2.0 * SPACING,
             substeps_per_frame: 200,

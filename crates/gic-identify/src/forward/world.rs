@@ -1,4 +1,5 @@
-//! The ground as a hypothesis: a plane that is higher or lower than it was given, tilted, or more or less slippery.
+//! The world as a hypothesis: a ground that is higher or lower than it was given, tilted, or more or less slippery, and
+//! gravity that is stronger or weaker than it should be in the lengths that the cameras see.
 
 use gic_mpm::{Collider, ColliderPath, Contact};
 use glam::{DQuat, DVec3};
@@ -9,16 +10,22 @@ use crate::unknowns::state::State;
 /// The obstacles of a state.
 pub(crate) fn colliders(input: &Input, state: &State) -> Vec<Collider> {
     let mut colliders = input.colliders.clone();
-    if let Some(ground) = input.ground {
-        let [height, tilt_x, tilt_y, log_friction] = state.ground;
-        let plane = &mut colliders[ground.collider];
-        if ground.tilt_rad > 0.0 {
+    if let Some(doubt) = input.world_doubt {
+        let [height, tilt_x, tilt_y, log_friction, _] = state.world;
+        let plane = &mut colliders[doubt.collider];
+        if doubt.tilt_rad > 0.0 {
             turn(plane, input.centre(), [tilt_x, tilt_y]);
         }
         raise(plane, height);
         scale_friction(&mut plane.contact, log_friction.exp());
     }
     colliders
+}
+
+/// Gravity of a state [m/s^2].
+pub(crate) fn gravity(input: &Input, state: &State) -> DVec3 {
+    let [.., log_gravity] = state.world;
+    input.gravity_m_s2 * log_gravity.exp()
 }
 
 /// Raises a plane at rest by `height` [m] along its normal.
