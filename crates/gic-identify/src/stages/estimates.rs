@@ -89,7 +89,8 @@ fn unbounded(
     result(identification, session, (state, trajectories), estimates, None)
 }
 
-/// Half-width of the velocity's interval [m/s]: from free flight, and from the joint fit where there was one. `None`
+/// Half-width of the velocity's interval [m/s]: of the joint fit where there was one, which knows what the outlines say
+/// of the flight. Where they say nothing, the flight was fitted to the filled body, and is as uncertain besides. `None`
 /// where one of them could not be measured.
 fn velocity_half_width(identification: &Identification, joint: Option<&Uncertainty>) -> Option<DVec3> {
     let halfway_s = identification.simulation().halfway_s();
@@ -101,7 +102,9 @@ fn velocity_half_width(identification: &Identification, joint: Option<&Uncertain
         let from_joint = joint.map_or(Some(0.0), |uncertainty| uncertainty.half_width(unknown))?;
         let log_gravity = joint.and_then(|uncertainty| uncertainty.half_width(Unknown::World(LOG_GRAVITY)));
         let by_gravity = halfway_s * log_gravity.unwrap_or(0.0) * identification.input.gravity_m_s2[axis];
-        Some(flight_half_width(identification, unknown)?.hypot(from_joint).hypot(by_gravity))
+        let knows_outlines = joint.is_some() && identification.motion_by_outlines.is_some();
+        let from_flight = if knows_outlines { 0.0 } else { flight_half_width(identification, unknown)? };
+        Some(from_flight.hypot(from_joint).hypot(by_gravity))
     };
     Some(DVec3::new(of_axis(0)?, of_axis(1)?, of_axis(2)?))
 }

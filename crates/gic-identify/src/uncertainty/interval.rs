@@ -5,6 +5,10 @@
 //! H^-1 takes M from the scatter of whole blocks' gradients at the optimum, clustered both ways: by camera and by
 //! frame. An error that is common to all blocks leaves no scatter: what can be wrong with the shape is therefore among
 //! the unknowns, with its prior, and the simulation grid enters as a nuisance.
+//!
+//! The components that are sought stand for all ways in which a shape can be wrong. The others, which nobody seeks,
+//! bias the fit. Each sought one says by how much, as if it were not: where it is off by a deviation of its prior, the
+//! unknowns follow it by C_ik / C_kk, the regression of one on the other in the fit's covariance C = H^-1.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -15,12 +19,12 @@ use crate::tuning::NoiseTuning;
 /// Covariance of the first `unknowns` columns, given what is `known` of them besides (an information matrix, or an
 /// empty one).
 ///
-/// `nuisances` is the covariance of the next columns of the blocks, which were held fixed. `None` where it is not
-/// finite.
+/// `components` are the places of the shape's, whose prior has unit variance. `nuisances` is the covariance of the next
+/// columns of the blocks, which were held fixed. `None` where it is not finite.
 pub(crate) fn covariance(
     blocks: &[ResidualBlock],
     weights: &Weights,
-    unknowns: usize,
+    (unknowns, components): (usize, &[usize]),
     known: &DMatrix<f64>,
     nuisances: &DMatrix<f64>,
     tuning: &NoiseTuning,
@@ -34,7 +38,11 @@ pub(crate) fn covariance(
     let frames = groups(blocks, &weight, unknowns, &|c| c.observation);
     middle += scatter(&frames, frames.len() / tuning.frames_per_lag);
     let shifts = &inverse * total.hessian.view((0, unknowns), (unknowns, nuisances.nrows()));
-    let covariance = &inverse * middle * &inverse + &shifts * nuisances * shifts.transpose();
+    let fit = &inverse * middle * &inverse + &shifts * nuisances * shifts.transpose();
+    let covariance = components.iter().fold(fit, |sum, k| {
+        let followed = inverse.column(*k) / inverse[(*k, *k)];
+        sum + &followed * followed.transpose()
+    });
     covariance.iter().all(|entry| entry.is_finite()).then_some(covariance)
 }
 
@@ -51,35 +59,6 @@ pub(crate) fn independent_covariance(
 
 fn inverse_curvature(total: &Normal, unknowns: usize, known: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     regularised_inverse(&with_prior(&total.hessian, unknowns, known))
-}
-
-/// Covariance of the first `unknowns` columns, nonzero for `materials`, from the whole prior (unit variances) of those
-/// in `shapes`, as if the data did not narrow it.
-///
-/// The fit uses what the pictures say about the shape, but a few components stand for all ways in which a shape can be
-/// wrong: what they explain of the others' effect makes the estimate better without making it certain.
-pub(crate) fn shape_prior_covariance(
-    blocks: &[ResidualBlock],
-    weights: &Weights,
-    unknowns: usize,
-    known: &DMatrix<f64>,
-    materials: &[usize],
-    shapes: &[usize],
-) -> DMatrix<f64> {
-    let mut covariance = DMatrix::zeros(unknowns, unknowns);
-    let Some(first) = blocks.first() else { return covariance };
-    let total = with_prior(&Normal::sum(blocks, weights, first.gradient.len()).hessian, unknowns, known);
-    let Some(inverse) = regularised_inverse(&total.select_rows(materials).select_columns(materials)) else {
-        return covariance;
-    };
-    let shifts = inverse * total.select_rows(materials).select_columns(shapes);
-    let spread = &shifts * shifts.transpose();
-    for (i, a) in materials.iter().enumerate() {
-        for (j, b) in materials.iter().enumerate() {
-            covariance[(*a, *b)] = spread[(i, j)];
-        }
-    }
-    covariance
 }
 
 /// How far the first `unknowns` columns move per unit of column `other`, which was held fixed: -H^-1 J^T W J_other.
@@ -185,8 +164,9 @@ mod tests {
             })
             .collect();
         let (none, weights) = (DMatrix::zeros(0, 0), Weights::uniform(1.0, 1.0, 8));
-        let variance =
-            |weights: &Weights| covariance(&blocks, weights, 1, &none, &none, &NoiseTuning::default()).unwrap()[(0, 0)];
+        let variance = |weights: &Weights| {
+            covariance(&blocks, weights, (1, &[]), &none, &none, &NoiseTuning::default()).unwrap()[(0, 0)]
+        };
         let wider = Weights { error_inflation: vec![3.0; 8], ..weights.clone() };
         assert!((variance(&wider) / variance(&weights) - 9.0).abs() < 1e-9);
     }
@@ -202,6 +182,45 @@ mod tests {
         }
         assert_eq!(united(2.0, 0.5, &[]), (1.5, 2.5));
         assert_eq!(united(2.0, 0.5, &[1.0, 2.2, 3.0]), (0.5, 3.5));
+    }
+
+    /// Errors of a shape of which one half of the components is sought: the interval covers the truth although the
+    /// other half biases the fit, and would not if it knew only of those that are sought.
+    #[test]
+    fn what_nobody_seeks_is_covered() {
+        const COLUMNS: usize = 4;
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(4);
+        let mut gauss = move || (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
+        let (weights, trials) = (Weights::uniform(1e4, 1e4, 5), 300);
+        let mut known = DMatrix::identity(COLUMNS, COLUMNS);
+        known[(0, 0)] = 0.0;
+        let mut inside = [0, 0];
+        for _ in 0..trials {
+            // The first unknown is a parameter whose truth is zero, the others are sought components.
+            let sought = DMatrix::from_fn(30, COLUMNS, |_, _| gauss());
+            let omitted = DMatrix::from_fn(30, COLUMNS - 1, |_, _| gauss());
+            let truth = DVector::from_fn(COLUMNS, |k, _| if k == 0 { 0.0 } else { gauss() });
+            let seen = &sought * &truth + omitted * DVector::from_fn(COLUMNS - 1, |_, _| gauss());
+            let curvature = 1e4 * sought.transpose() * &sought + &known;
+            let fit = curvature.try_inverse().unwrap() * (1e4 * sought.transpose() * &seen);
+            let off = &sought * &fit - seen;
+            let blocks: Vec<ResidualBlock> = (0..5)
+                .map(|frame| {
+                    let mut block = ResidualBlock::new(Modality::Mask, frame, Some(0), COLUMNS);
+                    for i in 6 * frame..6 * (frame + 1) {
+                        block.add(off[i], sought.row(i).transpose().as_slice(), 1.0);
+                    }
+                    block.finish()
+                })
+                .collect();
+            let (tuning, none) = (NoiseTuning::default(), DMatrix::zeros(0, 0));
+            for (count, components) in inside.iter_mut().zip([&[1, 2, 3][..], &[]]) {
+                let c = covariance(&blocks, &weights, (COLUMNS, components), &known, &none, &tuning).unwrap();
+                *count += usize::from(fit[0].abs() < half_width(c[(0, 0)], &tuning));
+            }
+        }
+        println!("{inside:?} of {trials}");
+        assert!(inside[0] >= trials * 90 / 100 && inside[1] < inside[0], "{inside:?}");
     }
 
     /// A line y = a + b x seen by 11 "cameras" in 14 "frames" with errors that are common to a camera: the nominal 95 %
@@ -233,7 +252,7 @@ mod tests {
             let c = covariance(
                 &blocks,
                 &Weights::uniform(1.0, 1.0, 14),
-                1,
+                (1, &[]),
                 &DMatrix::zeros(0, 0),
                 &DMatrix::zeros(0, 0),
                 &NoiseTuning::default(),
