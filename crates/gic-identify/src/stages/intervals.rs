@@ -15,7 +15,9 @@ use crate::solve::problem::Problem;
 use crate::stages::identification::Identification;
 use crate::stages::joint;
 use crate::tuning::NoiseTuning;
-use crate::uncertainty::interval::{covariance, half_width, independent_covariance, response, tells_apart, united};
+use crate::uncertainty::interval::{
+    covariance, half_width, independent_covariance, response, shape_prior_covariance, tells_apart, united,
+};
 use crate::unknowns::state::{State, Unknown};
 
 /// Covariance of the joint stage's unknowns.
@@ -126,10 +128,13 @@ fn of_tangents<'a>(
     let weights = identification.weights_at(&blocks, count);
     let known = prior.information_of(&problem.unknowns);
     let refinement_shifts = if nuisances > 0 { response(&blocks, &weights, count, &known, count) } else { None };
-    let is_component = |k: &usize| matches!(problem.unknowns[*k], Unknown::Shape(_));
-    let components: Vec<usize> = (0..count).filter(is_component).collect();
+    let places =
+        |of: &dyn Fn(&Unknown) -> bool| -> Vec<usize> { (0..count).filter(|k| of(&problem.unknowns[*k])).collect() };
+    let materials = places(&|u| matches!(u, Unknown::Material(_)));
+    let components = places(&|u| matches!(u, Unknown::Shape(_)));
     let nuisances = DMatrix::identity(nuisances, nuisances);
-    let covariance = covariance(&blocks, &weights, (count, &components), &known, &nuisances, tuning);
+    let covariance = covariance(&blocks, &weights, count, &known, &nuisances, tuning)
+        .map(|c| c + shape_prior_covariance(&blocks, &weights, count, &known, (&materials, &components)));
     let independent = independent_covariance(&blocks, &weights, count, &known);
     Uncertainty {
         tuning,
@@ -160,6 +165,6 @@ pub(crate) fn flight_half_width(identification: &Identification, unknown: Unknow
     let (flight, tuning, none) = (&identification.flight, &identification.tuning.noise, DMatrix::zeros(0, 0));
     let place = flight.unknowns.iter().position(|u| *u == unknown);
     let count = flight.unknowns.len();
-    let covariance = covariance(&flight.blocks, &identification.weights, (count, &[]), &none, &none, tuning);
+    let covariance = covariance(&flight.blocks, &identification.weights, count, &none, &none, tuning);
     place.zip(covariance).map(|(k, c)| half_width(c[(k, k)], tuning))
 }
