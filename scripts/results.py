@@ -162,17 +162,16 @@ def suite_notes(section):
 
 def mean_rows(section):
     sources = {title: read(FOLDER / name) for title, name in section["means_of"].items()}
-    columns = ["law (scenes)", "parameters", *sources, "paper"]
+    columns = ["law", "parameters", *(f"{title} (scenes)" for title in sources), "paper"]
     rows = []
     for law, paper in section["paper"].items():
-        cells, count = [], 0
+        cells = []
         for source in sources.values():
             scenes = [s for s in source["scenes"] if s["law"] == law]
-            count = len(scenes)
             of = lambda name: [abs(p["error_x100"]) for s in scenes for p in s["parameters"] if p["name"] == name]
             means = [of(name) if name != "v" else [s["velocity_cm_s"] for s in scenes] for name in paper]
-            cells.append(" / ".join(f"{sum(values) / len(values):.2f}" for values in means))
-        rows.append([f"{law} ({count})", " / ".join(paper), *cells, " / ".join(str(value) for value in paper.values())])
+            cells.append(" / ".join(f"{sum(values) / len(values):.2f}" for values in means) + f" ({len(scenes)})")
+        rows.append([law, " / ".join(paper), *cells, " / ".join(str(value) for value in paper.values())])
     return columns, rows
 
 
@@ -191,7 +190,8 @@ def section_lines(section):
         lines += table(section["columns"], section["rows"])
     summary = [scene_summary(section), *suite_notes(section)] if "scenes" in section else []
     notes = [*summary, *section.get("notes", [])]
-    return [*lines, "", *paragraph(" ".join(notes))] if notes else lines
+    shown = [*lines, "", *paragraph(" ".join(notes))] if notes else lines
+    return shown[:-1] if shown[-1] == "" else shown
 
 
 def document():
