@@ -32,7 +32,7 @@ pub struct Observation {
 
 /// How well the world around the body is known: standard deviations, zero of what is known. Where cameras are not
 /// where they are said to be, what all their errors have in common is one of the world: the ground is as much too high,
-/// and lengths are as much too short as gravity seems too strong.
+/// and lengths are as much too long as gravity seems too strong.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WorldDoubt {
     /// The ground: a plane at rest, by its index into [`Input::colliders`].
@@ -142,11 +142,11 @@ impl Input {
         if !self.gravity_m_s2.is_finite() {
             return Err(IdentifyError::input("gravity_m_s2", "is not finite", "give three numbers"));
         }
-        self.validate_ground()?;
+        self.validate_world()?;
         self.validate_observations()
     }
 
-    fn validate_ground(&self) -> Result<(), IdentifyError> {
+    fn validate_world(&self) -> Result<(), IdentifyError> {
         let Some(doubt) = self.world_doubt else { return Ok(()) };
         let is_plane = |c: &Collider| matches!(c.primitive, gic_mpm::Primitive::HalfSpace { .. });
         if !self.colliders.get(doubt.collider).is_some_and(is_plane) {

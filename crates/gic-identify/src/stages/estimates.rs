@@ -13,7 +13,7 @@ use crate::solve::loss::mean_loss;
 use crate::stages::identification::Identification;
 use crate::stages::intervals::{Uncertainty, flight_half_width, uncertainty};
 use crate::uncertainty::verdicts;
-use crate::unknowns::state::{LOG_GRAVITY, State, Unknown};
+use crate::unknowns::state::{State, Unknown};
 use crate::{IdentifyError, Parameter, WorldEstimate};
 
 /// The result where nothing is touched.
@@ -92,19 +92,22 @@ fn unbounded(
 /// Half-width of the velocity's interval [m/s]: of the joint fit where there was one, which knows what the outlines say
 /// of the flight. Where they say nothing, the flight was fitted to the filled body, and is as uncertain besides. `None`
 /// where one of them could not be measured.
-fn velocity_half_width(identification: &Identification, joint: Option<&Uncertainty>) -> Option<DVec3> {
-    let halfway_s = identification.simulation().halfway_s();
+fn velocity_half_width(
+    identification: &Identification,
+    joint: Option<&Uncertainty>,
+    world: Option<&WorldEstimate>,
+) -> Option<DVec3> {
+    let log_gravity = world.and_then(|world| world.log_gravity_half_width).unwrap_or(0.0);
+    let by_gravity = identification.simulation().halfway_s() * log_gravity * identification.input.gravity_m_s2;
     let of_axis = |axis: usize| {
         let unknown = Unknown::Velocity(axis);
         if !identification.flight.motion.contains(&unknown) {
             return Some(0.0);
         }
         let from_joint = joint.map_or(Some(0.0), |uncertainty| uncertainty.half_width(unknown))?;
-        let log_gravity = joint.and_then(|uncertainty| uncertainty.half_width(Unknown::World(LOG_GRAVITY)));
-        let by_gravity = halfway_s * log_gravity.unwrap_or(0.0) * identification.input.gravity_m_s2[axis];
         let knows_outlines = joint.is_some() && identification.motion_by_outlines.is_some();
         let from_flight = if knows_outlines { 0.0 } else { flight_half_width(identification, unknown)? };
-        Some(from_flight.hypot(from_joint).hypot(by_gravity))
+        Some(from_flight.hypot(from_joint).hypot(by_gravity[axis]))
     };
     Some(DVec3::new(of_axis(0)?, of_axis(1)?, of_axis(2)?))
 }
@@ -168,13 +171,14 @@ fn result(
             input.density_kg_m3
         )]);
     }
+    let world = input.world_doubt.map(|_| world(state, uncertainty));
     let mut seconds = session.checkpoint().seconds.clone();
     seconds.push((Stage::Intervals, session.unbooked_seconds()));
     Estimates {
         material: identification.simulation().material(state),
         estimates,
         velocity_m_s: identification.simulation().velocity(state),
-        velocity_interval_95: velocity_half_width(identification, uncertainty),
+        velocity_interval_95: velocity_half_width(identification, uncertainty, world.as_ref()),
         angular_velocity_rad_s: state.angular,
         free_frames: identification.flight.free,
         loss: trajectories.map_or_else(Loss::default, |t| mean_loss(video, comparison, &input.opacities, t)),
@@ -186,7 +190,7 @@ fn result(
         splat_factor: state.splat.exp(),
         colliders: colliders(input, state),
         gravity_m_s2: gravity(input, state),
-        world: input.world_doubt.map(|_| world(state, uncertainty)),
+        world,
         positions: placed(input, shape, state).0,
         particle_volume_m3: input.particle_volume_m3,
         volume_factors: volume_factors(input, shape, state),

@@ -15,9 +15,7 @@ use crate::solve::problem::Problem;
 use crate::stages::identification::Identification;
 use crate::stages::joint;
 use crate::tuning::NoiseTuning;
-use crate::uncertainty::interval::{
-    covariance, half_width, independent_covariance, response, shape_prior_covariance, tells_apart, united,
-};
+use crate::uncertainty::interval::{Curvature, half_width, tells_apart, united};
 use crate::unknowns::state::{State, Unknown};
 
 /// Covariance of the joint stage's unknowns.
@@ -126,16 +124,18 @@ fn of_tangents<'a>(
     }
     let (blocks, nuisances) = (tangents.blocks(problem, trajectories), tangents.count() - count);
     let weights = identification.weights_at(&blocks, count);
-    let known = prior.information_of(&problem.unknowns);
-    let refinement_shifts = if nuisances > 0 { response(&blocks, &weights, count, &known, count) } else { None };
+    let curvature = Curvature::measure(&blocks, &weights, prior.information_of(&problem.unknowns));
+    let refinement_shifts = curvature.as_ref().filter(|_| nuisances > 0).map(|curvature| curvature.response(count));
     let places =
         |of: &dyn Fn(&Unknown) -> bool| -> Vec<usize> { (0..count).filter(|k| of(&problem.unknowns[*k])).collect() };
     let materials = places(&|u| matches!(u, Unknown::Material(_)));
     let components = places(&|u| matches!(u, Unknown::Shape(_)));
     let nuisances = DMatrix::identity(nuisances, nuisances);
-    let covariance = covariance(&blocks, &weights, count, &known, &nuisances, tuning)
-        .map(|c| c + shape_prior_covariance(&blocks, &weights, count, &known, (&materials, &components)));
-    let independent = independent_covariance(&blocks, &weights, count, &known);
+    let covariance = curvature.as_ref().and_then(|curvature| {
+        let of_fit = curvature.covariance(&blocks, &weights, &nuisances, tuning)?;
+        Some(of_fit + curvature.shape_prior_covariance(&materials, &components))
+    });
+    let independent = curvature.map(Curvature::into_independent_covariance);
     Uncertainty {
         tuning,
         unknowns: problem.unknowns.clone(),
@@ -162,9 +162,10 @@ pub(crate) fn flight_half_width(identification: &Identification, unknown: Unknow
     if let Some(deviation) = by_outlines.and_then(|motion| motion.deviation_of(unknown)) {
         return Some(half_width(deviation * deviation, &identification.tuning.noise));
     }
-    let (flight, tuning, none) = (&identification.flight, &identification.tuning.noise, DMatrix::zeros(0, 0));
+    let (flight, weights, tuning) = (&identification.flight, &identification.weights, &identification.tuning.noise);
     let place = flight.unknowns.iter().position(|u| *u == unknown);
-    let count = flight.unknowns.len();
-    let covariance = covariance(&flight.blocks, &identification.weights, count, &none, &none, tuning);
+    let (count, none) = (flight.unknowns.len(), DMatrix::zeros(0, 0));
+    let curvature = Curvature::measure(&flight.blocks, weights, DMatrix::zeros(count, count));
+    let covariance = curvature.and_then(|curvature| curvature.covariance(&flight.blocks, weights, &none, tuning));
     place.zip(covariance).map(|(k, c)| half_width(c[(k, k)], tuning))
 }

@@ -16,89 +16,74 @@ use crate::solve::normal_equations::Normal;
 use crate::solve::residual_block::{ResidualBlock, Weights};
 use crate::tuning::NoiseTuning;
 
-/// Covariance of the first `unknowns` columns, given what is `known` of them besides (an information matrix, or an
-/// empty one).
-///
-/// `nuisances` is the covariance of the next columns of the blocks, which were held fixed. `None` where it is not
-/// finite.
-pub(crate) fn covariance(
-    blocks: &[ResidualBlock],
-    weights: &Weights,
-    unknowns: usize,
-    known: &DMatrix<f64>,
-    nuisances: &DMatrix<f64>,
-    tuning: &NoiseTuning,
-) -> Option<DMatrix<f64>> {
-    let columns = blocks.first()?.gradient.len();
-    let total = Normal::sum(blocks, weights, columns);
-    let inverse = inverse_curvature(&total, unknowns, known)?;
-    let mut middle = if known.is_empty() { DMatrix::zeros(unknowns, unknowns) } else { known.clone() };
-    let weight = |c: &ResidualBlock| weights.of_errors(c);
-    middle += scatter(&groups(blocks, &weight, unknowns, &|c| c.camera.unwrap_or(usize::MAX)), 0);
-    let frames = groups(blocks, &weight, unknowns, &|c| c.observation);
-    middle += scatter(&frames, frames.len() / tuning.frames_per_lag);
-    let shifts = &inverse * total.hessian.view((0, unknowns), (unknowns, nuisances.nrows()));
-    let covariance = &inverse * middle * &inverse + &shifts * nuisances * shifts.transpose();
-    covariance.iter().all(|entry| entry.is_finite()).then_some(covariance)
+/// The curvature of the cost at a fit, given what is known of its unknowns besides.
+pub(crate) struct Curvature {
+    /// Of the unknowns, and of the columns behind them, which were held fixed.
+    all: DMatrix<f64>,
+    /// Of the unknowns, with what is known of them.
+    own: DMatrix<f64>,
+    /// Inverse of that: the covariance if all residuals were independent.
+    inverse: DMatrix<f64>,
+    /// What is known of the unknowns: an information matrix.
+    known: DMatrix<f64>,
 }
 
-/// Covariance of the first `unknowns` columns if all residuals were independent: the textbook's.
-pub(crate) fn independent_covariance(
-    blocks: &[ResidualBlock],
-    weights: &Weights,
-    unknowns: usize,
-    known: &DMatrix<f64>,
-) -> Option<DMatrix<f64>> {
-    let total = Normal::sum(blocks, weights, blocks.first()?.gradient.len());
-    inverse_curvature(&total, unknowns, known)
-}
-
-fn inverse_curvature(total: &Normal, unknowns: usize, known: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-    regularised_inverse(&with_prior(&total.hessian, unknowns, known))
-}
-
-/// Covariance of the first `unknowns` columns, nonzero for `materials`, from the whole prior (unit variances) of the
-/// `components` of the shape, as if these were not sought: the others follow by -H_oo^-1 H_oc.
-pub(crate) fn shape_prior_covariance(
-    blocks: &[ResidualBlock],
-    weights: &Weights,
-    unknowns: usize,
-    known: &DMatrix<f64>,
-    (materials, components): (&[usize], &[usize]),
-) -> DMatrix<f64> {
-    let mut covariance = DMatrix::zeros(unknowns, unknowns);
-    let Some(first) = blocks.first() else { return covariance };
-    let total = with_prior(&Normal::sum(blocks, weights, first.gradient.len()).hessian, unknowns, known);
-    let others: Vec<usize> = (0..unknowns).filter(|k| !components.contains(k)).collect();
-    let of_others = total.select_rows(&others);
-    let Some(inverse) = regularised_inverse(&of_others.select_columns(&others)) else { return covariance };
-    let followed = inverse * of_others.select_columns(components);
-    let spread = &followed * followed.transpose();
-    for (i, a) in others.iter().enumerate().filter(|(_, a)| materials.contains(a)) {
-        for (j, b) in others.iter().enumerate().filter(|(_, b)| materials.contains(b)) {
-            covariance[(*a, *b)] = spread[(i, j)];
-        }
+impl Curvature {
+    /// The first columns of `blocks` are the unknowns, of which `known` is an information matrix of as many rows.
+    /// `None` without blocks, and where it is not finite.
+    pub(crate) fn measure(blocks: &[ResidualBlock], weights: &Weights, known: DMatrix<f64>) -> Option<Curvature> {
+        let all = Normal::sum(blocks, weights, blocks.first()?.gradient.len()).hessian;
+        let own = all.view((0, 0), known.shape()) + &known;
+        let inverse = regularised_inverse(&own)?;
+        Some(Curvature { all, own, inverse, known })
     }
-    covariance
-}
 
-/// How far the first `unknowns` columns move per unit of column `other`, which was held fixed: -H^-1 J^T W J_other.
-pub(crate) fn response(
-    blocks: &[ResidualBlock],
-    weights: &Weights,
-    unknowns: usize,
-    known: &DMatrix<f64>,
-    other: usize,
-) -> Option<Vec<f64>> {
-    let total = Normal::sum(blocks, weights, blocks.first()?.gradient.len());
-    let inverse = inverse_curvature(&total, unknowns, known)?;
-    let cross: DVector<f64> = total.hessian.view((0, other), (unknowns, 1)).column(0).into_owned();
-    Some((inverse * -cross).iter().copied().collect())
-}
+    /// Covariance of the unknowns if all residuals were independent: the textbook's.
+    pub(crate) fn into_independent_covariance(self) -> DMatrix<f64> {
+        self.inverse
+    }
 
-fn with_prior(hessian: &DMatrix<f64>, unknowns: usize, known: &DMatrix<f64>) -> DMatrix<f64> {
-    let own = hessian.view((0, 0), (unknowns, unknowns)).into_owned();
-    if known.is_empty() { own } else { own + known }
+    /// Covariance of the unknowns from the scatter of `blocks`. `nuisances` is that of the next columns, which were
+    /// held fixed. `None` where it is not finite.
+    pub(crate) fn covariance(
+        &self,
+        blocks: &[ResidualBlock],
+        weights: &Weights,
+        nuisances: &DMatrix<f64>,
+        tuning: &NoiseTuning,
+    ) -> Option<DMatrix<f64>> {
+        let unknowns = self.own.nrows();
+        let mut middle = self.known.clone();
+        let weight = |c: &ResidualBlock| weights.of_errors(c);
+        middle += scatter(&groups(blocks, &weight, unknowns, &|c| c.camera.unwrap_or(usize::MAX)), 0);
+        let frames = groups(blocks, &weight, unknowns, &|c| c.observation);
+        middle += scatter(&frames, frames.len() / tuning.frames_per_lag);
+        let shifts = &self.inverse * self.all.view((0, unknowns), (unknowns, nuisances.nrows()));
+        let covariance = &self.inverse * middle * &self.inverse + &shifts * nuisances * shifts.transpose();
+        covariance.iter().all(|entry| entry.is_finite()).then_some(covariance)
+    }
+
+    /// Covariance of the unknowns, nonzero for `materials`, from the whole prior (unit variances) of the `components`
+    /// of the shape, as if these were not sought: the others follow by -H_oo^-1 H_oc.
+    pub(crate) fn shape_prior_covariance(&self, materials: &[usize], components: &[usize]) -> DMatrix<f64> {
+        let unknowns = self.own.nrows();
+        let others: Vec<usize> = (0..unknowns).filter(|k| !components.contains(k)).collect();
+        let of_others = self.own.select_rows(&others);
+        let mut followed = DMatrix::zeros(unknowns, components.len());
+        if let Some(inverse) = regularised_inverse(&of_others.select_columns(&others)) {
+            let shifts = inverse * of_others.select_columns(components);
+            for (i, k) in others.iter().enumerate().filter(|(_, k)| materials.contains(k)) {
+                followed.set_row(*k, &shifts.row(i));
+            }
+        }
+        &followed * followed.transpose()
+    }
+
+    /// How far the unknowns move per unit of column `other`, which was held fixed: -H^-1 J^T W J_other.
+    pub(crate) fn response(&self, other: usize) -> Vec<f64> {
+        let cross: DVector<f64> = self.all.view((0, other), (self.own.nrows(), 1)).column(0).into_owned();
+        (&self.inverse * -cross).iter().copied().collect()
+    }
 }
 
 /// Half-width of the 95 % interval for a variance.
@@ -175,6 +160,12 @@ mod tests {
     use crate::solve::residual_block::Modality;
     use rand::{RngExt, SeedableRng};
 
+    /// Without columns that were held fixed.
+    fn covariance(blocks: &[ResidualBlock], weights: &Weights, known: DMatrix<f64>) -> Option<DMatrix<f64>> {
+        let none = DMatrix::zeros(0, 0);
+        Curvature::measure(blocks, weights, known)?.covariance(blocks, weights, &none, &NoiseTuning::default())
+    }
+
     #[test]
     fn understated_errors_widen_the_interval() {
         let blocks: Vec<ResidualBlock> = (0..8)
@@ -184,9 +175,8 @@ mod tests {
                 block.finish()
             })
             .collect();
-        let (none, weights) = (DMatrix::zeros(0, 0), Weights::uniform(1.0, 1.0, 8));
-        let variance =
-            |weights: &Weights| covariance(&blocks, weights, 1, &none, &none, &NoiseTuning::default()).unwrap()[(0, 0)];
+        let weights = Weights::uniform(1.0, 1.0, 8);
+        let variance = |weights: &Weights| covariance(&blocks, weights, DMatrix::zeros(1, 1)).unwrap()[(0, 0)];
         let wider = Weights { error_inflation: vec![3.0; 8], ..weights.clone() };
         assert!((variance(&wider) / variance(&weights) - 9.0).abs() < 1e-9);
     }
@@ -208,34 +198,36 @@ mod tests {
     /// covers the truth although the other half biases the fit, and without it less often.
     #[test]
     fn components_that_nobody_seeks_are_covered() {
-        const COLUMNS: usize = 4;
+        let components = [1, 2, 3];
+        let columns = 1 + components.len();
         let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(4);
         let mut gauss = move || (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
         let (weights, trials) = (Weights::uniform(1e4, 1e4, 5), 300);
-        let mut known = DMatrix::identity(COLUMNS, COLUMNS);
+        let mut known = DMatrix::identity(columns, columns);
         known[(0, 0)] = 0.0;
         let mut inside = [0, 0];
         for _ in 0..trials {
             // The first unknown is a parameter whose truth is zero, the others are sought components.
-            let sought = DMatrix::from_fn(30, COLUMNS, |_, _| gauss());
-            let omitted = DMatrix::from_fn(30, COLUMNS - 1, |_, _| gauss());
-            let truth = DVector::from_fn(COLUMNS, |k, _| if k == 0 { 0.0 } else { gauss() });
-            let seen = &sought * &truth + omitted * DVector::from_fn(COLUMNS - 1, |_, _| gauss());
+            let sought = DMatrix::from_fn(30, columns, |_, _| gauss());
+            let omitted = DMatrix::from_fn(30, components.len(), |_, _| gauss());
+            let truth = DVector::from_fn(columns, |k, _| if k == 0 { 0.0 } else { gauss() });
+            let seen = &sought * &truth + omitted * DVector::from_fn(components.len(), |_, _| gauss());
             let curvature = 1e4 * sought.transpose() * &sought + &known;
             let fit = curvature.try_inverse().unwrap() * (1e4 * sought.transpose() * &seen);
             let off = &sought * &fit - seen;
             let blocks: Vec<ResidualBlock> = (0..5)
                 .map(|frame| {
-                    let mut block = ResidualBlock::new(Modality::Mask, frame, Some(0), COLUMNS);
+                    let mut block = ResidualBlock::new(Modality::Mask, frame, Some(0), columns);
                     for i in 6 * frame..6 * (frame + 1) {
                         block.add(off[i], sought.row(i).transpose().as_slice(), 1.0);
                     }
                     block.finish()
                 })
                 .collect();
-            let (tuning, none) = (NoiseTuning::default(), DMatrix::zeros(0, 0));
-            let of_fit = covariance(&blocks, &weights, COLUMNS, &known, &none, &tuning).unwrap();
-            let of_shape = shape_prior_covariance(&blocks, &weights, COLUMNS, &known, (&[0], &[1, 2, 3]));
+            let tuning = NoiseTuning::default();
+            let of_fit = covariance(&blocks, &weights, known.clone()).unwrap();
+            let curvature = Curvature::measure(&blocks, &weights, known.clone()).unwrap();
+            let of_shape = curvature.shape_prior_covariance(&[0], &components);
             for (count, variance) in inside.iter_mut().zip([of_fit[(0, 0)] + of_shape[(0, 0)], of_fit[(0, 0)]]) {
                 *count += usize::from(fit[0].abs() < half_width(variance, &tuning));
             }
@@ -270,15 +262,7 @@ mod tests {
                     block.finish()
                 })
                 .collect();
-            let c = covariance(
-                &blocks,
-                &Weights::uniform(1.0, 1.0, 14),
-                1,
-                &DMatrix::zeros(0, 0),
-                &DMatrix::zeros(0, 0),
-                &NoiseTuning::default(),
-            )
-            .unwrap();
+            let c = covariance(&blocks, &Weights::uniform(1.0, 1.0, 14), DMatrix::zeros(1, 1)).unwrap();
             inside += usize::from(estimate.abs() < half_width(c[(0, 0)], &NoiseTuning::default()));
             let noise: f64 = data.iter().map(|(_, _, s, e)| (e - s * estimate).powi(2)).sum::<f64>() / 154.0;
             textbook += usize::from(estimate.abs() < 1.96 * (noise / h).sqrt());

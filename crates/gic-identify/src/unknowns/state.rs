@@ -31,8 +31,6 @@ impl Unknown {
 
 /// Numbers that may be unknown of the world.
 pub(crate) const WORLD_UNKNOWNS: usize = 5;
-/// The last of them.
-pub(crate) const LOG_GRAVITY: usize = WORLD_UNKNOWNS - 1;
 
 /// A point in the space of all unknowns.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

@@ -47,8 +47,9 @@ pub struct IdentifyRecord {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ground: Option<GroundRecord>,
     /// Factor on gravity in the lengths that the cameras see, which are by this factor longer than the true ones.
-    #[serde(default = "one", skip_serializing_if = "is_one")]
-    pub gravity_factor: f64,
+    /// Absent where it is 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gravity_factor: Option<f64>,
     /// The factor that its 95 % interval reaches to either side; absent where it was in no doubt.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gravity_interval_95_factor: Option<f64>,
@@ -120,11 +121,6 @@ pub struct GroundRecord {
 
 fn one() -> f64 {
     1.0
-}
-
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde passes a reference")]
-fn is_one(factor: &f64) -> bool {
-    *factor == one()
 }
 
 impl From<WorldEstimate> for GroundRecord {
@@ -486,7 +482,7 @@ fn record(model: &str, found: &Estimates) -> IdentifyRecord {
         velocity_interval_95_m_s: found.velocity_interval_95.map(Into::into),
         angular_velocity_rad_s: found.angular_velocity_rad_s.into(),
         ground: found.world.map(GroundRecord::from),
-        gravity_factor: found.world.map_or(1.0, |world| world.log_gravity.exp()),
+        gravity_factor: found.world.map(|world| world.log_gravity.exp()).filter(|factor| *factor != 1.0),
         gravity_interval_95_factor: found.world.and_then(|world| world.log_gravity_half_width).map(f64::exp),
         free_frames: found.free_frames,
         chamfer_m: found.loss.chamfer_m,

@@ -139,7 +139,7 @@ impl Run<'_> {
 fn floor_doubt(height_m: f64, is_film: bool, has_real_cameras: bool) -> Option<WorldDoubt> {
     let tilt_rad = if is_film || has_real_cameras { FILMED_TILT_RAD } else { 0.0 };
     let log_friction = if is_film { FILMED_LOG_FRICTION } else { 0.0 };
-    let doubt = WorldDoubt { collider: 0, height_m, tilt_rad, log_friction, log_gravity: 0.0 };
+    let doubt = WorldDoubt { height_m, tilt_rad, log_friction, ..WorldDoubt::default() };
     (height_m > 0.0 || has_real_cameras).then_some(doubt)
 }
 

@@ -156,7 +156,7 @@ pub(super) mod tests {
             velocity_interval_95_m_s: None,
             angular_velocity_rad_s: [0.0; 3],
             ground: None,
-            gravity_factor: 1.0,
+            gravity_factor: None,
             gravity_interval_95_factor: None,
             free_frames: 5,
             chamfer_m: 0.01,

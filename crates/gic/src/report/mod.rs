@@ -164,11 +164,11 @@ fn remarks(found: &IdentifyRecord) -> Vec<String> {
         }
     }
     if let Some(half) = found.gravity_interval_95_factor {
-        let percent = |factor: f64| 100.0 * (factor - 1.0);
+        let (factor, percent) = (found.gravity_factor.unwrap_or(1.0), |factor: f64| 100.0 * (factor - 1.0));
         remarks.push(format!(
             "Lengths as the cameras see them are {:.1} % too {} (95 % within {:.1} %), as the fall shows.",
-            percent(found.gravity_factor).abs(),
-            if found.gravity_factor < 1.0 { "short" } else { "long" },
+            percent(factor).abs(),
+            if factor < 1.0 { "short" } else { "long" },
             percent(half)
         ));
     }
