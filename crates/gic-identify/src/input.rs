@@ -1,5 +1,7 @@
 //! What identification is given, and what makes it usable.
 
+use std::collections::BTreeSet;
+
 use gic_mpm::Collider;
 use gic_scene::Camera;
 use glam::DVec3;
@@ -221,6 +223,13 @@ impl Input {
     /// Number of the simulated frame at an observation's time.
     pub(crate) fn frame_of(&self, observation: &Observation) -> usize {
         (observation.time_s * self.frame_rate_hz).round().max(0.0) as usize
+    }
+
+    /// How many cameras see the body.
+    pub(crate) fn camera_count(&self) -> usize {
+        let cameras: BTreeSet<usize> =
+            self.observations.iter().flat_map(|o| &o.views).map(|view| view.camera).collect();
+        cameras.len()
     }
 
     /// Centre of mass of the particles [m].

@@ -30,7 +30,7 @@ pub(crate) fn normals(input: &Input, (spacing, tuning): (f64, &SurfaceTuning)) -
 
 /// Places on the surface, one per cell; `normals` are those of the particles.
 pub(crate) fn anchors(input: &Input, normals: &[Option<DVec3>], scale: Scale) -> Vec<Anchor> {
-    let Scale { spacing, error_m, tuning } = scale;
+    let Scale { spacing, error_m, tuning, .. } = scale;
     let tree = Neighbours::new(&input.positions, spacing);
     let side = tuning.anchor_spacing_spacings * spacing;
     let mut cells = std::collections::BTreeMap::<[i64; 3], (f64, usize)>::new();

@@ -8,7 +8,7 @@ use crate::forward::shape::anchors::Anchor;
 
 /// Prior covariance of the anchors' normal displacements [m^2].
 pub(crate) fn covariance(anchors: &[Anchor], scale: Scale) -> DMatrix<f64> {
-    let Scale { spacing, error_m, tuning } = scale;
+    let Scale { spacing, common_error_m, tuning, .. } = scale;
     DMatrix::from_fn(anchors.len(), anchors.len(), |i, j| {
         let (a, b) = (&anchors[i], &anchors[j]);
         let near = (-0.5 * a.position.distance_squared(b.position)
@@ -16,7 +16,7 @@ pub(crate) fn covariance(anchors: &[Anchor], scale: Scale) -> DMatrix<f64> {
         .exp();
         let parallel = 0.5 * (1.0 + a.normal.dot(b.normal));
         let rounding = (tuning.rounding_deviation_spacings * spacing).powi(2) * a.bluntness * b.bluntness;
-        a.deviation * b.deviation * near * parallel + error_m * error_m + rounding
+        a.deviation * b.deviation * near * parallel + common_error_m * common_error_m + rounding
     })
 }
 

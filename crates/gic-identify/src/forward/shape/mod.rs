@@ -1,19 +1,20 @@
 //! How the body may differ from its reconstruction: a few displacement fields with a Gaussian prior.
 //!
-//! How far the surface is off where pictures tell of it is measured: by as much as the outlines of all moments miss.
-//! It may be too far in or out as a whole, too. A part that no picture tells of (an underside, which meets the ground
-//! first) errs the more the further it is from what one tells. The error of the surface along its normal is modelled
-//! as a Gaussian process of these standard deviations, correlated over a few particle spacings and among places that
-//! face the same way. Of its many directions those count that change what the motion depends on: volume, centre and
-//! second moments of the mass, where the lowest parts are, and how far what no picture tells of is filled (a notch
-//! that is filled at the root of an arm makes it much stiffer).
-//! For functionals l_i of the surface and the covariance K, the fields K l_i span all of the prior's variation of the
+//! How far the surface is off where pictures tell of it is measured: by as much as the outlines of all moments miss. It
+//! may be too far in or out as a whole, too: by the mean of what the cameras are off, each by itself. A part that no
+//! picture tells of (an underside, which meets the ground first) errs the more the further it is from what one tells.
+//! The error of the surface along its normal is modelled as a Gaussian process of these standard deviations, correlated
+//! over a few particle spacings and among places that face the same way. Of its many directions those count that change
+//! what the motion depends on: volume, centre and second moments of the mass, where the lowest parts are, and how far
+//! what no picture tells of is filled (a notch that is filled at the root of an arm makes it much stiffer). For
+//! functionals l_i of the surface and the covariance K, the fields K l_i span all of the prior's variation of the
 //! functionals.
 //!
-//! `K_ij = sigma_i sigma_j exp(-|x_i - x_j|^2 / 2 l^2) (1 + n_i . n_j) / 2 + c^2 + rho^2 b_i b_j`, where sigma is the
-//! standard deviation of a place, l the length of correlation, c the measured error, and rho the rounding, which acts
-//! on the bluntness b. An orthonormal basis of them becomes unknowns of the joint stage beside the material, with unit
-//! variances: what the pictures say about the shape is then used, and what they leave open widens the intervals.
+//! `K_ij = sigma_i sigma_j exp(-|x_i - x_j|^2 / 2 l^2) (1 + n_i . n_j) / 2 + c^2 / n + rho^2 b_i b_j`, where sigma is
+//! the standard deviation of a place, l the length of correlation, c the measured error, n the number of cameras, and
+//! rho the rounding, which acts on the bluntness b. An orthonormal basis of them becomes unknowns of the joint stage
+//! beside the material, with unit variances: what the pictures say about the shape is then used, and what they leave
+//! open widens the intervals.
 
 pub(crate) mod anchors;
 pub(crate) mod components;
@@ -42,16 +43,22 @@ pub(crate) struct ShapeModes {
 pub(crate) struct Scale<'a> {
     /// Distance of the particles [m].
     pub spacing: f64,
-    /// How far the surface is off where pictures tell of it, and as a whole, as a standard deviation [m].
+    /// How far the surface is off where pictures tell of it, as a standard deviation [m].
     pub error_m: f64,
+    /// How far it is too far in or out as a whole, as a standard deviation [m].
+    pub common_error_m: f64,
     pub tuning: &'a ShapeTuning,
 }
 
 impl Scale<'_> {
     pub(crate) fn of<'a>(input: &Input, tuning: &'a ShapeTuning) -> Scale<'a> {
         let spacing = input.particle_volume_m3.cbrt();
-        let error_m = input.surface_error_m.unwrap_or(tuning.unmeasured_deviation_spacings * spacing);
-        Scale { spacing, error_m, tuning }
+        let unmeasured_m = tuning.unmeasured_deviation_spacings * spacing;
+        let (error_m, common_error_m) = match input.surface_error_m {
+            Some(error_m) => (error_m, error_m / (input.camera_count().max(1) as f64).sqrt()),
+            None => (unmeasured_m, unmeasured_m),
+        };
+        Scale { spacing, error_m, common_error_m, tuning }
     }
 }
 
@@ -140,6 +147,7 @@ fn displacement(anchors: &[Anchor], components: &[Vec<f64>], at: DVec3, reach: f
 mod tests {
     use super::components::{covariance, functionals};
     use super::*;
+    use crate::{Observation, View};
 
     const SPACING: f64 = 0.01;
 
@@ -219,6 +227,29 @@ mod tests {
         let face = mean(&|p| off_ends(p) && p.x < -0.08 && p.y.abs() < 0.06);
         println!("edge {edge:.2}, face {face:.2}, notch {notch:.2}");
         assert!(edge > 0.15 && notch < -0.08 && face.abs() < 0.04);
+    }
+
+    /// Cameras are off each by itself: what two opposite sides have in common is the mean of it.
+    #[test]
+    fn the_common_error_is_the_mean_of_the_cameras() {
+        let view = |camera| View { camera, mask: Vec::new() };
+        let observation = Observation { views: (0..4).map(view).collect(), ..Observation::default() };
+        let mut input = Input { observations: vec![observation; 3], ..ball() };
+        let tuning = ShapeTuning { rounding_deviation_spacings: 0.0, ..ShapeTuning::default() };
+        let common = |input: &Input| {
+            let anchors = anchors_of(input);
+            let (left, right) = (outermost(&anchors, -DVec3::X), outermost(&anchors, DVec3::X));
+            covariance(&anchors, Scale::of(input, &tuning))[(left, right)].sqrt()
+        };
+        assert!((common(&input) / (0.2 * SPACING / 2.0) - 1.0).abs() < 1e-6);
+        input.surface_error_m = None;
+        assert!((common(&input) / (0.5 * SPACING) - 1.0).abs() < 1e-6, "nothing has measured it");
+    }
+
+    /// The anchor that lies furthest in a direction.
+    fn outermost(anchors: &[Anchor], along: DVec3) -> usize {
+        let reach = |i: &usize| anchors[*i].position.dot(along);
+        (0..anchors.len()).max_by(|a, b| reach(a).total_cmp(&reach(b))).expect("a body has a surface")
     }
 
     /// The components carry all of the prior's variance of what the motion depends on, and are independent.
