@@ -12,9 +12,9 @@ from conftest import DEMO, program
 
 #: A run of seconds, far from converged.
 FEW = {"cameras": [0, 4, 8], "fit_frames": 4, "steps": 30, "no_appearance": True, "fix": {"poisson_ratio": 0.3},
-       "set": {"identify.resolution_check": 0, "identify.iterations": 3}}
+       "set": {"identify.iterations": 3}}
 FEW_WORDS = ["--cameras", "0,4,8", "--fit-frames", "4", "--steps", "30", "--no-appearance",
-             "--fix", "poisson_ratio=0.3", "--set", "identify.resolution_check=0", "--set", "identify.iterations=3"]
+             "--fix", "poisson_ratio=0.3", "--set", "identify.iterations=3"]
 
 
 @pytest.fixture(scope="module")

@@ -58,15 +58,14 @@ fn main() {
     );
     for (e, t) in found.estimates.iter().zip(sought_values(&truth.material)) {
         println!(
-            "| {} | {:.5e} | [{:.4e}, {:.4e}] {} | {t:.5e} | error {:+.4} | inside {} | refined {:+.2e} |",
+            "| {} | {:.5e} | [{:.4e}, {:.4e}] {} | {t:.5e} | error {:+.4} | inside {} |",
             e.parameter.name,
             e.value,
             e.interval_95.0,
             e.interval_95.1,
             e.identifiable,
             e.parameter.error(e.value, t),
-            e.interval_95.0 <= t && t <= e.interval_95.1,
-            e.resolution_shift.unwrap_or(f64::NAN)
+            e.interval_95.0 <= t && t <= e.interval_95.1
         );
     }
     let mean_factor = found.volume_factors.iter().sum::<f64>() / found.volume_factors.len().max(1) as f64;

@@ -19,8 +19,6 @@ pub struct Estimate {
     pub identifiable: bool,
     /// Whether it was given rather than estimated.
     pub fixed: bool,
-    /// How far the estimate moves when the simulation grid is refined (same unit); `None` where that was not checked.
-    pub resolution_shift: Option<f64>,
 }
 
 /// Loss of paper eq. 8.
@@ -121,6 +119,13 @@ pub struct Estimates {
     pub warnings: Vec<String>,
     /// Factor on the Gaussians' standard deviations that fits the first masks.
     pub splat_factor: f64,
+    /// Side of a cell of the simulation grid [m]: the given one, or the one with which the model explains the video
+    /// best.
+    pub grid_spacing_m: f64,
+    /// Its 95 % interval [m]; `None` where it was given or could not be measured.
+    pub grid_spacing_interval_95_m: Option<(f64, f64)>,
+    /// Substeps per frame, at least.
+    pub substeps_per_frame: usize,
     /// The obstacles as fitted: those of the input, with the ground where it was sought where it was found.
     pub colliders: Vec<gic_mpm::Collider>,
     /// Gravity in the lengths that the cameras see [m/s^2]: the given one where it is in no doubt.

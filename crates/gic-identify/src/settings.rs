@@ -113,7 +113,7 @@ pub struct Settings {
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub colliders: Option<PathBuf>,
-    /// Side of a cell of the simulation grid [m]; by default twice the particle spacing.
+    /// Side of a cell of the simulation grid [m]; by default it is sought about twice the particle spacing.
     #[cfg_attr(feature = "cli", arg(long, value_name = "M"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub grid_spacing_m: Option<f64>,
@@ -152,9 +152,6 @@ pub struct Settings {
     #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frames: Option<usize>,
-    /// The grid is refined by this factor to see how far the estimate moves; 0 skips the check.
-    #[cfg_attr(feature = "cli", arg(skip))]
-    pub resolution_check: f64,
     /// Whether starting points are sought over the parameters' ranges, beside the one that may be given. Without, the
     /// given one is the only one.
     #[cfg_attr(feature = "cli", arg(skip))]
@@ -190,7 +187,6 @@ impl Default for Settings {
             rotation: true,
             iterations: 12,
             frames: None,
-            resolution_check: 1.25,
             search: true,
             joint: true,
             tuning: Tuning::default(),
@@ -245,11 +241,6 @@ impl Settings {
         if let Some(frames) = self.frames.filter(|frames| *frames < 2) {
             return Err(IdentifyError::input("frames", format!("is {frames}"), "two frames at least show a motion"));
         }
-        let factor = self.resolution_check;
-        if !(factor == 0.0 || factor > 1.0 && factor.is_finite()) {
-            let way_out = "give a factor above 1, or 0 to skip the check";
-            return Err(IdentifyError::input("resolution_check", format!("is {factor}"), way_out));
-        }
         Ok(())
     }
 
@@ -298,9 +289,9 @@ impl Settings {
         Ok(())
     }
 
-    /// Side of a cell of the simulation grid [m] and substeps per frame, for particles `particle_spacing_m` apart [m].
-    pub fn resolution(&self, particle_spacing_m: f64) -> (f64, usize) {
-        let grid_spacing_m = self.grid_spacing_m.unwrap_or(2.0 * particle_spacing_m);
+    /// Side of a cell of the simulation grid [m], the given one or else this, and substeps per frame.
+    pub fn resolution(&self, grid_spacing_m: f64) -> (f64, usize) {
+        let grid_spacing_m = self.grid_spacing_m.unwrap_or(grid_spacing_m);
         let wanted = self.tuning.resolution.substeps_times_spacing_m / grid_spacing_m;
         (grid_spacing_m, self.substeps_per_frame.unwrap_or((wanted * (1.0 - 1e-9)).ceil() as usize))
     }
@@ -338,10 +329,10 @@ mod tests {
 
     #[test]
     fn substeps_are_those_that_the_document_says() {
-        assert_eq!(Settings::default().resolution(0.01), (0.02, 200));
-        assert_eq!(Settings::default().resolution(0.005), (0.01, 400));
+        assert_eq!(Settings::default().resolution(0.02), (0.02, 200));
+        assert_eq!(Settings::default().resolution(0.01), (0.01, 400));
         let given = Settings { grid_spacing_m: Some(0.04), substeps_per_frame: Some(7), ..Settings::default() };
-        assert_eq!(given.resolution(0.01), (0.04, 7));
+        assert_eq!(given.resolution(0.02), (0.04, 7));
     }
 
     #[test]

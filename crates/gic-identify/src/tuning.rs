@@ -67,11 +67,14 @@ pub struct ResolutionTuning {
     /// substep's transfers damp the motion a little, so other numbers of them find other parameters: 144 instead of 200
     /// cost 5 % of a bouncing solid's stiffness. Paper: its simulations'.
     pub substeps_times_spacing_m: f64,
+    /// Standard deviation of the logarithm of the factor on the side of the grid's cells. Derived: round spacings, of
+    /// which the nearest is taken, lie a factor of 1.5 apart.
+    pub log_cell_deviation: f64,
 }
 
 impl Default for ResolutionTuning {
     fn default() -> ResolutionTuning {
-        ResolutionTuning { substeps_times_spacing_m: 4.0 }
+        ResolutionTuning { substeps_times_spacing_m: 4.0, log_cell_deviation: 0.4 }
     }
 }
 

@@ -125,7 +125,7 @@ fn a_ground_that_is_elsewhere_is_found() {
         let mut input = observed(ELASTIC, DVec3::new(0.4, -1.5, 0.2), 8);
         input.colliders = vec![Collider::plane(DVec3::new(0.0, off, 0.0), DVec3::Y, Contact::Sticky)];
         input.world_doubt = Some(WorldDoubt { height_m: 0.02, ..WorldDoubt::default() });
-        let settings = Settings { target: Target::Surfaces, resolution_check: 0.0, ..Settings::default() };
+        let settings = Settings { target: Target::Surfaces, grid_spacing_m: Some(SPACING), ..Settings::default() };
         let found = run(&input, ELASTIC.kind(), &settings).expect("identified");
         let height = found.world.expect("it was sought").height_m;
         let error = found.estimates[0].parameter.error(found.estimates[0].value, 1.0e5);
@@ -144,7 +144,7 @@ fn a_ground_that_slopes_and_grips_otherwise_is_found() {
     input.colliders = vec![floor(DVec3::Y, 0.5)];
     let log_friction = std::f64::consts::LN_2;
     input.world_doubt = Some(WorldDoubt { height_m: 0.005, tilt_rad: 0.03, log_friction, ..WorldDoubt::default() });
-    let settings = Settings { target: Target::Surfaces, resolution_check: 0.0, ..Settings::default() };
+    let settings = Settings { target: Target::Surfaces, grid_spacing_m: Some(SPACING), ..Settings::default() };
     let found = run(&input, ELASTIC.kind(), &settings).expect("identified");
     let ground = found.world.expect("it was sought");
     let angle = found.colliders[0].normal().expect("a plane").angle_between(truth.normal().expect("a plane"));
@@ -162,7 +162,7 @@ fn a_gravity_in_other_lengths_is_found() {
         let mut input = observed(ELASTIC, velocity, 10);
         input.gravity_m_s2 = GRAVITY * (-log_gravity).exp();
         input.world_doubt = Some(WorldDoubt { log_gravity: 0.02, ..WorldDoubt::default() });
-        let settings = Settings { target: Target::Surfaces, resolution_check: 0.0, ..Settings::default() };
+        let settings = Settings { target: Target::Surfaces, grid_spacing_m: Some(SPACING), ..Settings::default() };
         let found = run(&input, ELASTIC.kind(), &settings).expect("identified");
         let world = found.world.expect("it was sought");
         let error = found.estimates[0].parameter.error(found.estimates[0].value, 1.0e5);
@@ -193,7 +193,7 @@ fn recovers(truth: Material, seed: u64, starts: u64) {
             })
             .collect();
         let settings =
-            Settings { target: Target::Surfaces, start: Some(start), resolution_check: 0.0, ..Settings::default() };
+            Settings { target: Target::Surfaces, start: Some(start), grid_spacing_m: Some(SPACING), ..Settings::default() };
         let found = run(&input, kind, &settings).expect("identified");
         println!(
             "start {trial} {:?} -> {:?}, {} rollouts + {} coarse, {:.0} s",
@@ -231,6 +231,27 @@ const NON_NEWTONIAN: Material = Material::NonNewtonian {
 
 const VISCOELASTIC: Material =
     Material::Viscoelastic { youngs_modulus_pa: 1.0e5, poisson_ratio: 0.3, retardation_time_s: 2.0e-3 };
+
+/// What was made on other cells is explained by those: they decide how high the ground holds matter up and how much a
+/// bounce loses.
+#[test]
+fn cells_of_another_size_are_found() {
+    for given in [0.015, 0.024] {
+        let substeps_per_frame = (SUBSTEPS as f64 * SPACING / given).ceil() as usize;
+        let made = observed(ELASTIC, DVec3::new(0.4, -1.5, 0.2), 10);
+        let input = Input { grid_spacing_m: given, substeps_per_frame, ..made };
+        let settings = Settings { target: Target::Surfaces, ..Settings::default() };
+        let sought = run(&input, ELASTIC.kind(), &settings).expect("identified");
+        let settings = Settings { grid_spacing_m: Some(given), ..settings };
+        let held = run(&input, ELASTIC.kind(), &settings).expect("identified");
+        let error = |found: &Estimates| found.estimates[0].parameter.error(found.estimates[0].value, 1.0e5).abs();
+        let cell = sought.grid_spacing_m;
+        println!("given {given}, found {cell:.5}: E off by {:.4}, {:.4} if it is held", error(&sought), error(&held));
+        assert_eq!(held.grid_spacing_m, given);
+        assert!((cell / SPACING).ln().abs() < 0.02 && error(&sought) < 0.02, "{cell}");
+        assert!(error(&sought) < error(&held));
+    }
+}
 
 #[test]
 fn elastic_is_recovered() {
@@ -291,7 +312,7 @@ fn the_search_finds_the_right_valley_of_most_blocks() {
             truths.extend([3.0e3, 6.0e3].map(of));
         }
     }
-    let settings = Settings { target: Target::Surfaces, resolution_check: 0.0, ..Settings::default() };
+    let settings = Settings { target: Target::Surfaces, grid_spacing_m: Some(SPACING), ..Settings::default() };
     let is_found = |truth: &&Material| {
         let input = observed(**truth, DVec3::new(0.4, -1.5, 0.2), 8);
         let found = run(&input, truth.kind(), &settings).expect("identified");

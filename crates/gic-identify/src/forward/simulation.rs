@@ -74,6 +74,16 @@ impl Simulation<'_> {
         material_of(self.kind, &values)
     }
 
+    /// Side of a cell of a state's grid [m].
+    pub(crate) fn cell_m(&self, state: &State) -> f64 {
+        self.input.grid_spacing_m * self.resolution.spacing_factor * state.log_cell.exp()
+    }
+
+    /// Substeps per frame of a state: the more, the finer its grid.
+    pub(crate) fn substeps_per_frame(&self, state: &State) -> usize {
+        (self.resolution.substeps_per_frame as f64 * (-state.log_cell).exp()).ceil() as usize
+    }
+
     /// Half of the time of free flight [s].
     pub(crate) fn halfway_s(&self) -> f64 {
         let last = self.video.frames[self.free.max(1) - 1].simulated_frame;
@@ -119,9 +129,9 @@ impl Simulation<'_> {
             }],
             colliders: colliders(input, state),
             gravity_m_s2,
-            grid_spacing_m: input.grid_spacing_m * self.resolution.spacing_factor,
+            grid_spacing_m: self.cell_m(state),
             frame_rate_hz: input.frame_rate_hz,
-            stepping: Stepping::at_least(self.resolution.substeps_per_frame),
+            stepping: Stepping::at_least(self.substeps_per_frame(state)),
         }
     }
 

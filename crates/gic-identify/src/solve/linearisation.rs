@@ -88,17 +88,6 @@ impl Tangents {
         Ok((trajectories, tangents))
     }
 
-    /// Adds a column for something that is not among the unknowns: `trajectories` a unit of it away.
-    pub(crate) fn push(&mut self, trajectories: Trajectories) {
-        self.perturbed.push(trajectories);
-        self.steps.push(1.0);
-    }
-
-    /// Number of columns.
-    pub(crate) fn count(&self) -> usize {
-        self.steps.len()
-    }
-
     /// Residuals around `trajectories`, to which these belong, with their Jacobian.
     pub(crate) fn blocks(&self, problem: &Problem, trajectories: &Trajectories) -> Vec<ResidualBlock> {
         problem.objective.blocks(trajectories, &self.perturbed, &self.steps, &problem.selection)

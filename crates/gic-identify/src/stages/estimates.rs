@@ -122,7 +122,6 @@ fn estimate(
     let fixed = identification.settings.fixed_value(p).is_some();
     let (low, high) = p.limits();
     let interval = uncertainty.and_then(|all| all.interval(Unknown::Material(i), coordinate));
-    let shift = uncertainty.and_then(|all| all.refinement_shift(Unknown::Material(i)));
     let interval = match interval {
         _ if fixed => (value, value),
         Some((from, to)) => (p.value(from.max(low)), p.value(to.min(high))),
@@ -136,7 +135,6 @@ fn estimate(
         interval_95: interval,
         identifiable: !at_bound && width < p.widest,
         fixed,
-        resolution_shift: shift.map(|s| p.value((coordinate + s).clamp(low, high)) - value),
     }
 }
 
@@ -172,12 +170,15 @@ fn result(
         )]);
     }
     let world = input.world_doubt.map(|_| world(state, uncertainty));
+    let simulation = identification.simulation();
+    let cell_m = simulation.cell_m(state);
+    let cell_half_width = uncertainty.and_then(|all| all.half_width(Unknown::Cell));
     let mut seconds = session.checkpoint().seconds.clone();
     seconds.push((Stage::Intervals, session.unbooked_seconds()));
     Estimates {
-        material: identification.simulation().material(state),
+        material: simulation.material(state),
         estimates,
-        velocity_m_s: identification.simulation().velocity(state),
+        velocity_m_s: simulation.velocity(state),
         velocity_interval_95: velocity_half_width(identification, uncertainty, world.as_ref()),
         angular_velocity_rad_s: state.angular,
         free_frames: identification.flight.free,
@@ -188,6 +189,9 @@ fn result(
         seconds,
         warnings: session.warnings().to_vec(),
         splat_factor: state.splat.exp(),
+        grid_spacing_m: cell_m,
+        grid_spacing_interval_95_m: cell_half_width.map(|half| (cell_m * (-half).exp(), cell_m * half.exp())),
+        substeps_per_frame: simulation.substeps_per_frame(state),
         colliders: colliders(input, state),
         gravity_m_s2: gravity(input, state),
         world,

@@ -40,8 +40,8 @@ pub(crate) struct Identification<'a> {
     pub splat_widths: SplatWidths,
     /// Velocity and angular velocity, where the outlines alone tell them.
     pub motion_by_outlines: Option<Prior>,
-    /// What is known of the world besides the pictures; `None` where it is as it is said to be.
-    pub world_prior: Option<Prior>,
+    /// What is known of the world and of the grid besides the pictures; `None` where both are as they are said to be.
+    pub surroundings: Option<Prior>,
     pub flight: FreeFlightFit,
     /// Of free flight's noise, for all frames.
     pub weights: Weights,
@@ -95,7 +95,7 @@ impl<'a> Identification<'a> {
             shape,
             splat_widths,
             motion_by_outlines,
-            world_prior: input.world_doubt.map(world_prior),
+            surroundings: surroundings(input, settings),
             flight,
             weights,
         })
@@ -148,15 +148,15 @@ impl<'a> Identification<'a> {
         }
     }
 
-    /// What is sought of the world.
-    pub(crate) fn world_unknowns(&self) -> Vec<Unknown> {
-        self.world_prior.as_ref().map(|prior| prior.unknowns.clone()).unwrap_or_default()
+    /// What is sought of the world and of the grid.
+    pub(crate) fn unknown_surroundings(&self) -> Vec<Unknown> {
+        self.surroundings.as_ref().map(|prior| prior.unknowns.clone()).unwrap_or_default()
     }
 
     /// The search for material parameters with the motion of free flight.
     pub(crate) fn material_problem<'b>(&'b self, forward: &'b dyn ForwardModel, pooling: usize) -> Problem<'b> {
         let mut unknowns = self.free_materials();
-        unknowns.extend(self.world_unknowns());
+        unknowns.extend(self.unknown_surroundings());
         Problem {
             forward,
             objective: self.objective(),
@@ -164,7 +164,7 @@ impl<'a> Identification<'a> {
             coordinates: self.coordinates(),
             descent: &self.tuning.descent,
             selection: self.touched_frames(pooling),
-            prior: self.world_prior.as_ref(),
+            prior: self.surroundings.as_ref(),
         }
     }
 
@@ -207,15 +207,19 @@ impl<'a> Identification<'a> {
     }
 }
 
-/// The world, as sure as it was given.
-fn world_prior(doubt: WorldDoubt) -> Prior {
-    let unsure: Vec<(usize, f64)> = doubt.deviations().into_iter().enumerate().filter(|(_, sd)| *sd > 0.0).collect();
-    let information = DVector::from_iterator(unsure.len(), unsure.iter().map(|(_, deviation)| deviation.powi(-2)));
-    Prior {
-        unknowns: unsure.iter().map(|(k, _)| Unknown::World(*k)).collect(),
-        mean: DVector::zeros(unsure.len()),
+/// The world, as sure as it was given, and the grid's cells, where nobody says how large they are.
+fn surroundings(input: &Input, settings: &Settings) -> Option<Prior> {
+    let deviations = input.world_doubt.as_ref().map(WorldDoubt::deviations).unwrap_or_default();
+    let of_cell = settings.grid_spacing_m.is_none().then_some(settings.tuning.resolution.log_cell_deviation);
+    let world = deviations.into_iter().enumerate().map(|(k, deviation)| (Unknown::World(k), deviation));
+    let unsure = world.chain(of_cell.map(|deviation| (Unknown::Cell, deviation)));
+    let (unknowns, deviations): (Vec<Unknown>, Vec<f64>) = unsure.filter(|(_, deviation)| *deviation > 0.0).unzip();
+    let information = DVector::from_iterator(deviations.len(), deviations.iter().map(|deviation| deviation.powi(-2)));
+    (!unknowns.is_empty()).then(|| Prior {
+        mean: DVector::zeros(unknowns.len()),
         information: DMatrix::from_diagonal(&information),
-    }
+        unknowns,
+    })
 }
 
 /// Material parameters as given or in the middle of their starts, at the given velocity or at rest.

@@ -1,13 +1,11 @@
 //! Stage 5: how sure the estimates are.
 //!
-//! The covariance of the joint fit, with a rollout on a refined grid as one more direction in which the residuals may
-//! be wrong.
+//! The covariance of the joint fit, with what its few components of the shape do not tell.
 
 use nalgebra::DMatrix;
 
 use crate::FitError;
-use crate::forward::simulation::Simulation;
-use crate::forward::trajectories::{ForwardModel, FrameSelection, Trajectories};
+use crate::forward::trajectories::Trajectories;
 use crate::session::Session;
 use crate::solve::linearisation::{Linearisation, Tangents};
 use crate::solve::prior::Prior;
@@ -28,8 +26,6 @@ pub(crate) struct Uncertainty<'a> {
     independent: Option<DMatrix<f64>>,
     /// Other minima, and by how much more they cost.
     other_minima: Vec<(f64, State)>,
-    /// How far each unknown moves when the simulation grid is refined; `None` where that was not tried.
-    refinement_shifts: Option<Vec<f64>>,
 }
 
 impl Uncertainty<'_> {
@@ -55,12 +51,6 @@ impl Uncertainty<'_> {
         known.is_some_and(|(robust, independent)| tells_apart(more_cost, robust, independent, self.tuning))
     }
 
-    /// How far an unknown moves when the simulation grid is refined.
-    pub(crate) fn refinement_shift(&self, unknown: Unknown) -> Option<f64> {
-        let k = self.place(unknown)?;
-        self.refinement_shifts.as_ref().map(|shifts| shifts[k])
-    }
-
     fn place(&self, unknown: Unknown) -> Option<usize> {
         self.unknowns.iter().position(|u| *u == unknown)
     }
@@ -78,21 +68,16 @@ pub(crate) fn uncertainty<'a>(
 ) -> Result<(Trajectories, Uncertainty<'a>), FitError> {
     let (simulation, prior) = (identification.simulation(), joint::prior(identification));
     let problem = joint::problem(identification, &simulation, &prior);
-    let factor = identification.settings.resolution_check;
-    let factor = (factor > 0.0).then_some(factor);
-    let (measured, refined) = rayon::join(
-        || match known.map(Linearisation::into_parts) {
-            Some((trajectories, tangents)) => Ok((trajectories, Ok(tangents))),
-            None => Tangents::measure_with_trajectories(&problem, state),
-        },
-        || factor.and_then(|factor| refined(identification.simulation(), factor, state)),
-    );
+    let measured = match known.map(Linearisation::into_parts) {
+        Some((trajectories, tangents)) => Ok((trajectories, Ok(tangents))),
+        None => Tangents::measure_with_trajectories(&problem, state),
+    };
     let (trajectories, tangents) = measured?;
     session.pause()?;
     let uncertainty = match tangents {
         Ok(tangents) => Uncertainty {
             other_minima: session.checkpoint().other_minima.clone(),
-            ..of_tangents(identification, (&problem, &prior), &trajectories, tangents, refined)
+            ..of_tangents(identification, (&problem, &prior), &trajectories, &tangents)
         },
         Err(reason) => {
             session.warn([format!("no intervals: {reason}")]);
@@ -103,56 +88,37 @@ pub(crate) fn uncertainty<'a>(
                 covariance: None,
                 independent: None,
                 other_minima: Vec::new(),
-                refinement_shifts: None,
             }
         }
     };
     Ok((trajectories, uncertainty))
 }
 
-/// A `refined` grid is one more direction in which the residuals move: a nuisance, with the whole of its shift.
 fn of_tangents<'a>(
     identification: &'a Identification,
     (problem, prior): (&Problem, &Prior),
     trajectories: &Trajectories,
-    mut tangents: Tangents,
-    refined: Option<Trajectories>,
+    tangents: &Tangents,
 ) -> Uncertainty<'a> {
     let (count, tuning) = (problem.unknowns.len(), &identification.tuning.noise);
-    if let Some(refined) = refined {
-        tangents.push(refined);
-    }
-    let (blocks, nuisances) = (tangents.blocks(problem, trajectories), tangents.count() - count);
+    let blocks = tangents.blocks(problem, trajectories);
     let weights = identification.weights_at(&blocks, count);
     let curvature = Curvature::measure(&blocks, &weights, prior.information_of(&problem.unknowns));
-    let refinement_shifts = curvature.as_ref().filter(|_| nuisances > 0).map(|curvature| curvature.response(count));
     let places =
         |of: &dyn Fn(&Unknown) -> bool| -> Vec<usize> { (0..count).filter(|k| of(&problem.unknowns[*k])).collect() };
     let materials = places(&|u| matches!(u, Unknown::Material(_)));
     let components = places(&|u| matches!(u, Unknown::Shape(_)));
-    let nuisances = DMatrix::identity(nuisances, nuisances);
     let covariance = curvature.as_ref().and_then(|curvature| {
-        let of_fit = curvature.covariance(&blocks, &weights, &nuisances, tuning)?;
+        let of_fit = curvature.covariance(&blocks, &weights, tuning)?;
         Some(of_fit + curvature.shape_prior_covariance(&materials, &components))
     });
-    let independent = curvature.map(Curvature::into_independent_covariance);
     Uncertainty {
         tuning,
         unknowns: problem.unknowns.clone(),
         covariance,
-        independent,
+        independent: curvature.map(Curvature::into_independent_covariance),
         other_minima: Vec::new(),
-        refinement_shifts,
     }
-}
-
-/// The trajectories at `state` on a grid refined by `factor`; `None` where it cannot be simulated there.
-fn refined(mut simulation: Simulation, factor: f64, state: &State) -> Option<Trajectories> {
-    let resolution = &mut simulation.resolution;
-    resolution.spacing_factor = 1.0 / factor;
-    resolution.substeps_per_frame = (resolution.substeps_per_frame as f64 * factor).ceil() as usize;
-    let selection = FrameSelection { first: 0, end: simulation.video.frames.len(), pooling: 1 };
-    simulation.trajectories(state, &selection).ok()
 }
 
 /// Half-width of an unknown's interval from free flight alone, by the outlines, or from the fit, where the position is
@@ -164,8 +130,8 @@ pub(crate) fn flight_half_width(identification: &Identification, unknown: Unknow
     }
     let (flight, weights, tuning) = (&identification.flight, &identification.weights, &identification.tuning.noise);
     let place = flight.unknowns.iter().position(|u| *u == unknown);
-    let (count, none) = (flight.unknowns.len(), DMatrix::zeros(0, 0));
+    let count = flight.unknowns.len();
     let curvature = Curvature::measure(&flight.blocks, weights, DMatrix::zeros(count, count));
-    let covariance = curvature.and_then(|curvature| curvature.covariance(&flight.blocks, weights, &none, tuning));
+    let covariance = curvature.and_then(|curvature| curvature.covariance(&flight.blocks, weights, tuning));
     place.zip(covariance).map(|(k, c)| half_width(c[(k, k)], tuning))
 }

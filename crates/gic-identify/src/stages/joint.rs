@@ -136,7 +136,7 @@ fn unknowns(identification: &Identification) -> Vec<Unknown> {
         unknowns.push(Unknown::Splat);
     }
     unknowns.extend(&identification.flight.motion);
-    unknowns.extend(identification.world_unknowns());
+    unknowns.extend(identification.unknown_surroundings());
     if has_masks {
         unknowns.extend((0..identification.shape.count()).map(Unknown::Shape));
     }
@@ -144,7 +144,7 @@ fn unknowns(identification: &Identification) -> Vec<Unknown> {
 }
 
 /// What is known of the joint stage's unknowns besides the pictures: of the Gaussians' size, of the shape, of the
-/// world and, by the outlines, of the motion.
+/// world and the grid and, by the outlines, of the motion.
 pub(crate) fn prior(identification: &Identification) -> Prior {
     let is_nuisance = |u: &Unknown| u.is_of_drawing() || matches!(u, Unknown::Shape(_));
     let unknowns: Vec<Unknown> = unknowns(identification).into_iter().filter(is_nuisance).collect();
@@ -160,6 +160,6 @@ pub(crate) fn prior(identification: &Identification) -> Prior {
         mean: DVector::from_iterator(unknowns.len(), means),
         unknowns,
     };
-    let known = [&identification.motion_by_outlines, &identification.world_prior];
+    let known = [&identification.motion_by_outlines, &identification.surroundings];
     known.into_iter().flatten().fold(nuisances, |all, prior| all.and(prior.clone()))
 }

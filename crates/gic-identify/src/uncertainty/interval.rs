@@ -4,7 +4,7 @@
 //! same wrong simulation) are correlated, so the textbook covariance s^2 H^-1 is far too narrow. The sandwich H^-1 M
 //! H^-1 takes M from the scatter of whole blocks' gradients at the optimum, clustered both ways: by camera and by
 //! frame. An error that is common to all blocks leaves no scatter: what can be wrong with the shape is therefore among
-//! the unknowns, with its prior, and the simulation grid enters as a nuisance.
+//! the unknowns, with its prior, and so is the grid.
 //!
 //! A few components stand for all ways in which a shape can be wrong. What they explain of the others' effect makes the
 //! estimate better without making it certain: the material's interval has the whole of their prior, as if they were not
@@ -18,8 +18,6 @@ use crate::tuning::NoiseTuning;
 
 /// The curvature of the cost at a fit, given what is known of its unknowns besides.
 pub(crate) struct Curvature {
-    /// Of the unknowns, and of the columns behind them, which were held fixed.
-    all: DMatrix<f64>,
     /// Of the unknowns, with what is known of them.
     own: DMatrix<f64>,
     /// Inverse of that: the covariance if all residuals were independent.
@@ -29,13 +27,12 @@ pub(crate) struct Curvature {
 }
 
 impl Curvature {
-    /// The first columns of `blocks` are the unknowns, of which `known` is an information matrix of as many rows.
-    /// `None` without blocks, and where it is not finite.
+    /// The columns of `blocks` are the unknowns, of which `known` is an information matrix. `None` without blocks, and
+    /// where it is not finite.
     pub(crate) fn measure(blocks: &[ResidualBlock], weights: &Weights, known: DMatrix<f64>) -> Option<Curvature> {
-        let all = Normal::sum(blocks, weights, blocks.first()?.gradient.len()).hessian;
-        let own = all.view((0, 0), known.shape()) + &known;
+        let own = Normal::sum(blocks, weights, blocks.first()?.gradient.len()).hessian + &known;
         let inverse = regularised_inverse(&own)?;
-        Some(Curvature { all, own, inverse, known })
+        Some(Curvature { own, inverse, known })
     }
 
     /// Covariance of the unknowns if all residuals were independent: the textbook's.
@@ -43,13 +40,11 @@ impl Curvature {
         self.inverse
     }
 
-    /// Covariance of the unknowns from the scatter of `blocks`. `nuisances` is that of the next columns, which were
-    /// held fixed. `None` where it is not finite.
+    /// Covariance of the unknowns from the scatter of `blocks`. `None` where it is not finite.
     pub(crate) fn covariance(
         &self,
         blocks: &[ResidualBlock],
         weights: &Weights,
-        nuisances: &DMatrix<f64>,
         tuning: &NoiseTuning,
     ) -> Option<DMatrix<f64>> {
         let unknowns = self.own.nrows();
@@ -58,8 +53,7 @@ impl Curvature {
         middle += scatter(&groups(blocks, &weight, unknowns, &|c| c.camera.unwrap_or(usize::MAX)), 0);
         let frames = groups(blocks, &weight, unknowns, &|c| c.observation);
         middle += scatter(&frames, frames.len() / tuning.frames_per_lag);
-        let shifts = &self.inverse * self.all.view((0, unknowns), (unknowns, nuisances.nrows()));
-        let covariance = &self.inverse * middle * &self.inverse + &shifts * nuisances * shifts.transpose();
+        let covariance = &self.inverse * middle * &self.inverse;
         covariance.iter().all(|entry| entry.is_finite()).then_some(covariance)
     }
 
@@ -77,12 +71,6 @@ impl Curvature {
             }
         }
         &followed * followed.transpose()
-    }
-
-    /// How far the unknowns move per unit of column `other`, which was held fixed: -H^-1 J^T W J_other.
-    pub(crate) fn response(&self, other: usize) -> Vec<f64> {
-        let cross: DVector<f64> = self.all.view((0, other), (self.own.nrows(), 1)).column(0).into_owned();
-        (&self.inverse * -cross).iter().copied().collect()
     }
 }
 
@@ -160,10 +148,8 @@ mod tests {
     use crate::solve::residual_block::Modality;
     use rand::{RngExt, SeedableRng};
 
-    /// Without columns that were held fixed.
     fn covariance(blocks: &[ResidualBlock], weights: &Weights, known: DMatrix<f64>) -> Option<DMatrix<f64>> {
-        let none = DMatrix::zeros(0, 0);
-        Curvature::measure(blocks, weights, known)?.covariance(blocks, weights, &none, &NoiseTuning::default())
+        Curvature::measure(blocks, weights, known)?.covariance(blocks, weights, &NoiseTuning::default())
     }
 
     #[test]
@@ -257,8 +243,8 @@ mod tests {
             let blocks: Vec<ResidualBlock> = data
                 .iter()
                 .map(|(frame, camera, s, e)| {
-                    let mut block = ResidualBlock::new(Modality::Mask, *frame, Some(*camera), 2);
-                    block.add(s * estimate - e, &[*s, 0.0], 1.0);
+                    let mut block = ResidualBlock::new(Modality::Mask, *frame, Some(*camera), 1);
+                    block.add(s * estimate - e, &[*s], 1.0);
                     block.finish()
                 })
                 .collect();

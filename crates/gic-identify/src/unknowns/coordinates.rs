@@ -1,5 +1,7 @@
 //! How far each unknown goes at once, and how far at all.
 
+use std::f64::consts::LN_2;
+
 use crate::tuning::DescentTuning;
 use crate::unknowns::parameter::Parameter;
 use crate::unknowns::state::{State, Unknown};
@@ -13,10 +15,11 @@ pub(crate) struct Coordinates<'a> {
 }
 
 impl Coordinates<'_> {
-    /// Limits of the coordinate; only those of the material have any.
+    /// Limits of the coordinate. A cell holds three particles at least, or a solid falls apart, and 64 at most.
     pub(crate) fn limits(&self, unknown: Unknown) -> (f64, f64) {
         match unknown {
             Unknown::Material(i) => self.parameters[i].limits(),
+            Unknown::Cell => (-0.5 * LN_2, LN_2),
             _ => (f64::NEG_INFINITY, f64::INFINITY),
         }
     }
@@ -41,7 +44,7 @@ impl Coordinates<'_> {
             // [m]: a cell.
             Unknown::Offset(_) => 0.02,
             // A factor of e.
-            Unknown::Splat => 1.0,
+            Unknown::Splat | Unknown::Cell => 1.0,
             // Standard deviations of a fifth of a particle spacing: a cell.
             Unknown::Shape(_) => 10.0,
             // [m]: a cell; [rad]: a cell under a body of ten; factors of e.

@@ -20,6 +20,8 @@ pub(crate) enum Unknown {
     Shape(usize),
     /// What is unknown of the world, in the order of [`State::world`].
     World(usize),
+    /// Logarithm of the factor on the side of the grid's cells.
+    Cell,
 }
 
 impl Unknown {
@@ -54,6 +56,8 @@ pub(crate) struct State {
     /// How much the world differs from the given one: the ground higher [m], tilted about two axes in it [rad], the
     /// logarithm of the factor on its friction, and that of the factor on gravity.
     pub world: [f64; WORLD_UNKNOWNS],
+    /// Logarithm of the factor on the side of the grid's cells.
+    pub log_cell: f64,
 }
 
 impl State {
@@ -67,6 +71,7 @@ impl State {
             splat: 0.0,
             shape: Vec::new(),
             world: [0.0; WORLD_UNKNOWNS],
+            log_cell: 0.0,
         }
     }
 
@@ -79,6 +84,7 @@ impl State {
             Unknown::Splat => self.splat,
             Unknown::Shape(k) => self.shape.get(k).copied().unwrap_or(0.0),
             Unknown::World(k) => self.world[k],
+            Unknown::Cell => self.log_cell,
         }
     }
 
@@ -90,6 +96,7 @@ impl State {
             Unknown::Offset(a) => self.offset[a] = value,
             Unknown::Splat => self.splat = value,
             Unknown::World(k) => self.world[k] = value,
+            Unknown::Cell => self.log_cell = value,
             Unknown::Shape(k) => {
                 if self.shape.len() <= k {
                     self.shape.resize(k + 1, 0.0);

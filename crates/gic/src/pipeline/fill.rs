@@ -118,6 +118,9 @@ pub struct Continuum {
     pub surfaces: Vec<Surface>,
     /// How the stage `refine` settled the body; `None` of one that filling made.
     refined: Option<AcrossTime>,
+    /// Side of a cell of the grid to simulate it on [m]: of the fit that refined it, or twice the distance of the
+    /// particles.
+    pub(super) grid_spacing_m: f64,
 }
 
 impl Continuum {
@@ -300,7 +303,8 @@ impl Run<'_> {
             return self.filled();
         }
         let record = self.refined()?;
-        self.continuum_of(record.summary, &self.path(REFINED), Some(record.settled))
+        let continuum = self.continuum_of(record.summary, &self.path(REFINED))?;
+        Ok(Continuum { refined: Some(record.settled), grid_spacing_m: record.grid_spacing_m, ..continuum })
     }
 
     /// The result of filling.
@@ -308,10 +312,10 @@ impl Run<'_> {
     /// # Errors
     /// Missing or damaged files.
     pub(super) fn filled(&self) -> Result<Continuum> {
-        self.continuum_of(atomic::read_json(&self.path("fill.json"))?, &self.folder, None)
+        self.continuum_of(atomic::read_json(&self.path("fill.json"))?, &self.folder)
     }
 
-    fn continuum_of(&self, summary: FillSummary, folder: &Path, refined: Option<AcrossTime>) -> Result<Continuum> {
+    fn continuum_of(&self, summary: FillSummary, folder: &Path) -> Result<Continuum> {
         let ply = read_particles(&folder.join("continuum.ply"))?;
         let particles = Particles {
             positions: ply.positions,
@@ -331,7 +335,8 @@ impl Run<'_> {
                 Ok(Surface { doubts: known_doubts(&ply.doubts), points: ply.positions })
             })
             .collect::<Result<_>>()?;
-        Ok(Continuum { summary, particles, appearance, surfaces, refined })
+        let grid_spacing_m = 2.0 * particles.spacing;
+        Ok(Continuum { summary, particles, appearance, surfaces, refined: None, grid_spacing_m })
     }
 }
 

@@ -43,6 +43,11 @@ pub struct IdentifyRecord {
     pub velocity_interval_95_m_s: Option<[f64; 3]>,
     /// Initial angular velocity [rad/s].
     pub angular_velocity_rad_s: [f64; 3],
+    /// Side of a cell of the simulation grid [m].
+    pub grid_spacing_m: f64,
+    /// Its 95 % interval [m]; absent where it was given or could not be measured.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grid_spacing_interval_95_m: Option<[f64; 2]>,
     /// The ground; absent where it was known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ground: Option<GroundRecord>,
@@ -88,8 +93,6 @@ pub struct EstimateRecord {
     pub identifiable: bool,
     /// Whether it was given.
     pub fixed: bool,
-    /// How far it moves when the simulation grid is refined.
-    pub resolution_shift: Option<f64>,
 }
 
 /// Density [kg/m^3] of an object that fills a volume [m^3]: of its mass, where that is known.
@@ -265,7 +268,7 @@ impl Run<'_> {
             });
         };
         let particles = &continuum.particles;
-        let (grid_spacing_m, substeps_per_frame) = config.resolution(particles.spacing);
+        let (grid_spacing_m, substeps_per_frame) = config.resolution(continuum.grid_spacing_m);
         let scale = (continuum.appearance.scale * particles.spacing) as f32;
         let grid = format!("grid {:.2} mm, {substeps_per_frame} substeps a frame", 1e3 * grid_spacing_m);
         let known = std::iter::once(grid).chain(continuum.summary.remarks());
@@ -395,11 +398,11 @@ impl Run<'_> {
             density_kg_m3: input.density_kg_m3,
             gravity_m_s2: found.gravity_m_s2.into(),
             colliders: obstacles,
-            grid_spacing_m: Some(input.grid_spacing_m),
+            grid_spacing_m: Some(found.grid_spacing_m),
             particle_spacing_m: Some(found.particle_volume_m3.cbrt()),
             frame_rate_hz,
             frames: self.frames_to_simulate(),
-            substeps_per_frame: Some((input.substeps_per_frame as f64 * ticks).round() as usize),
+            substeps_per_frame: Some((found.substeps_per_frame as f64 * ticks).round() as usize),
             loss: Some(found.loss.chamfer_m + found.loss.mask_l1),
             seed: self.config.seed,
             gic_version: Some(gic_twin::VERSION.into()),
@@ -446,9 +449,9 @@ pub(super) fn motion_of(
         }],
         colliders: found.colliders.clone(),
         gravity_m_s2: found.gravity_m_s2,
-        grid_spacing_m: input.grid_spacing_m,
+        grid_spacing_m: found.grid_spacing_m,
         frame_rate_hz: input.frame_rate_hz,
-        stepping: Stepping::at_least(input.substeps_per_frame),
+        stepping: Stepping::at_least(found.substeps_per_frame),
     };
     let mut simulator = Simulator::new(&world, &Options::default())?;
     let mut frames = vec![simulator.frame().positions];
@@ -473,7 +476,6 @@ fn record(model: &str, found: &Estimates) -> IdentifyRecord {
         interval_95: e.interval_95.into(),
         identifiable: e.identifiable,
         fixed: e.fixed,
-        resolution_shift: e.resolution_shift,
     };
     IdentifyRecord {
         model: model.into(),
@@ -484,6 +486,8 @@ fn record(model: &str, found: &Estimates) -> IdentifyRecord {
         ground: found.world.map(GroundRecord::from),
         gravity_factor: found.world.map(|world| world.log_gravity.exp()).filter(|factor| *factor != 1.0),
         gravity_interval_95_factor: found.world.and_then(|world| world.log_gravity_half_width).map(f64::exp),
+        grid_spacing_m: found.grid_spacing_m,
+        grid_spacing_interval_95_m: found.grid_spacing_interval_95_m.map(Into::into),
         free_frames: found.free_frames,
         chamfer_m: found.loss.chamfer_m,
         mask_l1: found.loss.mask_l1,

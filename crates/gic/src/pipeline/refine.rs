@@ -39,6 +39,8 @@ const ALTERNATIONS: usize = 3;
 pub(super) struct RefineRecord {
     /// The material's parameters of the first fit, in the order of its law.
     pub(super) parameters: Vec<f64>,
+    /// Side of a cell of that fit's grid [m].
+    pub(super) grid_spacing_m: f64,
     /// How its surface was settled.
     #[serde(flatten)]
     pub(super) settled: AcrossTime,
@@ -87,7 +89,7 @@ impl Run<'_> {
         }
         recipe.write(&begun)?;
         atomic::create_folder(&self.path(FOLDER))?;
-        let mut settings = Settings { joint: false, resolution_check: 0.0, ..self.config.identify.clone() };
+        let mut settings = Settings { joint: false, ..self.config.identify.clone() };
         let (mut continuum, mut filling) = (self.filled()?, self.first_filling()?);
         let surroundings = self.surroundings()?;
         let mut off_m = f64::INFINITY;
@@ -204,6 +206,7 @@ impl Run<'_> {
         );
         let record = RefineRecord {
             parameters: found.estimates.iter().map(|estimate| estimate.value).collect(),
+            grid_spacing_m: found.grid_spacing_m,
             settled,
             field_origin_m: filling.field.origin.into(),
             field_size: filling.field.size,

@@ -185,7 +185,6 @@ impl Run<'_> {
         let settings = gic_identify::Settings {
             frames: Some(self.observations_of(fitted, input)),
             joint: in_full,
-            resolution_check: 0.0,
             ..self.identify_settings(input).among_laws(model)
         };
         let checkpoint = self.path(format!("selection/{}.checkpoint.json", model.name()));

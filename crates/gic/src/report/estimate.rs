@@ -26,7 +26,6 @@ pub(super) struct EstimateRow {
     value: String,
     interval: String,
     truth: String,
-    finer: String,
     standing: &'static str,
     is_sure: bool,
 }
@@ -96,21 +95,17 @@ fn listed(names: &[String]) -> String {
     }
 }
 
-/// All parameters, then the velocity.
+/// All parameters, then the velocity, then the cells of the grid where they were sought.
 pub(super) fn rows(found: &IdentifyRecord, truth: Option<&RunTruth>) -> Vec<EstimateRow> {
     let told = |value: Option<f64>, unit: Unit| value.map_or(String::new(), |value| number(value, unit));
     let parameter = |e: &EstimateRecord| {
         let (name, unit) = quantity(&e.name, e.value);
-        let shift = e
-            .resolution_shift
-            .map_or(String::new(), |shift| format!("{}{}", if shift < 0.0 { "" } else { "+" }, number(shift, unit)));
         EstimateRow {
             name: if name == "Parameter" { e.name.clone() } else { name.to_owned() },
             key: e.name.clone(),
             value: number(e.value, unit),
             interval: if e.fixed { String::new() } else { interval(e.interval_95, unit) },
             truth: told(truth.and_then(|truth| truth.value(&e.name)), unit),
-            finer: shift,
             standing: match (e.fixed, e.identifiable) {
                 (true, _) => "given",
                 (false, true) => "determined",
@@ -126,11 +121,20 @@ pub(super) fn rows(found: &IdentifyRecord, truth: Option<&RunTruth>) -> Vec<Esti
         value: format!("{v:.3} m/s"),
         interval: range.map_or("not known".into(), |[low, high]| format!("{low:.3} to {high:.3} m/s")),
         truth: truth.map_or(String::new(), |truth| format!("{:.3} {}", truth.velocity_m_s[axis], m_s.name)),
-        finer: String::new(),
         standing: if range.is_some() { "determined" } else { "" },
         is_sure: true,
     });
-    found.estimates.iter().map(parameter).chain(velocity).collect()
+    let mm = Unit { name: "mm", size: 1e-3 };
+    let cell = found.grid_spacing_interval_95_m.map(|range| EstimateRow {
+        name: "Cell of the grid".into(),
+        key: "grid_spacing_m".into(),
+        value: number(found.grid_spacing_m, mm),
+        interval: interval(range, mm),
+        truth: String::new(),
+        standing: "of the simulation",
+        is_sure: true,
+    });
+    found.estimates.iter().map(parameter).chain(velocity).chain(cell).collect()
 }
 
 #[cfg(test)]
@@ -144,7 +148,6 @@ pub(super) mod tests {
             interval_95,
             identifiable,
             fixed: false,
-            resolution_shift: Some(-0.01 * value),
         };
         IdentifyRecord {
             model: "elastic".into(),
@@ -155,6 +158,8 @@ pub(super) mod tests {
             velocity_m_s: [0.3015, -1.5975, -0.2196],
             velocity_interval_95_m_s: None,
             angular_velocity_rad_s: [0.0; 3],
+            grid_spacing_m: 0.02,
+            grid_spacing_interval_95_m: Some([0.0195, 0.0205]),
             ground: None,
             gravity_factor: None,
             gravity_interval_95_factor: None,
