@@ -192,8 +192,12 @@ fn recovers(truth: Material, seed: u64, starts: u64) {
                 }
             })
             .collect();
-        let settings =
-            Settings { target: Target::Surfaces, start: Some(start), grid_spacing_m: Some(SPACING), ..Settings::default() };
+        let settings = Settings {
+            target: Target::Surfaces,
+            start: Some(start),
+            grid_spacing_m: Some(SPACING),
+            ..Settings::default()
+        };
         let found = run(&input, kind, &settings).expect("identified");
         println!(
             "start {trial} {:?} -> {:?}, {} rollouts + {} coarse, {:.0} s",

@@ -129,13 +129,7 @@ fn estimate(
     };
     let at_bound = !fixed && identification.coordinates().is_at_limit(i, coordinate);
     let width = 0.5 * p.error(interval.1, interval.0).abs();
-    Estimate {
-        parameter: *p,
-        value,
-        interval_95: interval,
-        identifiable: !at_bound && width < p.widest,
-        fixed,
-    }
+    Estimate { parameter: *p, value, interval_95: interval, identifiable: !at_bound && width < p.widest, fixed }
 }
 
 /// The world as it was found.

@@ -106,11 +106,11 @@ fn of_tangents<'a>(
     let curvature = Curvature::measure(&blocks, &weights, prior.information_of(&problem.unknowns));
     let places =
         |of: &dyn Fn(&Unknown) -> bool| -> Vec<usize> { (0..count).filter(|k| of(&problem.unknowns[*k])).collect() };
-    let materials = places(&|u| matches!(u, Unknown::Material(_)));
+    let physics = places(&|u| matches!(u, Unknown::Material(_) | Unknown::Cell));
     let components = places(&|u| matches!(u, Unknown::Shape(_)));
     let covariance = curvature.as_ref().and_then(|curvature| {
         let of_fit = curvature.covariance(&blocks, &weights, tuning)?;
-        Some(of_fit + curvature.shape_prior_covariance(&materials, &components))
+        Some(of_fit + curvature.shape_prior_covariance(&physics, &components))
     });
     Uncertainty {
         tuning,

@@ -7,8 +7,8 @@
 //! the unknowns, with its prior, and so is the grid.
 //!
 //! A few components stand for all ways in which a shape can be wrong. What they explain of the others' effect makes the
-//! estimate better without making it certain: the material's interval has the whole of their prior, as if they were not
-//! sought, while the motion and all else adapt.
+//! estimate better without making it certain: the intervals of material and grid have the whole of their prior, as if
+//! they were not sought, while the motion and all else adapt.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -57,16 +57,16 @@ impl Curvature {
         covariance.iter().all(|entry| entry.is_finite()).then_some(covariance)
     }
 
-    /// Covariance of the unknowns, nonzero for `materials`, from the whole prior (unit variances) of the `components`
+    /// Covariance of the unknowns, nonzero for `physics`, from the whole prior (unit variances) of the `components`
     /// of the shape, as if these were not sought: the others follow by -H_oo^-1 H_oc.
-    pub(crate) fn shape_prior_covariance(&self, materials: &[usize], components: &[usize]) -> DMatrix<f64> {
+    pub(crate) fn shape_prior_covariance(&self, physics: &[usize], components: &[usize]) -> DMatrix<f64> {
         let unknowns = self.own.nrows();
         let others: Vec<usize> = (0..unknowns).filter(|k| !components.contains(k)).collect();
         let of_others = self.own.select_rows(&others);
         let mut followed = DMatrix::zeros(unknowns, components.len());
         if let Some(inverse) = regularised_inverse(&of_others.select_columns(&others)) {
             let shifts = inverse * of_others.select_columns(components);
-            for (i, k) in others.iter().enumerate().filter(|(_, k)| materials.contains(k)) {
+            for (i, k) in others.iter().enumerate().filter(|(_, k)| physics.contains(k)) {
                 followed.set_row(*k, &shifts.row(i));
             }
         }
