@@ -104,13 +104,11 @@ fn of_tangents<'a>(
     let blocks = tangents.blocks(problem, trajectories);
     let weights = identification.weights_at(&blocks, count);
     let curvature = Curvature::measure(&blocks, &weights, prior.information_of(&problem.unknowns));
-    let places =
-        |of: &dyn Fn(&Unknown) -> bool| -> Vec<usize> { (0..count).filter(|k| of(&problem.unknowns[*k])).collect() };
-    let physics = places(&|u| matches!(u, Unknown::Material(_) | Unknown::Cell));
-    let components = places(&|u| matches!(u, Unknown::Shape(_)));
+    let is_component = |k: &usize| matches!(problem.unknowns[*k], Unknown::Shape(_));
+    let components: Vec<usize> = (0..count).filter(is_component).collect();
     let covariance = curvature.as_ref().and_then(|curvature| {
         let of_fit = curvature.covariance(&blocks, &weights, tuning)?;
-        Some(of_fit + curvature.shape_prior_covariance(&physics, &components))
+        Some(of_fit + curvature.shape_prior_covariance(&components))
     });
     Uncertainty {
         tuning,

@@ -57,16 +57,16 @@ impl Curvature {
         covariance.iter().all(|entry| entry.is_finite()).then_some(covariance)
     }
 
-    /// Covariance of the unknowns, nonzero for `physics`, from the whole prior (unit variances) of the `components`
-    /// of the shape, as if these were not sought: the others follow by -H_oo^-1 H_oc.
-    pub(crate) fn shape_prior_covariance(&self, physics: &[usize], components: &[usize]) -> DMatrix<f64> {
+    /// Covariance of the unknowns, zero of the `components` of the shape, from the whole prior (unit variances) of these,
+    /// as if they were not sought: the others follow by -H_oo^-1 H_oc.
+    pub(crate) fn shape_prior_covariance(&self, components: &[usize]) -> DMatrix<f64> {
         let unknowns = self.own.nrows();
         let others: Vec<usize> = (0..unknowns).filter(|k| !components.contains(k)).collect();
         let of_others = self.own.select_rows(&others);
         let mut followed = DMatrix::zeros(unknowns, components.len());
         if let Some(inverse) = regularised_inverse(&of_others.select_columns(&others)) {
             let shifts = inverse * of_others.select_columns(components);
-            for (i, k) in others.iter().enumerate().filter(|(_, k)| physics.contains(k)) {
+            for (i, k) in others.iter().enumerate() {
                 followed.set_row(*k, &shifts.row(i));
             }
         }
@@ -213,7 +213,7 @@ mod tests {
             let tuning = NoiseTuning::default();
             let of_fit = covariance(&blocks, &weights, known.clone()).unwrap();
             let curvature = Curvature::measure(&blocks, &weights, known.clone()).unwrap();
-            let of_shape = curvature.shape_prior_covariance(&[0], &components);
+            let of_shape = curvature.shape_prior_covariance(&components);
             for (count, variance) in inside.iter_mut().zip([of_fit[(0, 0)] + of_shape[(0, 0)], of_fit[(0, 0)]]) {
                 *count += usize::from(fit[0].abs() < half_width(variance, &tuning));
             }
