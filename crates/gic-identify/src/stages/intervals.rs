@@ -10,6 +10,7 @@ use crate::session::Session;
 use crate::solve::linearisation::{Linearisation, Tangents};
 use crate::solve::prior::Prior;
 use crate::solve::problem::Problem;
+use crate::solve::residual_block::ResidualBlock;
 use crate::stages::identification::Identification;
 use crate::stages::joint;
 use crate::tuning::NoiseTuning;
@@ -74,49 +75,38 @@ pub(crate) fn uncertainty<'a>(
     };
     let (trajectories, tangents) = measured?;
     session.pause()?;
-    let uncertainty = match tangents {
-        Ok(tangents) => Uncertainty {
-            other_minima: session.checkpoint().other_minima.clone(),
-            ..of_tangents(identification, (&problem, &prior), &trajectories, &tangents)
-        },
+    let measured = match tangents {
+        Ok(tangents) => covariances(identification, (&problem, &prior), &tangents.blocks(&problem, &trajectories)),
         Err(reason) => {
             session.warn([format!("no intervals: {reason}")]);
-            let tuning = &identification.tuning.noise;
-            Uncertainty {
-                tuning,
-                unknowns: problem.unknowns,
-                covariance: None,
-                independent: None,
-                other_minima: Vec::new(),
-            }
+            None
         }
+    };
+    let (covariance, independent) = measured.unzip();
+    let uncertainty = Uncertainty {
+        tuning: &identification.tuning.noise,
+        unknowns: problem.unknowns,
+        covariance: covariance.flatten(),
+        independent,
+        other_minima: session.checkpoint().other_minima.clone(),
     };
     Ok((trajectories, uncertainty))
 }
 
-fn of_tangents<'a>(
-    identification: &'a Identification,
+/// Covariance of the unknowns, `None` where it is not finite, and what it would be if all residuals were independent.
+fn covariances(
+    identification: &Identification,
     (problem, prior): (&Problem, &Prior),
-    trajectories: &Trajectories,
-    tangents: &Tangents,
-) -> Uncertainty<'a> {
-    let (count, tuning) = (problem.unknowns.len(), &identification.tuning.noise);
-    let blocks = tangents.blocks(problem, trajectories);
-    let weights = identification.weights_at(&blocks, count);
-    let curvature = Curvature::measure(&blocks, &weights, prior.information_of(&problem.unknowns));
+    blocks: &[ResidualBlock],
+) -> Option<(Option<DMatrix<f64>>, DMatrix<f64>)> {
+    let count = problem.unknowns.len();
+    let weights = identification.weights_at(blocks, count);
+    let curvature = Curvature::measure(blocks, &weights, prior.information_of(&problem.unknowns))?;
     let is_component = |k: &usize| matches!(problem.unknowns[*k], Unknown::Shape(_));
     let components: Vec<usize> = (0..count).filter(is_component).collect();
-    let covariance = curvature.as_ref().and_then(|curvature| {
-        let of_fit = curvature.covariance(&blocks, &weights, tuning)?;
-        Some(of_fit + curvature.shape_prior_covariance(&components))
-    });
-    Uncertainty {
-        tuning,
-        unknowns: problem.unknowns.clone(),
-        covariance,
-        independent: curvature.map(Curvature::into_independent_covariance),
-        other_minima: Vec::new(),
-    }
+    let of_fit = curvature.covariance(blocks, &weights, &identification.tuning.noise);
+    let covariance = of_fit.map(|of_fit| of_fit + curvature.shape_prior_covariance(&components));
+    Some((covariance, curvature.into_independent_covariance()))
 }
 
 /// Half-width of an unknown's interval from free flight alone, by the outlines, or from the fit, where the position is
