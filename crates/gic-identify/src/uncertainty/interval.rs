@@ -57,8 +57,8 @@ impl Curvature {
         covariance.iter().all(|entry| entry.is_finite()).then_some(covariance)
     }
 
-    /// Covariance of the unknowns, zero of the `components` of the shape, from the whole prior (unit variances) of these,
-    /// as if they were not sought: the others follow by -H_oo^-1 H_oc.
+    /// Covariance of the unknowns, zero of the `components` of the shape, from the whole prior (unit variances) of
+    /// these, as if they were not sought: the others follow by -H_oo^-1 H_oc.
     pub(crate) fn shape_prior_covariance(&self, components: &[usize]) -> DMatrix<f64> {
         let unknowns = self.own.nrows();
         let others: Vec<usize> = (0..unknowns).filter(|k| !components.contains(k)).collect();
