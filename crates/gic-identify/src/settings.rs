@@ -152,6 +152,11 @@ pub struct Settings {
     #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frames: Option<usize>,
+    /// Whether the cells of the grid are sought where their side is not given. Those that a simulator was run on can be
+    /// found; what is real has none, and then other cells of about this size only widen the intervals.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    #[serde(skip)]
+    pub seek_cells: bool,
     /// Whether starting points are sought over the parameters' ranges, beside the one that may be given. Without, the
     /// given one is the only one.
     #[cfg_attr(feature = "cli", arg(skip))]
@@ -187,6 +192,7 @@ impl Default for Settings {
             rotation: true,
             iterations: 12,
             frames: None,
+            seek_cells: true,
             search: true,
             joint: true,
             tuning: Tuning::default(),

@@ -88,6 +88,12 @@ impl Tangents {
         Ok((trajectories, tangents))
     }
 
+    /// Adds a column for something that the fit held: `trajectories` a unit of it away.
+    pub(crate) fn push(&mut self, trajectories: Trajectories) {
+        self.perturbed.push(trajectories);
+        self.steps.push(1.0);
+    }
+
     /// Residuals around `trajectories`, to which these belong, with their Jacobian.
     pub(crate) fn blocks(&self, problem: &Problem, trajectories: &Trajectories) -> Vec<ResidualBlock> {
         problem.objective.blocks(trajectories, &self.perturbed, &self.steps, &problem.selection)

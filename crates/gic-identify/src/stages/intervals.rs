@@ -5,7 +5,8 @@
 use nalgebra::DMatrix;
 
 use crate::FitError;
-use crate::forward::trajectories::Trajectories;
+use crate::forward::simulation::Simulation;
+use crate::forward::trajectories::{ForwardModel, Trajectories};
 use crate::session::Session;
 use crate::solve::linearisation::{Linearisation, Tangents};
 use crate::solve::prior::Prior;
@@ -76,7 +77,12 @@ pub(crate) fn uncertainty<'a>(
     let (trajectories, tangents) = measured?;
     session.pause()?;
     let measured = match tangents {
-        Ok(tangents) => covariances(identification, (&problem, &prior), &tangents.blocks(&problem, &trajectories)),
+        Ok(mut tangents) => {
+            if let Some(on_other_cells) = on_other_cells(identification, &simulation, state) {
+                tangents.push(on_other_cells);
+            }
+            covariances(identification, (&problem, &prior), &tangents.blocks(&problem, &trajectories))
+        }
         Err(reason) => {
             session.warn([format!("no intervals: {reason}")]);
             None
@@ -93,7 +99,17 @@ pub(crate) fn uncertainty<'a>(
     Ok((trajectories, uncertainty))
 }
 
+/// The trajectories of `state` on cells that are coarser by a deviation, where cells are neither given nor sought; `None`
+/// where it cannot be simulated there.
+fn on_other_cells(identification: &Identification, simulation: &Simulation, state: &State) -> Option<Trajectories> {
+    let settings = identification.settings;
+    let is_open = settings.grid_spacing_m.is_none() && !settings.seek_cells;
+    let coarser = State { log_cell: settings.tuning.resolution.log_cell_deviation, ..state.clone() };
+    if is_open { simulation.trajectories(&coarser, &identification.all_frames()).ok() } else { None }
+}
+
 /// Covariance of the unknowns, `None` where it is not finite, and what it would be if all residuals were independent.
+/// What the fit held stands in columns behind the unknowns' and counts as components of the shape do.
 fn covariances(
     identification: &Identification,
     (problem, prior): (&Problem, &Prior),
@@ -101,9 +117,12 @@ fn covariances(
 ) -> Option<(Option<DMatrix<f64>>, DMatrix<f64>)> {
     let count = problem.unknowns.len();
     let weights = identification.weights_at(blocks, count);
-    let curvature = Curvature::measure(blocks, &weights, prior.information_of(&problem.unknowns))?;
-    let is_component = |k: &usize| matches!(problem.unknowns[*k], Unknown::Shape(_));
-    let components: Vec<usize> = (0..count).filter(is_component).collect();
+    let columns = blocks.first()?.gradient.len();
+    let mut known = DMatrix::identity(columns, columns);
+    known.view_mut((0, 0), (count, count)).copy_from(&prior.information_of(&problem.unknowns));
+    let curvature = Curvature::measure(blocks, &weights, known)?;
+    let is_component = |k: &usize| problem.unknowns.get(*k).is_none_or(|u| matches!(u, Unknown::Shape(_)));
+    let components: Vec<usize> = (0..columns).filter(is_component).collect();
     let of_fit = curvature.covariance(blocks, &weights, &identification.tuning.noise);
     let covariance = of_fit.map(|of_fit| of_fit + curvature.shape_prior_covariance(&components));
     Some((covariance, curvature.into_independent_covariance()))

@@ -355,7 +355,7 @@ impl Run<'_> {
         let frames = config.frames.map(|frames| self.observations_of(frames, input));
         // A scan shows the surface at rest only.
         let target = if self.scan().is_some() { Target::Masks } else { config.target };
-        Settings { target, frames, ..config.clone() }
+        Settings { target, frames, seek_cells: !self.was_filmed(), ..config.clone() }
     }
 
     /// The particles of the continuum where and how large the fit found them, with their attributes.

@@ -95,9 +95,8 @@ impl Run<'_> {
 
     /// How well the world is known whose floor's height is known to `height_m` [m]; `None` where it is exact.
     fn doubt(&self, height_m: f64) -> Option<WorldDoubt> {
-        let has_real_cameras = !self.scene.delays_s.is_empty() || !self.scene.calibration_errors.is_empty();
         let (shared_m, log_length) = self.shared_camera_error().unwrap_or_default();
-        let doubt = floor_doubt(height_m.hypot(shared_m), self.is_film(), has_real_cameras)?;
+        let doubt = floor_doubt(height_m.hypot(shared_m), self.is_film(), self.has_real_cameras())?;
         Some(WorldDoubt { log_gravity: log_length, ..doubt })
     }
 
@@ -116,6 +115,16 @@ impl Run<'_> {
         // The mean of independent errors; focal lengths are told apart by the flight, but hardly their common factor.
         let shared = (lateral_m2.sqrt() / count, log_length);
         (shared.0.is_finite() && shared.1.is_finite()).then_some(shared)
+    }
+
+    /// Whether it shows something real, which no simulator made on a grid.
+    pub(super) fn was_filmed(&self) -> bool {
+        self.is_film() || self.has_real_cameras()
+    }
+
+    /// Whether cameras lag or are not as stated.
+    fn has_real_cameras(&self) -> bool {
+        !self.scene.delays_s.is_empty() || !self.scene.calibration_errors.is_empty()
     }
 
     /// Whether the scene was filmed, and not rendered by a suite whose files say what the ground is.
