@@ -257,6 +257,21 @@ fn cells_of_another_size_are_found() {
     }
 }
 
+/// Where cells are neither given nor sought, other ones are not tried, but widen the interval.
+#[test]
+fn cells_in_doubt_widen_the_interval() {
+    let input = observed(ELASTIC, DVec3::new(0.4, -1.5, 0.2), 10);
+    let in_doubt = Settings { target: Target::Surfaces, seek_cells: false, ..Settings::default() };
+    let given = Settings { grid_spacing_m: Some(SPACING), ..in_doubt.clone() };
+    let [in_doubt, given] =
+        [in_doubt, given].map(|settings| run(&input, ELASTIC.kind(), &settings).expect("identified"));
+    let width = |found: &Estimates| found.estimates[0].interval_95.1 / found.estimates[0].interval_95.0;
+    println!("E's interval spans a factor of {:.4}, {:.4} where cells are given", width(&in_doubt), width(&given));
+    assert_eq!(in_doubt.grid_spacing_m, SPACING);
+    assert_eq!(in_doubt.estimates[0].value.to_bits(), given.estimates[0].value.to_bits());
+    assert!(width(&in_doubt) > width(&given));
+}
+
 #[test]
 fn elastic_is_recovered() {
     recovers(ELASTIC, 7, 1);

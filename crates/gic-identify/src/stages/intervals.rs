@@ -99,8 +99,8 @@ pub(crate) fn uncertainty<'a>(
     Ok((trajectories, uncertainty))
 }
 
-/// The trajectories of `state` on cells that are coarser by a deviation, where cells are neither given nor sought; `None`
-/// where it cannot be simulated there.
+/// The trajectories of `state` on cells that are coarser by a deviation, where cells are neither given nor sought;
+/// `None` where it cannot be simulated there.
 fn on_other_cells(identification: &Identification, simulation: &Simulation, state: &State) -> Option<Trajectories> {
     let settings = identification.settings;
     let is_open = settings.grid_spacing_m.is_none() && !settings.seek_cells;
@@ -109,7 +109,7 @@ fn on_other_cells(identification: &Identification, simulation: &Simulation, stat
 }
 
 /// Covariance of the unknowns, `None` where it is not finite, and what it would be if all residuals were independent.
-/// What the fit held stands in columns behind the unknowns' and counts as components of the shape do.
+/// What the fit held stands in columns behind those of the unknowns, and counts as components of the shape do.
 fn covariances(
     identification: &Identification,
     (problem, prior): (&Problem, &Prior),
