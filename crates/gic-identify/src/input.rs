@@ -1,7 +1,5 @@
 //! What identification is given, and what makes it usable.
 
-use std::collections::BTreeSet;
-
 use gic_mpm::Collider;
 use gic_scene::Camera;
 use glam::DVec3;
@@ -225,11 +223,9 @@ impl Input {
         (observation.time_s * self.frame_rate_hz).round().max(0.0) as usize
     }
 
-    /// How many cameras see the body.
+    /// How many cameras see the body. One that moves has an index of its own in each frame.
     pub(crate) fn camera_count(&self) -> usize {
-        let cameras: BTreeSet<usize> =
-            self.observations.iter().flat_map(|o| &o.views).map(|view| view.camera).collect();
-        cameras.len()
+        self.observations.iter().map(|observation| observation.views.len()).max().unwrap_or(0)
     }
 
     /// Centre of mass of the particles [m].

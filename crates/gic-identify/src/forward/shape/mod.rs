@@ -233,8 +233,10 @@ mod tests {
     #[test]
     fn the_common_error_is_the_mean_of_the_cameras() {
         let view = |camera| View { camera, mask: Vec::new() };
-        let observation = Observation { views: (0..4).map(view).collect(), ..Observation::default() };
-        let mut input = Input { observations: vec![observation; 3], ..ball() };
+        // Of four cameras that move, each has an index of its own in each of three frames.
+        let frame =
+            |o: usize| Observation { views: (4 * o..4 * (o + 1)).map(view).collect(), ..Observation::default() };
+        let mut input = Input { observations: (0..3).map(frame).collect(), ..ball() };
         let tuning = ShapeTuning { rounding_deviation_spacings: 0.0, ..ShapeTuning::default() };
         let common = |input: &Input| {
             let anchors = anchors_of(input);
