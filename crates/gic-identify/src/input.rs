@@ -85,6 +85,9 @@ pub struct Input {
     pub colliders: Vec<Collider>,
     /// What of the world is sought with the material; `None` where it is as it is said to be.
     pub world_doubt: Option<WorldDoubt>,
+    /// Whether something real was filmed, which no simulator made on a grid: then other cells than these are not
+    /// sought, but widen the intervals.
+    pub was_filmed: bool,
     /// Density [kg/m^3], given: a video determines only the ratio of stress to density.
     pub density_kg_m3: f64,
     /// Side of a cell of the simulation grid [m].

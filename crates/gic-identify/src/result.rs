@@ -119,10 +119,10 @@ pub struct Estimates {
     pub warnings: Vec<String>,
     /// Factor on the Gaussians' standard deviations that fits the first masks.
     pub splat_factor: f64,
-    /// Side of a cell of the simulation grid [m]: the given one, or the one with which the model explains the video
-    /// best.
+    /// Side of a cell of the simulation grid [m]: the input's, or the one with which the model explains the video best
+    /// where it was sought.
     pub grid_spacing_m: f64,
-    /// Its 95 % interval [m]; `None` where it was given or could not be measured.
+    /// Its 95 % interval [m]; `None` where it was not sought or could not be measured.
     pub grid_spacing_interval_95_m: Option<(f64, f64)>,
     /// Substeps per frame, at least.
     pub substeps_per_frame: usize,

@@ -113,7 +113,8 @@ pub struct Settings {
     #[cfg_attr(feature = "cli", arg(long, value_name = "FILE"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub colliders: Option<PathBuf>,
-    /// Side of a cell of the simulation grid [m]; by default it is sought about twice the particle spacing.
+    /// Side of a cell of the simulation grid [m]; by default it is sought about twice the particle spacing, and is that
+    /// on film.
     #[cfg_attr(feature = "cli", arg(long, value_name = "M"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub grid_spacing_m: Option<f64>,
@@ -152,11 +153,6 @@ pub struct Settings {
     #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frames: Option<usize>,
-    /// Whether the cells of the grid are sought where their side is not given. Those that a simulator was run on can be
-    /// found; what is real has none, and then other cells of about this size only widen the intervals.
-    #[cfg_attr(feature = "cli", arg(skip))]
-    #[serde(skip)]
-    pub seek_cells: bool,
     /// Whether starting points are sought over the parameters' ranges, beside the one that may be given. Without, the
     /// given one is the only one.
     #[cfg_attr(feature = "cli", arg(skip))]
@@ -192,7 +188,6 @@ impl Default for Settings {
             rotation: true,
             iterations: 12,
             frames: None,
-            seek_cells: true,
             search: true,
             joint: true,
             tuning: Tuning::default(),

@@ -123,6 +123,7 @@ pub(crate) fn input(scene: &Path, positions: Vec<DVec3>, volume: f64) -> Input {
         gravity_m_s2: DVec3::new(0.0, -9.8, 0.0),
         colliders: vec![ground()],
         world_doubt: None,
+        was_filmed: false,
         density_kg_m3: 1000.0,
         grid_spacing_m: 0.02,
         substeps_per_frame: 200,

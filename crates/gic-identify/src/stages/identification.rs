@@ -212,10 +212,10 @@ impl<'a> Identification<'a> {
     }
 }
 
-/// The world, as sure as it was given, and the grid's cells, where nobody says how large they are.
+/// The world, as sure as it was given, and the grid's cells, where a simulator had some and nobody says how large.
 fn surroundings(input: &Input, settings: &Settings) -> Option<Prior> {
     let deviations = input.world_doubt.as_ref().map(WorldDoubt::deviations).unwrap_or_default();
-    let is_sought = settings.grid_spacing_m.is_none() && settings.seek_cells;
+    let is_sought = settings.grid_spacing_m.is_none() && !input.was_filmed;
     let of_cell = is_sought.then_some(settings.tuning.resolution.log_cell_deviation);
     let world = deviations.into_iter().enumerate().map(|(k, deviation)| (Unknown::World(k), deviation));
     let unsure = world.chain(of_cell.map(|deviation| (Unknown::Cell, deviation)));

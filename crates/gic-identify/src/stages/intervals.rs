@@ -5,7 +5,6 @@
 use nalgebra::DMatrix;
 
 use crate::FitError;
-use crate::forward::simulation::Simulation;
 use crate::forward::trajectories::{ForwardModel, Trajectories};
 use crate::session::Session;
 use crate::solve::linearisation::{Linearisation, Tangents};
@@ -70,17 +69,18 @@ pub(crate) fn uncertainty<'a>(
 ) -> Result<(Trajectories, Uncertainty<'a>), FitError> {
     let (simulation, prior) = (identification.simulation(), joint::prior(identification));
     let problem = joint::problem(identification, &simulation, &prior);
-    let measured = match known.map(Linearisation::into_parts) {
-        Some((trajectories, tangents)) => Ok((trajectories, Ok(tangents))),
-        None => Tangents::measure_with_trajectories(&problem, state),
-    };
+    let (measured, on_other_cells) = rayon::join(
+        || match known.map(Linearisation::into_parts) {
+            Some((trajectories, tangents)) => Ok((trajectories, Ok(tangents))),
+            None => Tangents::measure_with_trajectories(&problem, state),
+        },
+        || on_other_cells(identification, state),
+    );
     let (trajectories, tangents) = measured?;
     session.pause()?;
     let measured = match tangents {
         Ok(mut tangents) => {
-            if let Some(on_other_cells) = on_other_cells(identification, &simulation, state) {
-                tangents.push(on_other_cells);
-            }
+            on_other_cells.into_iter().for_each(|other| tangents.push(other));
             covariances(identification, (&problem, &prior), &tangents.blocks(&problem, &trajectories))
         }
         Err(reason) => {
@@ -101,11 +101,13 @@ pub(crate) fn uncertainty<'a>(
 
 /// The trajectories of `state` on cells that are coarser by a deviation, where cells are neither given nor sought;
 /// `None` where it cannot be simulated there.
-fn on_other_cells(identification: &Identification, simulation: &Simulation, state: &State) -> Option<Trajectories> {
-    let settings = identification.settings;
-    let is_open = settings.grid_spacing_m.is_none() && !settings.seek_cells;
-    let coarser = State { log_cell: settings.tuning.resolution.log_cell_deviation, ..state.clone() };
-    if is_open { simulation.trajectories(&coarser, &identification.all_frames()).ok() } else { None }
+fn on_other_cells(identification: &Identification, state: &State) -> Option<Trajectories> {
+    let is_known = identification.settings.grid_spacing_m.is_some();
+    if is_known || identification.unknown_surroundings().contains(&Unknown::Cell) {
+        return None;
+    }
+    let coarser = State { log_cell: identification.tuning.resolution.log_cell_deviation, ..state.clone() };
+    identification.simulation().trajectories(&coarser, &identification.all_frames()).ok()
 }
 
 /// Covariance of the unknowns, `None` where it is not finite, and what it would be if all residuals were independent.
@@ -124,7 +126,7 @@ fn covariances(
     let is_component = |k: &usize| problem.unknowns.get(*k).is_none_or(|u| matches!(u, Unknown::Shape(_)));
     let components: Vec<usize> = (0..columns).filter(is_component).collect();
     let of_fit = curvature.covariance(blocks, &weights, &identification.tuning.noise);
-    let covariance = of_fit.map(|of_fit| of_fit + curvature.shape_prior_covariance(&components));
+    let covariance = of_fit.map(|of_fit| of_fit + curvature.prior_covariance(&components));
     Some((covariance, curvature.into_independent_covariance()))
 }
 

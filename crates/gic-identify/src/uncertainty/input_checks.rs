@@ -120,6 +120,7 @@ mod tests {
             gravity_m_s2: DVec3::ZERO,
             colliders: Vec::new(),
             world_doubt: None,
+            was_filmed: false,
             density_kg_m3: 1000.0,
             grid_spacing_m: 0.04,
             substeps_per_frame: 10,

@@ -4,11 +4,11 @@
 //! same wrong simulation) are correlated, so the textbook covariance s^2 H^-1 is far too narrow. The sandwich H^-1 M
 //! H^-1 takes M from the scatter of whole blocks' gradients at the optimum, clustered both ways: by camera and by
 //! frame. An error that is common to all blocks leaves no scatter: what can be wrong with the shape is therefore among
-//! the unknowns, with its prior, and so is the grid.
+//! the unknowns, with its prior, and so are the cells of the grid.
 //!
 //! A few components stand for all ways in which a shape can be wrong. What they explain of the others' effect makes the
-//! estimate better without making it certain: the intervals of material and grid have the whole of their prior, as if
-//! they were not sought, while the motion and all else adapt.
+//! estimate better without making it certain: the intervals of all other unknowns have the whole of their prior, as if
+//! they were not sought, while these adapt. Cells of the grid that the fit held count as one component more.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -57,9 +57,9 @@ impl Curvature {
         covariance.iter().all(|entry| entry.is_finite()).then_some(covariance)
     }
 
-    /// Covariance of the unknowns, zero of the `components` of the shape, from the whole prior (unit variances) of
-    /// these, as if they were not sought: the others follow by -H_oo^-1 H_oc.
-    pub(crate) fn shape_prior_covariance(&self, components: &[usize]) -> DMatrix<f64> {
+    /// Covariance of the unknowns, zero of the `components`, from the whole prior (unit variances) of these, as if they
+    /// were not sought: the others follow by -H_oo^-1 H_oc.
+    pub(crate) fn prior_covariance(&self, components: &[usize]) -> DMatrix<f64> {
         let unknowns = self.own.nrows();
         let others: Vec<usize> = (0..unknowns).filter(|k| !components.contains(k)).collect();
         let of_others = self.own.select_rows(&others);
@@ -213,7 +213,7 @@ mod tests {
             let tuning = NoiseTuning::default();
             let of_fit = covariance(&blocks, &weights, known.clone()).unwrap();
             let curvature = Curvature::measure(&blocks, &weights, known.clone()).unwrap();
-            let of_shape = curvature.shape_prior_covariance(&components);
+            let of_shape = curvature.prior_covariance(&components);
             for (count, variance) in inside.iter_mut().zip([of_fit[(0, 0)] + of_shape[(0, 0)], of_fit[(0, 0)]]) {
                 *count += usize::from(fit[0].abs() < half_width(variance, &tuning));
             }

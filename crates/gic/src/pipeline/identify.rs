@@ -45,7 +45,7 @@ pub struct IdentifyRecord {
     pub angular_velocity_rad_s: [f64; 3],
     /// Side of a cell of the simulation grid [m].
     pub grid_spacing_m: f64,
-    /// Its 95 % interval [m]; absent where it was given or could not be measured.
+    /// Its 95 % interval [m]; absent where it was not sought or could not be measured.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub grid_spacing_interval_95_m: Option<[f64; 2]>,
     /// The ground; absent where it was known.
@@ -294,6 +294,7 @@ impl Run<'_> {
             gravity_m_s2: surroundings.gravity_m_s2,
             colliders: surroundings.obstacles.iter().map(Obstacle::to_collider).collect(),
             world_doubt: surroundings.doubt,
+            was_filmed: self.was_filmed(),
             density_kg_m3: density_of(config, volume_m3),
             grid_spacing_m,
             substeps_per_frame: clock.substeps(substeps_per_frame),
@@ -355,7 +356,7 @@ impl Run<'_> {
         let frames = config.frames.map(|frames| self.observations_of(frames, input));
         // A scan shows the surface at rest only.
         let target = if self.scan().is_some() { Target::Masks } else { config.target };
-        Settings { target, frames, seek_cells: !self.was_filmed(), ..config.clone() }
+        Settings { target, frames, ..config.clone() }
     }
 
     /// The particles of the continuum where and how large the fit found them, with their attributes.

@@ -89,7 +89,7 @@ impl Run<'_> {
         }
         recipe.write(&begun)?;
         atomic::create_folder(&self.path(FOLDER))?;
-        let mut settings = Settings { joint: false, seek_cells: !self.was_filmed(), ..self.config.identify.clone() };
+        let mut settings = Settings { joint: false, ..self.config.identify.clone() };
         let (mut continuum, mut filling) = (self.filled()?, self.first_filling()?);
         let surroundings = self.surroundings()?;
         let mut off_m = f64::INFINITY;

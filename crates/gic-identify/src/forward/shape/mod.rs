@@ -185,6 +185,7 @@ mod tests {
             gravity_m_s2: DVec3::new(0.0, -9.8, 0.0),
             colliders: Vec::new(),
             world_doubt: None,
+            was_filmed: false,
             density_kg_m3: 1000.0,
             grid_spacing_m: 2.0 * SPACING,
             substeps_per_frame: 200,
