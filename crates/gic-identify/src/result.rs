@@ -24,9 +24,9 @@ pub struct Estimate {
 /// Loss of paper eq. 8.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Loss {
-    /// Mean over frames of the chamfer distance (unsquared, both directions, points near obstacles ignored) [m]; 0
+    /// Mean over frames of the chamfer distance (unsquared, both directions, points near obstacles ignored) [m]; `None`
     /// without surfaces.
-    pub chamfer_m: f64,
+    pub chamfer_m: Option<f64>,
     /// Mean over frames, views and pixels of |alpha - mask|; 0 without masks.
     pub mask_l1: f64,
     /// Pixels that differ, as a share of the object's pixels.

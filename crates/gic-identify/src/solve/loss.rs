@@ -100,11 +100,11 @@ pub(crate) fn mean_loss(
     trajectories: &Trajectories,
 ) -> Loss {
     let mut loss = Loss::default();
-    let (mut surfaces, mut masks, mut difference, mut covered) = (0.0f64, 0.0f64, 0.0, 0.0f64);
+    let (mut distance_m, mut surfaces, mut masks, mut difference, mut covered) = (0.0, 0.0, 0.0f64, 0.0, 0.0f64);
     for (o, observed) in video.frames.iter().enumerate().skip(1) {
         let frame = frame_loss(observed, comparison, trajectories.gaussians(o, opacities), false);
         if observed.surface.is_some() {
-            loss.chamfer_m += frame.chamfer_m;
+            distance_m += frame.chamfer_m;
             surfaces += 1.0;
         }
         if !observed.views.is_empty() {
@@ -114,7 +114,7 @@ pub(crate) fn mean_loss(
         difference += frame.mask_difference.0;
         covered += frame.mask_difference.1;
     }
-    loss.chamfer_m /= surfaces.max(1.0);
+    loss.chamfer_m = (surfaces > 0.0).then(|| distance_m / surfaces);
     loss.mask_l1 /= masks.max(1.0);
     loss.mask_error = difference / covered.max(1e-9);
     loss

@@ -41,7 +41,7 @@ pub(crate) struct Identification<'a> {
     /// Velocity and angular velocity, where the outlines alone tell them.
     pub motion_by_outlines: Option<Prior>,
     /// What is known of the world and of the grid besides the pictures; `None` where both are as they are said to be.
-    pub surroundings: Option<Prior>,
+    pub world_and_grid: Option<Prior>,
     pub flight: FreeFlightFit,
     /// Of free flight's noise, for all frames.
     pub weights: Weights,
@@ -95,7 +95,7 @@ impl<'a> Identification<'a> {
             shape,
             splat_widths,
             motion_by_outlines,
-            surroundings: surroundings(input, settings),
+            world_and_grid: world_and_grid(input, settings),
             flight,
             weights,
         })
@@ -154,14 +154,14 @@ impl<'a> Identification<'a> {
     }
 
     /// What is sought of the world and of the grid.
-    pub(crate) fn unknown_surroundings(&self) -> Vec<Unknown> {
-        self.surroundings.as_ref().map(|prior| prior.unknowns.clone()).unwrap_or_default()
+    pub(crate) fn unknowns_of_world_and_grid(&self) -> Vec<Unknown> {
+        self.world_and_grid.as_ref().map(|prior| prior.unknowns.clone()).unwrap_or_default()
     }
 
     /// The search for material parameters with the motion of free flight.
     pub(crate) fn material_problem<'b>(&'b self, forward: &'b dyn ForwardModel, pooling: usize) -> Problem<'b> {
         let mut unknowns = self.free_materials();
-        unknowns.extend(self.unknown_surroundings());
+        unknowns.extend(self.unknowns_of_world_and_grid());
         Problem {
             forward,
             objective: self.objective(),
@@ -169,7 +169,7 @@ impl<'a> Identification<'a> {
             coordinates: self.coordinates(),
             descent: &self.tuning.descent,
             selection: self.touched_frames(pooling),
-            prior: self.surroundings.as_ref(),
+            prior: self.world_and_grid.as_ref(),
         }
     }
 
@@ -213,7 +213,7 @@ impl<'a> Identification<'a> {
 }
 
 /// The world, as sure as it was given, and the grid's cells, where a simulator had some and nobody says how large.
-fn surroundings(input: &Input, settings: &Settings) -> Option<Prior> {
+fn world_and_grid(input: &Input, settings: &Settings) -> Option<Prior> {
     let deviations = input.world_doubt.as_ref().map(WorldDoubt::deviations).unwrap_or_default();
     let is_sought = settings.grid_spacing_m.is_none() && !input.was_filmed;
     let of_cell = is_sought.then_some(settings.tuning.resolution.log_cell_deviation);

@@ -103,7 +103,7 @@ pub(crate) fn uncertainty<'a>(
 /// `None` where it cannot be simulated there.
 fn on_other_cells(identification: &Identification, state: &State) -> Option<Trajectories> {
     let is_known = identification.settings.grid_spacing_m.is_some();
-    if is_known || identification.unknown_surroundings().contains(&Unknown::Cell) {
+    if is_known || identification.unknowns_of_world_and_grid().contains(&Unknown::Cell) {
         return None;
     }
     let coarser = State { log_cell: identification.tuning.resolution.log_cell_deviation, ..state.clone() };

@@ -138,7 +138,7 @@ fn unknowns(identification: &Identification) -> Vec<Unknown> {
         unknowns.push(Unknown::Splat);
     }
     unknowns.extend(&identification.flight.motion);
-    unknowns.extend(identification.unknown_surroundings());
+    unknowns.extend(identification.unknowns_of_world_and_grid());
     if has_masks {
         unknowns.extend((0..identification.shape.count()).map(Unknown::Shape));
     }
@@ -162,6 +162,6 @@ pub(crate) fn prior(identification: &Identification) -> Prior {
         mean: DVector::from_iterator(unknowns.len(), means),
         unknowns,
     };
-    let known = [&identification.motion_by_outlines, &identification.surroundings];
+    let known = [&identification.motion_by_outlines, &identification.world_and_grid];
     known.into_iter().flatten().fold(nuisances, |all, prior| all.and(prior.clone()))
 }

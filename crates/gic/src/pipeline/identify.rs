@@ -60,8 +60,9 @@ pub struct IdentifyRecord {
     pub gravity_interval_95_factor: Option<f64>,
     /// Leading frames in which nothing is touched.
     pub free_frames: usize,
-    /// Mean chamfer distance of the surfaces [m].
-    pub chamfer_m: f64,
+    /// Mean chamfer distance of the surfaces [m]; absent where none are fitted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub chamfer_m: Option<f64>,
     /// Mean absolute difference of re-rendered and observed masks.
     pub mask_l1: f64,
     /// Pixels that differ, as a share of the object's.
@@ -404,7 +405,7 @@ impl Run<'_> {
             frame_rate_hz,
             frames: self.frames_to_simulate(),
             substeps_per_frame: Some((found.substeps_per_frame as f64 * ticks).round() as usize),
-            loss: Some(found.loss.chamfer_m + found.loss.mask_l1),
+            loss: Some(found.loss.chamfer_m.unwrap_or_default() + found.loss.mask_l1),
             seed: self.config.seed,
             gic_version: Some(gic_twin::VERSION.into()),
             seconds,

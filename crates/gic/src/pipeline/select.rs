@@ -2,7 +2,7 @@
 //!
 //! Every law is fitted to the earlier frames and predicts the later ones, which it has not seen. The law that predicts
 //! best wins, unless one with fewer unknowns predicts about as well: plasticine that never yields is elastic. All laws
-//! are fitted roughly first, and those that are far off already stay at that.
+//! are fitted roughly first, and those whose predictions are far off already stay at that.
 
 use gic_continuum::{Appearance, Drawing, informed_gaussians};
 use gic_files::FileError;
@@ -21,7 +21,7 @@ use crate::error::{Error, Result};
 
 /// Share of the frames that the laws have to predict.
 const HELD_BACK_SHARE: f64 = 0.3;
-/// A law is fitted in full if its rough fit errs less than this many times as much as the best one's.
+/// A law is fitted in full if its rough fit predicts at most this many times as badly as the best one's.
 const FULL_FIT_ERROR_RATIO: f64 = 3.0;
 /// Two laws are close if their errors differ by less than this share of the smaller one ...
 const CLOSE_RELATIVE_DIFFERENCE: f64 = 0.1;
@@ -137,11 +137,12 @@ impl Run<'_> {
         for model in MaterialKind::ALL {
             rough.push(attempt(model, false)?);
         }
-        let least = rough.iter().filter_map(|law| law.fit_error).fold(f64::INFINITY, f64::min);
+        let least = rough.iter().map(LawRecord::prediction_error).fold(f64::INFINITY, f64::min);
         let mut laws = Vec::new();
         for (model, rough) in MaterialKind::ALL.into_iter().zip(rough) {
             let file = folder.join(format!("{}.json", model.name()));
-            let worth = rough.fit_error.is_some_and(|error| error < FULL_FIT_ERROR_RATIO * least);
+            let error = rough.prediction_error();
+            let worth = error.is_finite() && error <= FULL_FIT_ERROR_RATIO * least;
             let law = match (worth, file.exists()) {
                 (false, _) => rough,
                 (true, false) => attempt(model, true)?,

@@ -164,7 +164,7 @@ pub(super) mod tests {
             gravity_factor: None,
             gravity_interval_95_factor: None,
             free_frames: 5,
-            chamfer_m: 0.01,
+            chamfer_m: Some(0.01),
             mask_l1: 0.0,
             mask_error: 0.07,
             rollouts: 119,

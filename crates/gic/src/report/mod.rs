@@ -173,9 +173,8 @@ fn remarks(found: &IdentifyRecord) -> Vec<String> {
         ));
     }
     remarks.push(format!("Nothing is touched in the first {} frames.", found.free_frames));
-    // Without surfaces in the fit there is no such distance.
-    if found.chamfer_m > 0.0 {
-        let distance_mm = 1e3 * found.chamfer_m;
+    if let Some(distance_m) = found.chamfer_m {
+        let distance_mm = 1e3 * distance_m;
         remarks.push(format!("The simulated surface lies {distance_mm:.1} mm from the observed one on average."));
     }
     remarks.push(format!("Masks differ in {:.1} % of the object's pixels.", 100.0 * found.mask_error));
