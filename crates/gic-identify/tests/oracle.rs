@@ -273,6 +273,35 @@ fn cells_in_doubt_widen_the_interval() {
     assert!(width(&in_doubt) > width(&given));
 }
 
+/// Plasticine that yields at once shows its bulk modulus and its yield stress. Wherever the best fit ends along the
+/// valley of the others, the estimate is the mean of what is left open, and the stiffness follows.
+#[test]
+fn what_the_video_leaves_open_is_estimated_by_its_mean() {
+    let (stiffness, yield_stress) = (2.2e5, 100.0);
+    let truth =
+        Material::Plasticine { youngs_modulus_pa: stiffness, poisson_ratio: 0.26, yield_stress_pa: yield_stress };
+    let mut input = observed(truth, DVec3::new(0.4, -1.5, 0.2), 8);
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(5);
+    for point in input.observations[1..].iter_mut().flat_map(|observation| &mut observation.surface) {
+        *point += DVec3::from_array([0; 3].map(|_| random.random_range(-0.05..0.05) * SPACING));
+    }
+    for ratio in [0.02, 0.47] {
+        let settings = Settings {
+            target: Target::Surfaces,
+            start: Some(vec![stiffness, ratio, yield_stress]),
+            search: false,
+            grid_spacing_m: Some(SPACING),
+            ..Settings::default()
+        };
+        let found = run(&input, MaterialKind::Plasticine, &settings).expect("identified");
+        let [modulus, ratio, yielding] = &found.estimates[..] else { panic!("three parameters") };
+        println!("{:?}", [modulus, ratio, yielding].map(|e| (e.value, e.interval_95, e.identifiable)));
+        assert!(!ratio.identifiable && (ratio.value - 0.245).abs() < 0.05);
+        assert!(!modulus.identifiable && (modulus.value / stiffness).log10().abs() < 0.05);
+        assert!(yielding.identifiable && (yielding.value / yield_stress).log10().abs() < 0.03);
+    }
+}
+
 #[test]
 fn elastic_is_recovered() {
     recovers(ELASTIC, 7, 1);

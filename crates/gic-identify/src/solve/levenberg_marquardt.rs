@@ -83,7 +83,8 @@ pub(crate) fn minimise(
     let (mut damping, mut steps) = (tuning.first_damping, 0);
     while steps < limits.iterations {
         let normal = problem.normal(fit.linearisation.blocks(problem), &fit.state);
-        let largest_decrease = normal.largest_predicted_decrease();
+        let lowest = problem.step(&normal, &fit.state, 0.0, Vec::new());
+        let largest_decrease = lowest.map_or(f64::INFINITY, |step| normal.predicted_decrease(step.as_slice()));
         if largest_decrease < limits.least_gain {
             break;
         }
@@ -163,7 +164,7 @@ fn find_decrease(
             return None;
         }
         *damping *= factor * factor;
-        let step = normal.step(*damping)?;
+        let step = problem.step(normal, &fit.state, *damping, Vec::new())?;
         if normal.predicted_decrease(step.as_slice()) < least_gain {
             return None;
         }
@@ -171,7 +172,7 @@ fn find_decrease(
 }
 
 fn try_step(problem: &Problem, state: &State, normal: &Normal, damping: f64) -> Option<Trial> {
-    let mut step = normal.step(damping)?;
+    let mut step = problem.step(normal, state, damping, Vec::new())?;
     // The direction is kept when one coordinate asks for more than its largest step.
     let shrink = problem.unknowns.iter().zip(step.iter()).fold(1.0f64, |s, (unknown, d)| {
         s.min(problem.coordinates.largest_step(*unknown) / d.abs().max(f64::MIN_POSITIVE))

@@ -35,24 +35,20 @@ impl Normal {
         -(self.gradient.dot(&d) + 0.5 * (&self.hessian * &d).dot(&d))
     }
 
-    /// How much the quadratic model can fall at all: g^T H^-1 g / 2.
-    pub(crate) fn largest_predicted_decrease(&self) -> f64 {
-        self.step(0.0).map_or(f64::INFINITY, |step| -0.5 * self.gradient.dot(&step))
-    }
-
-    /// The step whose `k`-th component is `length` and whose others lead to where the quadratic model is lowest then;
-    /// `None` where the others' matrix is not positive definite.
-    pub(crate) fn step_along(&self, k: usize, length: f64) -> Option<DVector<f64>> {
-        let others = self.hessian.clone().remove_row(k).remove_column(k);
-        let pull = self.gradient.clone() + self.hessian.column(k) * length;
-        Some((-others.cholesky()?.solve(&pull.remove_row(k))).insert_row(k, length))
-    }
-
-    /// The damped step -(H + lambda diag H)^-1 g; `None` where the matrix is not positive definite.
-    pub(crate) fn step(&self, lambda: f64) -> Option<DVector<f64>> {
-        let largest = self.hessian.diagonal().iter().copied().fold(0.0, f64::max);
+    /// The step whose components `held` have the given lengths, and whose others f lead, damped, to where the quadratic
+    /// model is lowest then: -(H_ff + lambda diag H_ff)^-1 (g_f + H_fh d_h). `None` where the matrix is not positive
+    /// definite.
+    pub(crate) fn step(&self, lambda: f64, held: &[(usize, f64)]) -> Option<DVector<f64>> {
+        let mut step = DVector::zeros(self.gradient.len());
+        held.iter().for_each(|(k, length)| step[*k] = *length);
+        let free: Vec<usize> = (0..step.len()).filter(|k| held.iter().all(|(other, _)| other != k)).collect();
+        let pull = (&self.gradient + &self.hessian * &step).select_rows(&free);
+        let hessian = self.hessian.select_rows(&free).select_columns(&free);
+        let largest = hessian.diagonal().iter().copied().fold(0.0, f64::max);
         // An unknown without any effect keeps its value.
-        damped_step(&self.hessian, &self.gradient, |own| lambda * own + 1e-12 * largest + f64::MIN_POSITIVE)
+        let of_free = damped_step(&hessian, &pull, |own| lambda * own + 1e-12 * largest + f64::MIN_POSITIVE)?;
+        free.into_iter().zip(of_free.iter()).for_each(|(k, length)| step[k] = *length);
+        Some(step)
     }
 }
 
@@ -74,7 +70,7 @@ mod tests {
             let rows = DMatrix::from_vec(4, 4, rows);
             let hessian = rows.transpose() * &rows + DMatrix::identity(4, 4) * 0.1;
             let normal = Normal { cost: 1.0, gradient: DVector::from_vec(gradient), hessian };
-            let step = normal.step_along(k, length).expect("positive definite");
+            let step = normal.step(0.0, &[(k, length)]).expect("positive definite");
             prop_assert_eq!(step[k], length);
             let mut other = step.clone() + DVector::from_vec(nudge.clone());
             other[k] = length;

@@ -1,5 +1,7 @@
 //! A least-squares problem: a forward model, the observations, a prior, and what is varied.
 
+use nalgebra::DVector;
+
 use crate::forward::trajectories::{ForwardModel, FrameSelection, Trajectories};
 use crate::solve::normal_equations::Normal;
 use crate::solve::objective::Objective;
@@ -35,6 +37,32 @@ impl Problem<'_> {
         let moved = self.coordinates.moved(state, &self.unknowns, step);
         let delta = self.unknowns.iter().map(|u| moved.get(*u) - state.get(*u)).collect();
         (moved, delta)
+    }
+
+    /// The damped step of the quadratic model `normal` around `state` that stays within the limits: where an unknown
+    /// would leave them it ends there, and the others go where that suits them best. Those in `held` have their lengths.
+    /// `None` where the model has no lowest point.
+    pub(crate) fn step(
+        &self,
+        normal: &Normal,
+        state: &State,
+        damping: f64,
+        mut held: Vec<(usize, f64)>,
+    ) -> Option<DVector<f64>> {
+        loop {
+            let step = normal.step(damping, &held)?;
+            let stopped = |(k, unknown): (usize, &Unknown)| {
+                let (low, high) = self.coordinates.limits(*unknown);
+                let (from, to) = (state.get(*unknown), state.get(*unknown) + step[k]);
+                let is_held = held.iter().any(|(other, _)| *other == k);
+                (!is_held && (to < low || to > high)).then(|| (k, to.clamp(low, high) - from))
+            };
+            let stopped: Vec<(usize, f64)> = self.unknowns.iter().enumerate().filter_map(stopped).collect();
+            if stopped.is_empty() {
+                return Some(step);
+            }
+            held.extend(stopped);
+        }
     }
 
     /// Normal equations of the observations and the prior.

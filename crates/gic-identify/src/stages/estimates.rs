@@ -12,6 +12,7 @@ use crate::solve::linearisation::Linearisation;
 use crate::solve::loss::mean_loss;
 use crate::stages::identification::Identification;
 use crate::stages::intervals::{Uncertainty, flight_half_width, uncertainty};
+use crate::stages::middle;
 use crate::uncertainty::verdicts;
 use crate::unknowns::state::{State, Unknown};
 use crate::{IdentifyError, Parameter, WorldEstimate};
@@ -50,14 +51,17 @@ pub(crate) fn with_intervals(
     let (trajectories, uncertainty) =
         uncertainty(identification, session, state, known).map_err(|error| error.of_stage(1))?;
     let is_explained = is_explained(identification, session, state, &trajectories);
+    let (middle, trajectories) = middle::of_what_is_open(identification, session, (state, trajectories), &uncertainty)
+        .map_err(|error| error.of_stage(1))?;
     let parameters = identification.parameters().iter().zip(&state.material).enumerate();
     let estimates = parameters
         .map(|(i, (p, coordinate))| {
-            let estimate = estimate(identification, (i, p), *coordinate, Some(&uncertainty));
-            Estimate { identifiable: estimate.identifiable && is_explained, ..estimate }
+            let about_fit = estimate(identification, (i, p), *coordinate, Some(&uncertainty));
+            let identifiable = about_fit.identifiable && is_explained;
+            Estimate { value: p.value(middle.material[i]), identifiable, ..about_fit }
         })
         .collect();
-    Ok(result(identification, session, (state, Some(&trajectories)), estimates, Some(&uncertainty)))
+    Ok(result(identification, session, (&middle, Some(&trajectories)), estimates, Some(&uncertainty)))
 }
 
 /// Whether the model explains the frames after contact. Warns where it does not, and of parameters at their limits.
@@ -124,7 +128,7 @@ fn estimate(
     let interval = uncertainty.and_then(|all| all.interval(Unknown::Material(i), coordinate));
     let interval = match interval {
         _ if fixed => (value, value),
-        Some((from, to)) => (p.value(from.max(low)), p.value(to.min(high))),
+        Some((from, to)) => (p.value(from.max(low)).max(p.bounds.0), p.value(to.min(high)).min(p.bounds.1)),
         None => p.bounds,
     };
     let at_bound = !fixed && identification.coordinates().is_at_limit(i, coordinate);

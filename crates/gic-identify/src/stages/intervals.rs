@@ -10,7 +10,7 @@ use crate::session::Session;
 use crate::solve::linearisation::{Linearisation, Tangents};
 use crate::solve::prior::Prior;
 use crate::solve::problem::Problem;
-use crate::solve::residual_block::ResidualBlock;
+use crate::solve::residual_block::{ResidualBlock, Weights};
 use crate::stages::identification::Identification;
 use crate::stages::joint;
 use crate::tuning::NoiseTuning;
@@ -21,19 +21,38 @@ use crate::unknowns::state::{State, Unknown};
 pub(crate) struct Uncertainty<'a> {
     tuning: &'a NoiseTuning,
     unknowns: Vec<Unknown>,
-    /// `None` where it could not be measured.
-    covariance: Option<DMatrix<f64>>,
-    /// What the covariance would be if all residuals were independent.
-    independent: Option<DMatrix<f64>>,
+    /// `None` where they could not be measured.
+    covariances: Option<Covariances>,
     /// Other minima, and by how much more they cost.
     other_minima: Vec<(f64, State)>,
+}
+
+/// What the fit's residuals tell of how sure it is.
+struct Covariances {
+    /// Covariance of the unknowns.
+    robust: DMatrix<f64>,
+    /// What it would be if all residuals were independent.
+    independent: DMatrix<f64>,
+    /// The noise of the residuals, inverted.
+    weights: Weights,
 }
 
 impl Uncertainty<'_> {
     /// Half-width of the 95 % interval, in the unknown's coordinate.
     pub(crate) fn half_width(&self, unknown: Unknown) -> Option<f64> {
         let k = self.place(unknown)?;
-        self.covariance.as_ref().map(|c| half_width(c[(k, k)], self.tuning))
+        self.covariances.as_ref().map(|c| half_width(c.robust[(k, k)], self.tuning))
+    }
+
+    /// Covariance of some unknowns' coordinates.
+    pub(crate) fn covariance_of(&self, unknowns: &[Unknown]) -> Option<DMatrix<f64>> {
+        let places: Vec<usize> = unknowns.iter().map(|unknown| self.place(*unknown)).collect::<Option<_>>()?;
+        self.covariances.as_ref().map(|c| c.robust.select_rows(&places).select_columns(&places))
+    }
+
+    /// The weights that the fit's residuals give.
+    pub(crate) fn weights(&self) -> Option<&Weights> {
+        self.covariances.as_ref().map(|c| &c.weights)
     }
 
     /// The 95 % interval about an unknown's coordinate, with those about other minima that the video does not tell from
@@ -47,9 +66,10 @@ impl Uncertainty<'_> {
 
     /// Whether the video tells the fit from a minimum that costs so much more, as far as an unknown goes.
     fn tells_apart(&self, unknown: Unknown, more_cost: f64) -> bool {
-        let variance = |of: &Option<DMatrix<f64>>| Some(of.as_ref()?[(self.place(unknown)?, self.place(unknown)?)]);
-        let known = variance(&self.covariance).zip(variance(&self.independent));
-        known.is_some_and(|(robust, independent)| tells_apart(more_cost, robust, independent, self.tuning))
+        self.place(unknown).zip(self.covariances.as_ref()).is_some_and(|(k, covariances)| {
+            let variances = (covariances.robust[(k, k)], covariances.independent[(k, k)]);
+            tells_apart(more_cost, variances.0, variances.1, self.tuning)
+        })
     }
 
     fn place(&self, unknown: Unknown) -> Option<usize> {
@@ -78,7 +98,7 @@ pub(crate) fn uncertainty<'a>(
     );
     let (trajectories, tangents) = measured?;
     session.pause()?;
-    let measured = match tangents {
+    let covariances = match tangents {
         Ok(mut tangents) => {
             on_other_cells.into_iter().for_each(|other| tangents.push(other));
             covariances(identification, (&problem, &prior), &tangents.blocks(&problem, &trajectories))
@@ -88,12 +108,10 @@ pub(crate) fn uncertainty<'a>(
             None
         }
     };
-    let (covariance, independent) = measured.unzip();
     let uncertainty = Uncertainty {
         tuning: &identification.tuning.noise,
         unknowns: problem.unknowns,
-        covariance: covariance.flatten(),
-        independent,
+        covariances,
         other_minima: session.checkpoint().other_minima.clone(),
     };
     Ok((trajectories, uncertainty))
@@ -110,13 +128,13 @@ fn on_other_cells(identification: &Identification, state: &State) -> Option<Traj
     identification.simulation().trajectories(&coarser, &identification.all_frames()).ok()
 }
 
-/// Covariance of the unknowns, `None` where it is not finite, and what it would be if all residuals were independent.
-/// What the fit held stands in columns behind those of the unknowns, and counts as components of the shape do.
+/// How sure a fit with these residuals is; `None` where that is not finite. What the fit held stands in columns behind
+/// those of the unknowns, and counts as components of the shape do.
 fn covariances(
     identification: &Identification,
     (problem, prior): (&Problem, &Prior),
     blocks: &[ResidualBlock],
-) -> Option<(Option<DMatrix<f64>>, DMatrix<f64>)> {
+) -> Option<Covariances> {
     let count = problem.unknowns.len();
     let weights = identification.weights_at(blocks, count);
     let columns = blocks.first()?.gradient.len();
@@ -125,9 +143,9 @@ fn covariances(
     let curvature = Curvature::measure(blocks, &weights, known)?;
     let is_component = |k: &usize| problem.unknowns.get(*k).is_none_or(|u| matches!(u, Unknown::Shape(_)));
     let components: Vec<usize> = (0..columns).filter(is_component).collect();
-    let of_fit = curvature.covariance(blocks, &weights, &identification.tuning.noise);
-    let covariance = of_fit.map(|of_fit| of_fit + curvature.prior_covariance(&components));
-    Some((covariance, curvature.into_independent_covariance()))
+    let of_fit = curvature.covariance(blocks, &weights, &identification.tuning.noise)?;
+    let robust = of_fit + curvature.prior_covariance(&components);
+    Some(Covariances { robust, independent: curvature.into_independent_covariance(), weights })
 }
 
 /// Half-width of an unknown's interval from free flight alone, by the outlines, or from the fit, where the position is

@@ -4,8 +4,8 @@
 //! 2. [`search`]: starting points of the material, from a grid on a coarse simulation grid.
 //! 3. [`material`]: the material with that motion, from the best starts and from neighbours of the best fit.
 //! 4. [`joint`]: material, motion, the Gaussians' size and the body's shape together, and from neighbours of the fit.
-//! 5. [`intervals`] and [`estimates`]: how sure they are, whether they explain the video, and everything into one
-//!    result.
+//! 5. [`intervals`], [`middle`] and [`estimates`]: how sure they are, the middle of what the video leaves open, whether
+//!    they explain it, and everything into one result.
 
 mod adam;
 mod candidates;
@@ -15,6 +15,7 @@ mod identification;
 mod intervals;
 mod joint;
 mod material;
+mod middle;
 mod neighbours;
 mod outline_flight;
 mod search;

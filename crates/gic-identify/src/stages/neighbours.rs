@@ -42,12 +42,15 @@ pub(crate) fn neighbouring_start(
 
 /// The state with the `k`-th unknown moved by `distance`, and what the quadratic model predicts that it costs.
 fn neighbour(problem: &Problem, normal: &Normal, fit: &Fit, (k, distance): (usize, f64)) -> Option<(f64, State)> {
-    let step = normal.step_along(k, distance)?;
+    let (unknown, (low, high)) = (problem.unknowns[k], problem.coordinates.limits(problem.unknowns[k]));
+    let from = fit.state.get(unknown);
+    let length = (from + distance).clamp(low, high) - from;
+    let step = problem.step(normal, &fit.state, 0.0, vec![(k, length)]).filter(|_| length != 0.0)?;
     let short = |(i, unknown): (usize, &Unknown)| {
         let most = problem.coordinates.largest_step(*unknown);
         if i == k { step[i] } else { step[i].clamp(-most, most) }
     };
     let step: Vec<f64> = problem.unknowns.iter().enumerate().map(short).collect();
     let (state, delta) = problem.moved(&fit.state, &step);
-    (delta[k] != 0.0).then(|| (fit.cost - normal.predicted_decrease(&delta), state))
+    Some((fit.cost - normal.predicted_decrease(&delta), state))
 }

@@ -1,5 +1,7 @@
 //! The unknowns: material parameters in coordinates in which a search is well behaved.
 
+use std::f64::consts::LN_10;
+
 use gic_mpm::{Material, MaterialKind};
 
 use crate::IdentifyError;
@@ -10,8 +12,10 @@ use crate::tuning::AdamTuning;
 enum Transform {
     /// Coordinate = log10 of the value.
     Log10,
-    /// Value = `below` * logistic(coordinate): stays inside (0, `below`).
-    Bounded { below: f64 },
+    /// The value is Poisson's ratio nu, the coordinate log10 of the bulk over the shear modulus, (2 + 2 nu) / (3 - 6 nu).
+    /// With log10 of Young's modulus beside it both valleys are almost straight: that of what bends, along which Young's
+    /// modulus is one, and that of what yields at once and is squeezed, along which the bulk modulus is one.
+    ModulusRatio,
     /// Coordinate = value / `unit`.
     Linear { unit: f64 },
 }
@@ -32,9 +36,6 @@ pub struct Parameter {
     transform: Transform,
 }
 
-/// Poisson's ratio stays below this: at 0.5 the bulk modulus is infinite.
-const NU_LIMIT: f64 = 0.49;
-
 // Ranges of the parameters. Bounds lie beyond any material that is filmed (Budget). Starts span what moves visibly
 // within a second: softer matter is a puddle, stiffer matter rigid (Fitted on: the nine scenes of `tuning.rs`, which
 // lie inside). The grid has about three values per decade of what has local minima, and one of what has none (Budget).
@@ -48,11 +49,12 @@ const fn positive(name: &'static str, bounds: (f64, f64), starts: (f64, f64), gr
 const YOUNG: Parameter = positive("youngs_modulus_pa", (1.0e3, 3.0e7), (1.0e4, 3.0e6), 7);
 const NU: Parameter = Parameter {
     name: "poisson_ratio",
+    // At 0.5 the bulk modulus is infinite.
     bounds: (0.005, 0.485),
-    starts: (0.1, 0.4),
+    starts: (0.1, 0.35),
     widest: 0.1,
     grid: 1,
-    transform: Transform::Bounded { below: NU_LIMIT },
+    transform: Transform::ModulusRatio,
 };
 const YIELD: Parameter = positive("yield_stress_pa", (1.0e1, 1.0e6), (3.0e2, 3.0e4), 4);
 const FRICTION: Parameter = Parameter {
@@ -124,7 +126,7 @@ impl Parameter {
         let value = value.clamp(self.bounds.0, self.bounds.1);
         match self.transform {
             Transform::Log10 => value.log10(),
-            Transform::Bounded { below } => (value / (below - value)).ln(),
+            Transform::ModulusRatio => (2.0 * (1.0 + value) / (3.0 * (1.0 - 2.0 * value))).log10(),
             Transform::Linear { unit } => value / unit,
         }
     }
@@ -133,7 +135,10 @@ impl Parameter {
     pub fn value(&self, coordinate: f64) -> f64 {
         match self.transform {
             Transform::Log10 => 10f64.powf(coordinate),
-            Transform::Bounded { below } => below / (1.0 + (-coordinate).exp()),
+            Transform::ModulusRatio => {
+                let ratio = 10f64.powf(coordinate);
+                (3.0 * ratio - 2.0) / (6.0 * ratio + 2.0)
+            }
             Transform::Linear { unit } => coordinate * unit,
         }
     }
@@ -143,14 +148,43 @@ impl Parameter {
         (self.coordinate(self.bounds.0), self.coordinate(self.bounds.1))
     }
 
-    /// What changes the motion visibly, in the search coordinate: a factor of three, half of Poisson's range, or the
-    /// unit of an angle or a time.
+    /// What changes the motion visibly, in the search coordinate: a factor of three, of two in the ratio of the moduli, or
+    /// the unit of an angle or a time.
     pub(crate) fn unit(&self) -> f64 {
         match self.transform {
             Transform::Log10 => 0.5,
-            Transform::Bounded { .. } => 2.0,
+            Transform::ModulusRatio => 0.3,
             Transform::Linear { .. } => 1.0,
         }
+    }
+
+    /// Where the mean of what is left of a Gaussian lies that is cut at the bounds: centre and standard deviation are of
+    /// the search coordinate, as the mean's place is, and every value is as likely before, in the unit of
+    /// [`Parameter::error`]. By Simpson's rule over what is within eight deviations.
+    pub(crate) fn mean_within_bounds(&self, centre: f64, deviation: f64) -> f64 {
+        const INTERVALS: u32 = 256;
+        let (low, high) = self.limits();
+        let reach = 8.0 * deviation;
+        let [from, to] = [low.max(centre - reach), high.min(centre + reach)].map(|end| self.even(end));
+        let (mut moment, mut total) = (0.0, 0.0);
+        for k in 0..=INTERVALS {
+            let at = from + (to - from) * f64::from(k) / f64::from(INTERVALS);
+            let rule = if k == 0 || k == INTERVALS { 1.0 } else { f64::from(2 + 2 * (k % 2)) };
+            let weight = rule * (-0.5 * ((self.coordinate_of_even(at) - centre) / deviation).powi(2)).exp();
+            moment += weight * at;
+            total += weight;
+        }
+        self.coordinate_of_even(moment / total)
+    }
+
+    /// A search coordinate in the unit of [`Parameter::error`], up to a factor.
+    fn even(&self, coordinate: f64) -> f64 {
+        if self.transform == Transform::ModulusRatio { self.value(coordinate) } else { coordinate }
+    }
+
+    /// The inverse of [`Parameter::even`].
+    fn coordinate_of_even(&self, even: f64) -> f64 {
+        if self.transform == Transform::ModulusRatio { self.coordinate(even) } else { even }
     }
 
     /// Learning rate of the paper's Adam, in the search coordinate.
@@ -158,9 +192,9 @@ impl Parameter {
         match (self.transform, self.name) {
             (Transform::Log10, "plastic_viscosity_pa_s") => tuning.plastic_viscosity_rate,
             (Transform::Log10, _) => tuning.rate,
-            // At the slope of the logistic in its middle.
-            (Transform::Bounded { below }, _) => tuning.poisson_ratio_rate * 4.0 / below,
             (Transform::Linear { .. }, "retardation_time_s") => tuning.rate,
+            // What a change of nu changes, at a quarter.
+            (Transform::ModulusRatio, _) => tuning.poisson_ratio_rate * 24.0 / (5.0 * LN_10),
             (Transform::Linear { unit }, _) => tuning.friction_angle_rate_deg / unit,
         }
     }
@@ -208,6 +242,20 @@ mod tests {
             let material = material_of(kind, &values);
             prop_assert_eq!(sought_values(&material), values);
             prop_assert_eq!(material.kind(), kind);
+        }
+    }
+
+    #[test]
+    fn what_is_left_of_a_gaussian_has_its_mean_where_it_is_known_to_be() {
+        // At a limit: sqrt(2 / pi) deviations from it. Uncut: its centre. Nothing is known: the middle of the range.
+        let (low, high) = YOUNG.limits();
+        let at_limit = YOUNG.mean_within_bounds(low, 0.1) - low;
+        assert!((at_limit - 0.079_788_456).abs() < 1e-6, "{at_limit}");
+        assert!((YOUNG.mean_within_bounds(5.0, 0.1) - 5.0).abs() < 1e-9);
+        assert!((YOUNG.mean_within_bounds(low, 1e3) - f64::midpoint(low, high)).abs() < 1e-3);
+        for at in [NU.bounds.0, 0.1, NU.bounds.1] {
+            let middle = NU.value(NU.mean_within_bounds(NU.coordinate(at), 1e3));
+            assert!((middle - 0.245).abs() < 1e-3, "{middle}");
         }
     }
 

@@ -1,0 +1,100 @@
+//! After stage 5: from the best fit to the mean of what the video leaves open.
+//!
+//! Where the range of a parameter cuts off a part of what the video admits, the best fit is not in the middle of the
+//! rest: in a valley along which nothing tells Poisson's ratio it ends anywhere, and often at the edge. The mean of the
+//! Gaussian about the fit, cut at the range, errs least on average. The parameter is held there, and all else is fitted
+//! again.
+
+use std::ops::ControlFlow;
+
+use nalgebra::{DMatrix, DVector};
+
+use crate::FitError;
+use crate::forward::trajectories::Trajectories;
+use crate::session::Session;
+use crate::settings::Optimizer;
+use crate::solve::levenberg_marquardt::{Iterate, Limits, minimise};
+use crate::solve::objective::Objective;
+use crate::solve::problem::Problem;
+use crate::stages::identification::Identification;
+use crate::stages::intervals::Uncertainty;
+use crate::stages::joint;
+use crate::uncertainty::interval::half_width;
+use crate::unknowns::state::{State, Unknown};
+
+/// The state in the middle of what the video leaves open about the joint `fit`, and its trajectories. It is the fit
+/// where nothing is cut off, and where the middle explains the pictures worse, by more than their noise: then it is not
+/// they that leave it open.
+///
+/// # Errors
+/// Interruption.
+pub(crate) fn of_what_is_open(
+    identification: &Identification,
+    session: &mut Session,
+    (fit, trajectories): (&State, Trajectories),
+    uncertainty: &Uncertainty,
+) -> Result<(State, Trajectories), FitError> {
+    let (held, start) = held(identification, fit, uncertainty);
+    // The paper reports the end of its material stage.
+    let is_fitted = identification.settings.optimizer == Optimizer::LevenbergMarquardt;
+    let Some(weights) = uncertainty.weights().filter(|_| is_fitted && !held.is_empty()) else {
+        return Ok((fit.clone(), trajectories));
+    };
+    let (simulation, prior) = (identification.simulation(), joint::prior(identification));
+    let problem = joint::problem(identification, &simulation, &prior);
+    let unknowns = problem.unknowns.iter().copied().filter(|unknown| !held.contains(unknown)).collect();
+    let objective = Objective { weights, ..problem.objective };
+    let problem = Problem { objective, unknowns, ..problem };
+    let (iterations, least_gain) = (identification.settings.iterations, identification.tuning.joint.least_gain);
+    let limits = Limits { iterations, gain_tolerance: 0.0, least_gain, secants: true };
+    let working = &mut |_: &Iterate| session.pause().map(ControlFlow::Continue);
+    let middle = match minimise(&problem, start, None, limits, working) {
+        Err(FitError::Interrupted) => return Err(FitError::Interrupted),
+        Err(_) => return Ok((fit.clone(), trajectories)),
+        Ok(middle) => middle,
+    };
+    let more = middle.cost - problem.cost(fit, &trajectories);
+    let is_told = 2.0 * more >= identification.tuning.noise.student_t.powi(2);
+    Ok(if is_told { (fit.clone(), trajectories) } else { (middle.state, middle.linearisation.trajectories) })
+}
+
+/// The parameters whose Gaussian is cut, and the `fit` moved to the means of the rests, with what follows of the
+/// material. The one that is cut most comes first: given that one, the others of its valley hardly are.
+fn held(identification: &Identification, fit: &State, uncertainty: &Uncertainty) -> (Vec<Unknown>, State) {
+    let (coordinates, open) = (identification.coordinates(), identification.free_materials());
+    let mut held = Vec::new();
+    let Some(mut covariance) = uncertainty.covariance_of(&open) else { return (held, fit.clone()) };
+    let mut centre = DVector::from_iterator(open.len(), open.iter().map(|unknown| fit.get(*unknown)));
+    while let Some((k, mean)) = most_cut(identification, &open, &centre, &covariance) {
+        held.push(open[k]);
+        // The Gaussian of the others, given this one.
+        let slopes = covariance.column(k) / covariance[(k, k)];
+        centre += &slopes * (mean - centre[k]);
+        covariance -= &slopes * covariance.row(k);
+        covariance.fill_row(k, 0.0);
+        covariance.fill_column(k, 0.0);
+    }
+    let moves: Vec<f64> = open.iter().zip(centre.iter()).map(|(unknown, at)| at - fit.get(*unknown)).collect();
+    (held, coordinates.moved(fit, &open, &moves))
+}
+
+/// Of the parameters whose interval reaches beyond their range, the one that this moves by the largest part of the
+/// range: its place, and the mean of what is left.
+fn most_cut(
+    identification: &Identification,
+    open: &[Unknown],
+    centre: &DVector<f64>,
+    covariance: &DMatrix<f64>,
+) -> Option<(usize, f64)> {
+    let cut = |(k, unknown): (usize, &Unknown)| {
+        let Unknown::Material(i) = *unknown else { return None };
+        let (parameter, variance) = (&identification.parameters()[i], covariance[(k, k)]);
+        let (half_width, (low, high)) = (half_width(variance, &identification.tuning.noise), parameter.limits());
+        let at = centre[k].clamp(low, high);
+        let is_cut = at - half_width < low || at + half_width > high;
+        let mean = parameter.mean_within_bounds(at, variance.sqrt());
+        (is_cut && variance > 0.0).then_some((k, mean, (mean - at).abs() / (high - low)))
+    };
+    let most = open.iter().enumerate().filter_map(cut).max_by(|a, b| a.2.total_cmp(&b.2));
+    most.map(|(k, mean, _)| (k, mean))
+}
