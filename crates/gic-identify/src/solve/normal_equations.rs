@@ -35,10 +35,33 @@ impl Normal {
         -(self.gradient.dot(&d) + 0.5 * (&self.hessian * &d).dot(&d))
     }
 
+    /// The step in which an unknown that would leave its `room`, from the least to the largest component, ends there,
+    /// and the others go where that suits them best. Those in `held` have their lengths. `None` where the matrix is not
+    /// positive definite.
+    pub(crate) fn step_within(
+        &self,
+        lambda: f64,
+        room: &[(f64, f64)],
+        mut held: Vec<(usize, f64)>,
+    ) -> Option<DVector<f64>> {
+        loop {
+            let step = self.step(lambda, &held)?;
+            let is_held = |k: usize| held.iter().any(|(other, _)| *other == k);
+            let stopped = |(k, (low, high)): (usize, &(f64, f64))| {
+                (!is_held(k) && !(*low..=*high).contains(&step[k])).then(|| (k, step[k].clamp(*low, *high)))
+            };
+            let stopped: Vec<(usize, f64)> = room.iter().enumerate().filter_map(stopped).collect();
+            if stopped.is_empty() {
+                return Some(step);
+            }
+            held.extend(stopped);
+        }
+    }
+
     /// The step whose components `held` have the given lengths, and whose others f lead, damped, to where the quadratic
     /// model is lowest then: -(H_ff + lambda diag H_ff)^-1 (g_f + H_fh d_h). `None` where the matrix is not positive
     /// definite.
-    pub(crate) fn step(&self, lambda: f64, held: &[(usize, f64)]) -> Option<DVector<f64>> {
+    fn step(&self, lambda: f64, held: &[(usize, f64)]) -> Option<DVector<f64>> {
         let mut step = DVector::zeros(self.gradient.len());
         held.iter().for_each(|(k, length)| step[*k] = *length);
         let free: Vec<usize> = (0..step.len()).filter(|k| held.iter().all(|(other, _)| other != k)).collect();
@@ -78,6 +101,28 @@ mod tests {
             // The curvature is at least a tenth in every direction.
             let decrease = |step: &DVector<f64>| normal.predicted_decrease(step.as_slice());
             prop_assert!(decrease(&step) >= decrease(&other) + 0.049 * moved - 1e-9);
+        }
+
+        #[test]
+        fn a_step_that_ends_at_a_limit_promises_at_least_as_much_as_one_that_is_cut_off_there(
+            rows in prop::collection::vec(-1.0f64..1.0, 16),
+            gradient in prop::collection::vec(-1.0f64..1.0, 4),
+            k in 0usize..4,
+            (low, high) in (-0.2f64..0.0, 0.0f64..0.2),
+        ) {
+            let rows = DMatrix::from_vec(4, 4, rows);
+            let hessian = rows.transpose() * &rows + DMatrix::identity(4, 4) * 0.1;
+            let normal = Normal { cost: 1.0, gradient: DVector::from_vec(gradient), hessian };
+            let mut room = vec![(f64::NEG_INFINITY, f64::INFINITY); 4];
+            let mut cut = normal.step_within(0.0, &room, Vec::new()).expect("positive definite");
+            room[k] = (low, high);
+            let step = normal.step_within(0.0, &room, Vec::new()).expect("positive definite");
+            let is_inside = (low..=high).contains(&cut[k]);
+            prop_assert!((low..=high).contains(&step[k]));
+            prop_assert!(!is_inside || step == cut);
+            cut[k] = cut[k].clamp(low, high);
+            let [ended, cut_off] = [step, cut].map(|step| normal.predicted_decrease(step.as_slice()));
+            prop_assert!(ended >= -1e-9 && ended >= cut_off - 1e-9);
         }
     }
 }

@@ -39,30 +39,20 @@ impl Problem<'_> {
         (moved, delta)
     }
 
-    /// The damped step of the quadratic model `normal` around `state` that stays within the limits: where an unknown
-    /// would leave them it ends there, and the others go where that suits them best. Those in `held` have their lengths.
-    /// `None` where the model has no lowest point.
+    /// The damped step of the quadratic model `normal` around `state` that stays within the limits, those in `held`
+    /// with their lengths. `None` where the model has no lowest point.
     pub(crate) fn step(
         &self,
         normal: &Normal,
         state: &State,
         damping: f64,
-        mut held: Vec<(usize, f64)>,
+        held: Vec<(usize, f64)>,
     ) -> Option<DVector<f64>> {
-        loop {
-            let step = normal.step(damping, &held)?;
-            let stopped = |(k, unknown): (usize, &Unknown)| {
-                let (low, high) = self.coordinates.limits(*unknown);
-                let (from, to) = (state.get(*unknown), state.get(*unknown) + step[k]);
-                let is_held = held.iter().any(|(other, _)| *other == k);
-                (!is_held && (to < low || to > high)).then(|| (k, to.clamp(low, high) - from))
-            };
-            let stopped: Vec<(usize, f64)> = self.unknowns.iter().enumerate().filter_map(stopped).collect();
-            if stopped.is_empty() {
-                return Some(step);
-            }
-            held.extend(stopped);
-        }
+        let room = |unknown: &Unknown| {
+            let (at, (low, high)) = (state.get(*unknown), self.coordinates.limits(*unknown));
+            (low - at, high - at)
+        };
+        normal.step_within(damping, &self.unknowns.iter().map(room).collect::<Vec<_>>(), held)
     }
 
     /// Normal equations of the observations and the prior.

@@ -12,9 +12,9 @@ use crate::tuning::AdamTuning;
 enum Transform {
     /// Coordinate = log10 of the value.
     Log10,
-    /// The value is Poisson's ratio nu, the coordinate log10 of the bulk over the shear modulus, (2 + 2 nu) / (3 - 6 nu).
-    /// With log10 of Young's modulus beside it both valleys are almost straight: that of what bends, along which Young's
-    /// modulus is one, and that of what yields at once and is squeezed, along which the bulk modulus is one.
+    /// The value is Poisson's ratio nu, the coordinate log10 of the bulk over the shear modulus, (2 + 2 nu) / (3 - 6
+    /// nu). With log10 of Young's modulus beside it both valleys are almost straight: that of what bends, along which
+    /// Young's modulus is one, and that of what yields at once and is squeezed, along which the bulk modulus is one.
     ModulusRatio,
     /// Coordinate = value / `unit`.
     Linear { unit: f64 },
@@ -148,8 +148,8 @@ impl Parameter {
         (self.coordinate(self.bounds.0), self.coordinate(self.bounds.1))
     }
 
-    /// What changes the motion visibly, in the search coordinate: a factor of three, of two in the ratio of the moduli, or
-    /// the unit of an angle or a time.
+    /// What changes the motion visibly, in the search coordinate: a factor of three, of two in the ratio of the
+    /// moduli, or the unit of an angle or a time.
     pub(crate) fn unit(&self) -> f64 {
         match self.transform {
             Transform::Log10 => 0.5,
@@ -158,9 +158,8 @@ impl Parameter {
         }
     }
 
-    /// Where the mean of what is left of a Gaussian lies that is cut at the bounds: centre and standard deviation are of
-    /// the search coordinate, as the mean's place is, and every value is as likely before, in the unit of
-    /// [`Parameter::error`]. By Simpson's rule over what is within eight deviations.
+    /// Mean of what is left of a Gaussian that is cut at the bounds. All are in the search coordinate; every value is
+    /// as likely before, in the unit of [`Parameter::error`]. By Simpson's rule over what is within eight deviations.
     pub(crate) fn mean_within_bounds(&self, centre: f64, deviation: f64) -> f64 {
         const INTERVALS: u32 = 256;
         let (low, high) = self.limits();
