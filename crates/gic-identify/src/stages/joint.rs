@@ -101,16 +101,24 @@ fn beyond_the_walls(
         };
         let Some(mut other) = found else { break };
         let is_better = other.cost < fit.cost;
+        let is_elsewhere = differs(identification, &other.state, &fit.state);
         if is_better {
             std::mem::swap(&mut fit, &mut other);
         }
         others.push((other.cost, other.state));
-        if !is_better {
+        // Back in the minimum that was left, if further down in it, there is nothing new around.
+        if !is_better || !is_elsewhere {
             break;
         }
     }
     others.iter_mut().for_each(|(cost, _)| *cost -= fit.cost);
     Ok((fit, others))
+}
+
+/// Whether a parameter of two states differs so much that they lie in different minima.
+fn differs(identification: &Identification, a: &State, b: &State) -> bool {
+    let distance = identification.tuning.material.same_minimum_distance;
+    identification.free_materials().into_iter().any(|unknown| (a.get(unknown) - b.get(unknown)).abs() >= distance)
 }
 
 /// The joint stage's search, weighted by the noise of free flight.
