@@ -148,12 +148,12 @@ impl Parameter {
         (self.coordinate(self.bounds.0), self.coordinate(self.bounds.1))
     }
 
-    /// What changes the motion visibly, in the search coordinate: a factor of three, of two in the ratio of the
+    /// What changes the motion visibly, in the search coordinate: a factor of three, of 2.5 in the ratio of the
     /// moduli, or the unit of an angle or a time.
     pub(crate) fn unit(&self) -> f64 {
         match self.transform {
             Transform::Log10 => 0.5,
-            Transform::ModulusRatio => 0.3,
+            Transform::ModulusRatio => 0.4,
             Transform::Linear { .. } => 1.0,
         }
     }
