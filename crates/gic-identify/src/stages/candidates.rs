@@ -46,8 +46,17 @@ pub(crate) struct MinimumSpace<'a> {
 
 /// Whether two states lie in the same local minimum: parameters with a single start do not count.
 pub(crate) fn same_minimum(space: &MinimumSpace, a: &State, b: &State) -> bool {
+    are_near(space, a, b, |parameter| parameter.grid > 1)
+}
+
+/// Whether two states have about the same material: all parameters count.
+pub(crate) fn same_material(space: &MinimumSpace, a: &State, b: &State) -> bool {
+    are_near(space, a, b, |_| true)
+}
+
+fn are_near(space: &MinimumSpace, a: &State, b: &State, counts: impl Fn(&Parameter) -> bool) -> bool {
     let pairs = a.material.iter().zip(&b.material);
-    space.parameters.iter().zip(pairs).filter(|(p, _)| p.grid > 1).all(|(_, (a, b))| (a - b).abs() < space.distance)
+    space.parameters.iter().zip(pairs).filter(|(p, _)| counts(p)).all(|(_, (a, b))| (a - b).abs() < space.distance)
 }
 
 /// The first of `states` in each local minimum, in their order.

@@ -18,6 +18,7 @@ use crate::solve::linearisation::Linearisation;
 use crate::solve::objective::Objective;
 use crate::solve::prior::Prior;
 use crate::solve::problem::Problem;
+use crate::stages::candidates::same_material;
 use crate::stages::identification::Identification;
 use crate::stages::neighbours::neighbouring_start;
 use crate::unknowns::state::{State, Unknown};
@@ -101,24 +102,18 @@ fn beyond_the_walls(
         };
         let Some(mut other) = found else { break };
         let is_better = other.cost < fit.cost;
-        let is_elsewhere = differs(identification, &other.state, &fit.state);
+        let is_back = same_material(&identification.minimum_space(), &other.state, &fit.state);
         if is_better {
             std::mem::swap(&mut fit, &mut other);
         }
         others.push((other.cost, other.state));
         // Back in the minimum that was left, if further down in it, there is nothing new around.
-        if !is_better || !is_elsewhere {
+        if !is_better || is_back {
             break;
         }
     }
     others.iter_mut().for_each(|(cost, _)| *cost -= fit.cost);
     Ok((fit, others))
-}
-
-/// Whether a parameter of two states differs so much that they lie in different minima.
-fn differs(identification: &Identification, a: &State, b: &State) -> bool {
-    let distance = identification.tuning.material.same_minimum_distance;
-    identification.free_materials().into_iter().any(|unknown| (a.get(unknown) - b.get(unknown)).abs() >= distance)
 }
 
 /// The joint stage's search, weighted by the noise of free flight.

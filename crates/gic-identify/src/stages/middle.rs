@@ -92,8 +92,10 @@ fn most_cut(
         let (half_width, (low, high)) = (half_width(variance, &identification.tuning.noise), parameter.limits());
         let at = centre[k].clamp(low, high);
         let is_cut = at - half_width < low || at + half_width > high;
-        let mean = parameter.mean_within_bounds(at, variance.sqrt());
-        (is_cut && variance > 0.0).then_some((k, mean, (mean - at).abs() / (high - low)))
+        is_cut.then(|| {
+            let mean = parameter.mean_within_bounds(at, variance.sqrt());
+            (k, mean, (mean - at).abs() / (high - low))
+        })
     };
     let most = open.iter().enumerate().filter_map(cut).max_by(|a, b| a.2.total_cmp(&b.2));
     most.map(|(k, mean, _)| (k, mean))
