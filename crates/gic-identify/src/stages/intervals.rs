@@ -65,7 +65,7 @@ impl Uncertainty<'_> {
     }
 
     /// Whether the video tells the fit from a minimum that costs so much more, as far as an unknown goes.
-    fn tells_apart(&self, unknown: Unknown, more_cost: f64) -> bool {
+    pub(crate) fn tells_apart(&self, unknown: Unknown, more_cost: f64) -> bool {
         self.place(unknown).zip(self.covariances.as_ref()).is_some_and(|(k, covariances)| {
             let variances = (covariances.robust[(k, k)], covariances.independent[(k, k)]);
             tells_apart(more_cost, variances.0, variances.1, self.tuning)

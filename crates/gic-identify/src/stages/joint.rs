@@ -13,7 +13,7 @@ use crate::forward::simulation::Simulation;
 use crate::result::Stage;
 use crate::session::Session;
 use crate::settings::Optimizer;
-use crate::solve::levenberg_marquardt::{Fit, Limits};
+use crate::solve::levenberg_marquardt::{Fit, Iterate, Limits};
 use crate::solve::linearisation::Linearisation;
 use crate::solve::objective::Objective;
 use crate::solve::prior::Prior;
@@ -88,7 +88,8 @@ fn beyond_the_walls(
     mut fit: Fit,
     limits: Limits,
 ) -> Result<(Fit, OtherMinima), FitError> {
-    let (tuning, mut others) = (&identification.tuning.material, OtherMinima::new());
+    let (tuning, space) = (&identification.tuning.material, identification.minimum_space());
+    let mut others = OtherMinima::new();
     let far = |unknown: &Unknown| match unknown {
         Unknown::Material(_) => Some(problem.coordinates.largest_step(*unknown)),
         _ => identification.far_for_cells(unknown),
@@ -96,13 +97,15 @@ fn beyond_the_walls(
     for _ in 0..tuning.most_restarts {
         let start = neighbouring_start(session, problem, &mut fit, &far, tuning.most_cost_ratio)?;
         let Some(start) = start else { break };
-        let found = match session.minimise(Stage::Joint, problem, (start, None), limits, &|_| false) {
+        // What comes down into the minimum that was left would end there.
+        let returns = |step: &Iterate| fit.cost <= step.cost && same_material(&space, &fit.state, &step.state);
+        let found = match session.minimise(Stage::Joint, problem, (start, None), limits, &returns) {
             Err(FitError::Interrupted) => return Err(FitError::Interrupted),
             found => found.ok(),
         };
         let Some(mut other) = found else { break };
         let is_better = other.cost < fit.cost;
-        let is_back = same_material(&identification.minimum_space(), &other.state, &fit.state);
+        let is_back = same_material(&space, &other.state, &fit.state);
         if is_better {
             std::mem::swap(&mut fit, &mut other);
         }

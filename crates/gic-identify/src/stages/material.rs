@@ -1,7 +1,7 @@
 //! Stage 3: the material, with the motion of free flight.
 //!
-//! The cost has several local minima. A few steps from each start tell which are worth the rest; those that cost not
-//! much more than the best are fitted on. Then each parameter of the best fit is doubled and halved, the others
+//! The cost has several local minima. A step from each start tells which are worth the rest; those that cost not much
+//! more than the best are fitted on. Then each parameter of the best fit is doubled and halved, the others
 //! following the quadratic model, and the fit starts again where that costs less than the model predicts. Of minima
 //! that cost about the same, sharper masks decide.
 
@@ -48,21 +48,20 @@ struct MaterialStage<'a> {
 
 impl MaterialStage<'_> {
     fn fit(&self, session: &mut Session, starts: Vec<State>) -> Result<State, FitError> {
-        self.short_fits(session, starts)?;
+        self.first_steps(session, starts)?;
         let fits = session.checkpoint().fits.clone();
         let minima = self.local_minima(session, fits.into_iter().flatten().collect())?;
         let minima = self.neighbouring_minima(session, minima)?;
         self.best_when_sharp(session, minima)
     }
 
-    /// Some steps from each start. What they found goes into the checkpoint.
-    fn short_fits(&self, session: &mut Session, starts: Vec<State>) -> Result<(), FitError> {
+    /// A step from each start. What they found goes into the checkpoint.
+    fn first_steps(&self, session: &mut Session, starts: Vec<State>) -> Result<(), FitError> {
         let done = session.checkpoint().fits.len();
         let mut failure = FitError::NoIteration;
-        let (blur, short) =
-            (self.identification.tuning.masks.blur_pooling, self.identification.tuning.descent.short_iterations);
+        let a_step = (self.identification.tuning.masks.blur_pooling, 1);
         for start in starts.into_iter().skip(done) {
-            let found = match self.fit_until(session, start, (blur, short), &|_| false) {
+            let found = match self.fit_until(session, start, a_step, &|_| false) {
                 Ok(fit) => Some((fit.cost, fit.state)),
                 Err(FitError::Interrupted) => return Err(FitError::Interrupted),
                 Err(reason) => {

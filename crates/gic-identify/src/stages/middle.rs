@@ -23,8 +23,7 @@ use crate::uncertainty::interval::half_width;
 use crate::unknowns::state::{State, Unknown};
 
 /// The state in the middle of what the video leaves open about the joint `fit`, and its trajectories. It is the fit
-/// where nothing is cut off, and where the middle explains the pictures worse, by more than their noise: then it is not
-/// they that leave it open.
+/// where nothing is cut off, and where the pictures tell the two apart: then it is not they that leave it open.
 ///
 /// # Errors
 /// Interruption.
@@ -54,7 +53,7 @@ pub(crate) fn of_what_is_open(
         Ok(middle) => middle,
     };
     let more = middle.cost - problem.cost(fit, &trajectories);
-    let is_told = 2.0 * more >= identification.tuning.noise.student_t.powi(2);
+    let is_told = held.iter().all(|unknown| uncertainty.tells_apart(*unknown, more));
     Ok(if is_told { (fit.clone(), trajectories) } else { (middle.state, middle.linearisation.trajectories) })
 }
 

@@ -1,8 +1,7 @@
 //! Stage 2: starting points of the material.
 //!
-//! All points of a grid over the parameters' ranges are simulated on a coarse grid with fewer particles; the cheapest
-//! are improved there. The coarse grid is biased, so that the improved ones, the cheapest as they are and a start that
-//! was given compete again on the full grid.
+//! All points of a grid over the parameters' ranges are simulated on a coarse grid with fewer particles. That one is
+//! biased, so that the cheapest, and a start that was given, compete again on the full grid.
 
 use glam::DVec3;
 
@@ -12,13 +11,10 @@ use crate::forward::thinned::ThinnedContinuum;
 use crate::forward::trajectories::ForwardModel;
 use crate::result::Stage;
 use crate::session::Session;
-use crate::solve::levenberg_marquardt::Limits;
 use crate::solve::objective::Objective;
-use crate::solve::problem::Problem;
 use crate::stages::candidates::{costs, distinct, ranked};
 use crate::stages::identification::Identification;
-use crate::tuning::SearchTuning;
-use crate::unknowns::state::{State, Unknown};
+use crate::unknowns::state::State;
 use crate::{FitError, IdentifyError};
 
 /// Starting points for the full grid, best first. They go into the checkpoint.
@@ -26,25 +22,24 @@ use crate::{FitError, IdentifyError};
 /// # Errors
 /// Where none can be simulated, and interruption.
 pub(crate) fn find_starts(identification: &Identification, session: &mut Session) -> Result<Vec<State>, IdentifyError> {
-    let mut found = Vec::new();
+    let mut found: Vec<State> = given_start(identification).into_iter().collect();
     if identification.settings.search {
         let candidates = grid_of_starts(identification);
-        found =
-            coarse_starts(identification, session, &candidates).map_err(|error| error.of_stage(candidates.len()))?;
+        let cheapest = cheapest_on_coarse_grid(identification, session, &candidates);
+        found.extend(cheapest.map_err(|error| error.of_stage(candidates.len()))?);
     }
-    found.extend(given_start(identification).map(|given| (0.0, given)));
     let starts = rank_on_full_grid(identification, session, found).map_err(|error| error.of_stage(1))?;
     let reached = session.reach(Some(Stage::Search), |checkpoint| checkpoint.starts = Some(starts.clone()));
     reached.map_err(|error| error.of_stage(1))?;
     Ok(starts)
 }
 
-/// The cheapest of `candidates` with their costs, improved on the coarse grid and as they are.
-fn coarse_starts(
+/// Those of `candidates` that cost least on the coarse grid, cheapest first.
+fn cheapest_on_coarse_grid(
     identification: &Identification,
     session: &mut Session,
     candidates: &[State],
-) -> Result<Vec<(f64, State)>, FitError> {
+) -> Result<Vec<State>, FitError> {
     let (input, tuning) = (identification.input, &identification.tuning.search);
     let factor = tuning.coarse_factor;
     let thinned = ThinnedContinuum::new(input, tuning);
@@ -65,51 +60,23 @@ fn coarse_starts(
     let comparison = identification.comparison.thinned(&thinned.ids, factor);
     let objective =
         Objective { surface_comparison: &comparison, opacities: &thinned.opacities, ..identification.objective() };
-    // The coarse grid would only distort what the grid of starts does not vary.
-    let is_varied = |unknown: &Unknown| identification.is_varied(unknown);
-    let problem = identification.material_problem(&simulation, identification.tuning.masks.blur_pooling);
-    let unknowns = problem.unknowns.iter().copied().filter(is_varied).collect();
-    let problem = Problem { objective, unknowns, ..problem };
-    let costs = costs(session, candidates, |state| {
-        Ok(objective.cost(&simulation.trajectories(state, &problem.selection)?, &problem.selection))
-    })?;
+    let selection = identification.touched_frames(identification.tuning.masks.blur_pooling);
+    let cost = |state: &State| Ok(objective.cost(&simulation.trajectories(state, &selection)?, &selection));
+    let costs = costs(session, candidates, cost)?;
     let ranked = ranked(costs.iter().cloned(), candidates);
-    let mut found = improved(session, &problem, &ranked, tuning)?;
-    found.extend(ranked.iter().take(tuning.full_grid_points).map(|(cost, state)| (*cost, (*state).clone())));
-    if found.is_empty() {
+    if ranked.is_empty() {
         return Err(costs.into_iter().find_map(Result::err).unwrap_or(FitError::NoIteration));
     }
-    Ok(found)
-}
-
-/// The cheapest of `ranked` after a few steps on the coarse grid; those that fail are left out.
-fn improved(
-    session: &mut Session,
-    problem: &Problem,
-    ranked: &[(f64, &State)],
-    tuning: &SearchTuning,
-) -> Result<Vec<(f64, State)>, FitError> {
-    let fits = if problem.unknowns.is_empty() { 0 } else { tuning.starts };
-    let limits = Limits::rough(problem.descent.short_iterations, problem.descent);
-    let mut found = Vec::new();
-    for (_, start) in ranked.iter().take(fits) {
-        match session.minimise(Stage::Search, problem, ((*start).clone(), None), limits, &|_| false) {
-            Ok(fit) => found.push((fit.cost, fit.state)),
-            Err(FitError::Interrupted) => return Err(FitError::Interrupted),
-            Err(_) => (),
-        }
-    }
-    Ok(found)
+    Ok(ranked.into_iter().take(tuning.full_grid_points).map(|(_, state)| state.clone()).collect())
 }
 
 /// The coarse grid is biased: the last word between minima belongs to the full one.
 fn rank_on_full_grid(
     identification: &Identification,
     session: &mut Session,
-    mut found: Vec<(f64, State)>,
+    found: Vec<State>,
 ) -> Result<Vec<State>, FitError> {
-    found.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let distinct = distinct(&identification.minimum_space(), found.into_iter().map(|(_, state)| state));
+    let distinct = distinct(&identification.minimum_space(), found);
     if distinct.len() == 1 {
         return Ok(distinct);
     }
