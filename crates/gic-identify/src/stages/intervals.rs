@@ -1,20 +1,25 @@
 //! Stage 5: how sure the estimates are.
 //!
-//! The covariance of the joint fit, with what its few components of the shape do not tell.
+//! The covariance of the joint fit, with what its few components of the shape do not tell, and how far each parameter
+//! may go until the pictures object.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 use crate::FitError;
 use crate::forward::trajectories::{ForwardModel, Trajectories};
 use crate::session::Session;
 use crate::solve::linearisation::{Linearisation, Tangents};
+use crate::solve::normal_equations::Normal;
+use crate::solve::objective::Objective;
 use crate::solve::prior::Prior;
 use crate::solve::problem::Problem;
 use crate::solve::residual_block::{ResidualBlock, Weights};
 use crate::stages::identification::Identification;
 use crate::stages::joint;
 use crate::tuning::NoiseTuning;
-use crate::uncertainty::interval::{Curvature, half_width, tells_apart, united};
+use crate::uncertainty::interval::{Curvature, half_width, told, united};
+use crate::uncertainty::profile::reach;
 use crate::unknowns::state::{State, Unknown};
 
 /// Covariance of the joint stage's unknowns.
@@ -23,6 +28,8 @@ pub(crate) struct Uncertainty<'a> {
     unknowns: Vec<Unknown>,
     /// `None` where they could not be measured.
     covariances: Option<Covariances>,
+    /// How far the interval of each parameter of the material that is sought reaches below and above the fit.
+    reaches: Vec<(Unknown, (f64, f64))>,
     /// Other minima, and by how much more they cost.
     other_minima: Vec<(f64, State)>,
 }
@@ -33,8 +40,18 @@ struct Covariances {
     robust: DMatrix<f64>,
     /// What it would be if all residuals were independent.
     independent: DMatrix<f64>,
+    /// The curvature of the cost along the unknowns.
+    hessian: DMatrix<f64>,
     /// The noise of the residuals, inverted.
     weights: Weights,
+}
+
+impl Covariances {
+    /// How far the video tells the fit from a state that costs so much `more`, as far as the `k`-th unknown goes; 1 at
+    /// the end of the interval.
+    fn told(&self, k: usize, more: f64, tuning: &NoiseTuning) -> f64 {
+        told(more, self.robust[(k, k)], self.independent[(k, k)], tuning)
+    }
 }
 
 impl Uncertainty<'_> {
@@ -58,18 +75,16 @@ impl Uncertainty<'_> {
     /// The 95 % interval about an unknown's coordinate, with those about other minima that the video does not tell from
     /// the fit.
     pub(crate) fn interval(&self, unknown: Unknown, coordinate: f64) -> Option<(f64, f64)> {
-        let half_width = self.half_width(unknown)?;
+        let (_, reaches) = self.reaches.iter().find(|(reaching, _)| *reaching == unknown)?;
         let alike = self.other_minima.iter().filter(|(more_cost, _)| !self.tells_apart(unknown, *more_cost));
         let others: Vec<f64> = alike.map(|(_, state)| state.get(unknown)).collect();
-        Some(united(coordinate, half_width, &others))
+        Some(united(coordinate, *reaches, &others))
     }
 
-    /// Whether the video tells the fit from a minimum that costs so much more, as far as an unknown goes.
+    /// Whether the video tells the fit from a state that costs so much more, as far as an unknown goes.
     pub(crate) fn tells_apart(&self, unknown: Unknown, more_cost: f64) -> bool {
-        self.place(unknown).zip(self.covariances.as_ref()).is_some_and(|(k, covariances)| {
-            let variances = (covariances.robust[(k, k)], covariances.independent[(k, k)]);
-            tells_apart(more_cost, variances.0, variances.1, self.tuning)
-        })
+        let places = self.place(unknown).zip(self.covariances.as_ref());
+        places.is_some_and(|(k, covariances)| covariances.told(k, more_cost, self.tuning) >= 1.0)
     }
 
     fn place(&self, unknown: Unknown) -> Option<usize> {
@@ -98,23 +113,61 @@ pub(crate) fn uncertainty<'a>(
     );
     let (trajectories, tangents) = measured?;
     session.pause()?;
-    let covariances = match tangents {
+    let (mut covariances, mut reaches) = (None, Vec::new());
+    match tangents {
         Ok(mut tangents) => {
             on_other_cells.into_iter().for_each(|other| tangents.push(other));
-            covariances(identification, (&problem, &prior), &tangents.blocks(&problem, &trajectories))
+            covariances =
+                self::covariances(identification, (&problem, &prior), &tangents.blocks(&problem, &trajectories));
+            if let Some(covariances) = &covariances {
+                reaches = profiled(identification, &problem, (state, &trajectories), covariances);
+            }
         }
-        Err(reason) => {
-            session.warn([format!("no intervals: {reason}")]);
-            None
-        }
-    };
+        Err(reason) => session.warn([format!("no intervals: {reason}")]),
+    }
+    session.pause()?;
     let uncertainty = Uncertainty {
         tuning: &identification.tuning.noise,
         unknowns: problem.unknowns,
         covariances,
+        reaches,
         other_minima: session.checkpoint().other_minima.clone(),
     };
     Ok((trajectories, uncertainty))
+}
+
+/// How far the interval of each parameter of the material reaches below and above the fit, by the profile of the
+/// likelihood: the others follow a parameter that is moved.
+fn profiled(
+    identification: &Identification,
+    problem: &Problem,
+    (state, trajectories): (&State, &Trajectories),
+    covariances: &Covariances,
+) -> Vec<(Unknown, (f64, f64))> {
+    let tuning = &identification.tuning.noise;
+    let objective = Objective { weights: &covariances.weights, ..problem.objective };
+    let (unknowns, selection) = (problem.unknowns.clone(), problem.selection.clone());
+    let problem = Problem { objective, unknowns, selection, ..*problem };
+    // At a minimum nothing else pulls.
+    let (count, cost) = (problem.unknowns.len(), 0.0);
+    let normal = Normal { cost, gradient: DVector::zeros(count), hessian: covariances.hessian.clone() };
+    let least = problem.cost(state, trajectories);
+    let told = |k: usize, length: f64| {
+        let step = problem.step(&normal, state, 0.0, vec![(k, length)])?;
+        let (moved, _) = problem.moved(state, step.as_slice());
+        let moved_cost = problem.cost(&moved, &problem.forward.trajectories(&moved, &problem.selection).ok()?);
+        Some(covariances.told(k, moved_cost - least, tuning))
+    };
+    let sides = |k: usize| {
+        let (at, (low, high)) = (state.get(problem.unknowns[k]), problem.coordinates.limits(problem.unknowns[k]));
+        let half_width = half_width(covariances.robust[(k, k)], tuning);
+        rayon::join(
+            || reach(half_width, at - low, &|distance| told(k, -distance)),
+            || reach(half_width, high - at, &|distance| told(k, distance)),
+        )
+    };
+    let materials = identification.free_materials();
+    materials.into_par_iter().enumerate().map(|(k, unknown)| (unknown, sides(k))).collect()
 }
 
 /// The trajectories of `state` on cells that are coarser by a deviation, where cells are neither given nor sought;
@@ -145,7 +198,8 @@ fn covariances(
     let components: Vec<usize> = (0..columns).filter(is_component).collect();
     let of_fit = curvature.covariance(blocks, &weights, &identification.tuning.noise)?;
     let robust = of_fit + curvature.prior_covariance(&components);
-    Some(Covariances { robust, independent: curvature.into_independent_covariance(), weights })
+    let hessian = curvature.hessian(count);
+    Some(Covariances { robust, independent: curvature.into_independent_covariance(), hessian, weights })
 }
 
 /// Half-width of an unknown's interval from free flight alone, by the outlines, or from the fit, where the position is

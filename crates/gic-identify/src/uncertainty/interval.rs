@@ -35,6 +35,11 @@ impl Curvature {
         Some(Curvature { own, inverse, known })
     }
 
+    /// Along the first `count` unknowns.
+    pub(crate) fn hessian(&self, count: usize) -> DMatrix<f64> {
+        self.own.view((0, 0), (count, count)).into_owned()
+    }
+
     /// Covariance of the unknowns if all residuals were independent: the textbook's.
     pub(crate) fn into_independent_covariance(self) -> DMatrix<f64> {
         self.inverse
@@ -79,17 +84,18 @@ pub(crate) fn half_width(variance: f64, tuning: &NoiseTuning) -> f64 {
     tuning.student_t * variance.max(0.0).sqrt()
 }
 
-/// Whether the residuals tell a fit from a minimum that costs `more`, as far as an unknown goes with this `robust`
+/// How far the residuals tell a fit from a state that costs `more`, as far as an unknown goes with this `robust`
 /// variance, and this one if they were `independent`: the likelihood ratio, in units in which it is chi-squared
-/// although they are not (Rotnitzky and Jewell 1990).
-pub(crate) fn tells_apart(more: f64, robust: f64, independent: f64, tuning: &NoiseTuning) -> bool {
-    2.0 * more * independent >= tuning.student_t.powi(2) * robust
+/// although they are not (Rotnitzky and Jewell 1990), over its value at the end of a 95 % interval.
+pub(crate) fn told(more: f64, robust: f64, independent: f64, tuning: &NoiseTuning) -> f64 {
+    2.0 * more * independent / (tuning.student_t.powi(2) * robust)
 }
 
-/// The interval about a value and those about the same unknown's values in other minima, as one.
-pub(crate) fn united(value: f64, half_width: f64, others: &[f64]) -> (f64, f64) {
+/// The interval about a value, which reaches so far below and above it, and those about the same unknown's values in
+/// other minima, as one.
+pub(crate) fn united(value: f64, (below, above): (f64, f64), others: &[f64]) -> (f64, f64) {
     let (low, high) = others.iter().fold((value, value), |(low, high), other| (low.min(*other), high.max(*other)));
-    (low - half_width, high + half_width)
+    (low - below, high + above)
 }
 
 /// The weighted gradients of whole groups of blocks, in the order of the groups' keys.
@@ -172,12 +178,13 @@ mod tests {
     #[test]
     fn a_minimum_is_told_apart_where_it_lies_outside_of_the_interval() {
         let (tuning, curvature, robust) = (NoiseTuning::default(), 40.0, 1.7);
-        for (share, is_told) in [(0.9, false), (1.1, true)] {
+        for share in [0.5, 0.9, 1.1] {
             let away = share * half_width(robust, &tuning);
-            assert_eq!(tells_apart(0.5 * curvature * away * away, robust, 1.0 / curvature, &tuning), is_told);
+            let told = told(0.5 * curvature * away * away, robust, 1.0 / curvature, &tuning);
+            assert!((told - share * share).abs() < 1e-12, "{told} at {share}");
         }
-        assert_eq!(united(2.0, 0.5, &[]), (1.5, 2.5));
-        assert_eq!(united(2.0, 0.5, &[1.0, 2.2, 3.0]), (0.5, 3.5));
+        assert_eq!(united(2.0, (0.5, 0.25), &[]), (1.5, 2.25));
+        assert_eq!(united(2.0, (0.5, 0.25), &[1.0, 2.2, 3.0]), (0.5, 3.25));
     }
 
     /// Errors of a shape of which one half of the components is sought: with the whole prior of these the interval

@@ -3,4 +3,5 @@
 pub(crate) mod input_checks;
 pub(crate) mod interval;
 pub(crate) mod noise;
+pub(crate) mod profile;
 pub(crate) mod verdicts;
