@@ -8,6 +8,10 @@
 /// `told` says what is told of a place at a distance: 1 where the interval would end, growing with the distance's
 /// square in a quadratic valley, and `None` where there is nothing. Never less than the `half_width`.
 pub(crate) fn reach(half_width: f64, limit: f64, told: &dyn Fn(f64) -> Option<f64>) -> f64 {
+    if half_width <= 0.0 {
+        // Without an error nothing is open, and no doubling would lead away.
+        return half_width;
+    }
     let (mut inner, mut told_inside, mut distance) = (0.0, 0.0, half_width);
     while distance < limit {
         // Linear in the distance where the valley is quadratic.
@@ -26,7 +30,7 @@ mod tests {
     use super::*;
 
     fn of(half_width: f64, limit: f64, told: impl Fn(f64) -> Option<f64>) -> f64 {
-        reach(half_width, limit, &|distance| told(distance))
+        reach(half_width, limit, &told)
     }
 
     #[test]
@@ -51,6 +55,7 @@ mod tests {
         // A place that costs less than the fit tells nothing, and one that cannot be simulated ends the valley.
         assert_eq!(of(1.0, 3.0, |_| Some(-1.0)), 3.0);
         assert_eq!(of(1.0, 1e3, |distance| (distance < 3.0).then_some(0.0)), 2.0);
+        assert_eq!(of(0.0, 1e3, |_| Some(f64::NAN)), 0.0);
         // Beyond the limit the range ends anyway.
         assert_eq!(of(2.0, 1.0, |_| Some(0.0)), 2.0);
     }
