@@ -271,7 +271,7 @@ pub struct SearchTuning {
     /// Factor between the cells of the search and those of the estimate. Budget: a rollout costs a sixteenth.
     pub coarse_factor: f64,
     /// Starts from which a fit takes a step. Budget: of 148 perfectly seen blocks of all laws 108 are recovered with
-    /// two, three or five.
+    /// two or three, 107 with five.
     pub starts: usize,
     /// Points of the grid of starts that are compared on the full grid, too. Budget: some seconds; of 70 perfectly seen
     /// blocks of plasticine 57 are recovered with half as many, 61 with these, 63 with twice as many.

@@ -113,41 +113,34 @@ pub(crate) fn uncertainty<'a>(
     );
     let (trajectories, tangents) = measured?;
     session.pause()?;
-    let (mut covariances, mut reaches) = (None, Vec::new());
-    match tangents {
+    let covariances = match tangents {
         Ok(mut tangents) => {
             on_other_cells.into_iter().for_each(|other| tangents.push(other));
-            covariances =
-                self::covariances(identification, (&problem, &prior), &tangents.blocks(&problem, &trajectories));
-            if let Some(covariances) = &covariances {
-                reaches = profiled(identification, &problem, (state, &trajectories), covariances);
-            }
+            covariances(identification, (&problem, &prior), &tangents.blocks(&problem, &trajectories))
         }
-        Err(reason) => session.warn([format!("no intervals: {reason}")]),
-    }
-    session.pause()?;
-    let uncertainty = Uncertainty {
-        tuning: &identification.tuning.noise,
-        unknowns: problem.unknowns,
-        covariances,
-        reaches,
-        other_minima: session.checkpoint().other_minima.clone(),
+        Err(reason) => {
+            session.warn([format!("no intervals: {reason}")]);
+            None
+        }
     };
-    Ok((trajectories, uncertainty))
+    let (tuning, unknowns) = (&identification.tuning.noise, problem.unknowns.clone());
+    let of_fit = (state, &trajectories);
+    let reaches =
+        covariances.as_ref().map_or_else(Vec::new, |covariances| profiled(problem, of_fit, covariances, tuning));
+    session.pause()?;
+    let other_minima = session.checkpoint().other_minima.clone();
+    Ok((trajectories, Uncertainty { tuning, unknowns, covariances, reaches, other_minima }))
 }
 
 /// How far the interval of each parameter of the material reaches below and above the fit, by the profile of the
 /// likelihood: the others follow a parameter that is moved.
 fn profiled(
-    identification: &Identification,
-    problem: &Problem,
+    problem: Problem,
     (state, trajectories): (&State, &Trajectories),
     covariances: &Covariances,
+    tuning: &NoiseTuning,
 ) -> Vec<(Unknown, (f64, f64))> {
-    let tuning = &identification.tuning.noise;
-    let objective = Objective { weights: &covariances.weights, ..problem.objective };
-    let (unknowns, selection) = (problem.unknowns.clone(), problem.selection.clone());
-    let problem = Problem { objective, unknowns, selection, ..*problem };
+    let problem = Problem { objective: Objective { weights: &covariances.weights, ..problem.objective }, ..problem };
     // At a minimum nothing else pulls.
     let (count, cost) = (problem.unknowns.len(), 0.0);
     let normal = Normal { cost, gradient: DVector::zeros(count), hessian: covariances.hessian.clone() };
@@ -166,8 +159,9 @@ fn profiled(
             || reach(half_width, high - at, &|distance| told(k, distance)),
         )
     };
-    let materials = identification.free_materials();
-    materials.into_par_iter().enumerate().map(|(k, unknown)| (unknown, sides(k))).collect()
+    let unknowns = problem.unknowns.par_iter().enumerate();
+    let materials = unknowns.filter(|(_, unknown)| matches!(unknown, Unknown::Material(_)));
+    materials.map(|(k, unknown)| (*unknown, sides(k))).collect()
 }
 
 /// The trajectories of `state` on cells that are coarser by a deviation, where cells are neither given nor sought;

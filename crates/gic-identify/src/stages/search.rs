@@ -60,14 +60,7 @@ fn cheapest_on_coarse_grid(
     let comparison = identification.comparison.thinned(&thinned.ids, factor);
     let objective =
         Objective { surface_comparison: &comparison, opacities: &thinned.opacities, ..identification.objective() };
-    let selection = identification.touched_frames(identification.tuning.masks.blur_pooling);
-    let cost = |state: &State| Ok(objective.cost(&simulation.trajectories(state, &selection)?, &selection));
-    let costs = costs(session, candidates, cost)?;
-    let ranked = ranked(costs.iter().cloned(), candidates);
-    if ranked.is_empty() {
-        return Err(costs.into_iter().find_map(Result::err).unwrap_or(FitError::NoIteration));
-    }
-    Ok(ranked.into_iter().take(tuning.full_grid_points).map(|(_, state)| state.clone()).collect())
+    cheapest_of(identification, session, (&simulation, objective), (candidates, tuning.full_grid_points))
 }
 
 /// The coarse grid is biased: the last word between minima belongs to the full one.
@@ -80,16 +73,28 @@ fn rank_on_full_grid(
     if distinct.len() == 1 {
         return Ok(distinct);
     }
-    let (simulation, selection) =
-        (identification.simulation(), identification.touched_frames(identification.tuning.masks.blur_pooling));
-    let objective = identification.objective();
+    let compared = (&identification.simulation(), identification.objective());
+    cheapest_of(identification, session, compared, (&distinct, identification.tuning.search.starts))
+}
+
+/// Those of `states` that cost least as `simulation` has them, cheapest first, `most` at most.
+///
+/// # Errors
+/// Where none can be simulated, and interruption.
+fn cheapest_of(
+    identification: &Identification,
+    session: &mut Session,
+    (simulation, objective): (&Simulation, Objective),
+    (states, most): (&[State], usize),
+) -> Result<Vec<State>, FitError> {
+    let selection = identification.touched_frames(identification.tuning.masks.blur_pooling);
     let cost = |state: &State| Ok(objective.cost(&simulation.trajectories(state, &selection)?, &selection));
-    let costs = costs(session, &distinct, cost)?;
-    let ranked = ranked(costs.iter().cloned(), distinct);
+    let costs = costs(session, states, cost)?;
+    let ranked = ranked(costs.iter().cloned(), states);
     if ranked.is_empty() {
         return Err(costs.into_iter().find_map(Result::err).unwrap_or(FitError::NoIteration));
     }
-    Ok(ranked.into_iter().take(identification.tuning.search.starts).map(|(_, state)| state).collect())
+    Ok(ranked.into_iter().take(most).map(|(_, state)| state.clone()).collect())
 }
 
 /// Points of the grid of starts: over the whole range of each parameter.
