@@ -34,7 +34,7 @@ pub struct Loss {
 }
 
 /// A stage of identification.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Stage {
     /// Initial velocity from free flight.
     Velocity,

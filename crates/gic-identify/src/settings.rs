@@ -1,11 +1,13 @@
 //! What the user chooses.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use gic_mpm::MaterialKind;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use crate::result::Stage;
 use crate::unknowns::parameter::{Parameter, sought, sought_by_name};
 use crate::{IdentifyError, Tuning};
 
@@ -84,8 +86,8 @@ pub enum Optimizer {
 
 /// Settings of identification; [`Default`] is right for every scene but for the material, which has to be said.
 ///
-/// `material` to `substeps_per_frame` say what is assumed: whoever makes the [`crate::Input`] reads them. `search`
-/// and `joint` are the caller's own and in no file.
+/// `material` to `substeps_per_frame` say what is assumed: whoever makes the [`crate::Input`] reads them. `stages` is
+/// the caller's own and in no file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "cli", derive(clap::Args), group(skip), command(next_help_heading = "Identification"))]
 #[serde(default, deny_unknown_fields)]
@@ -153,16 +155,13 @@ pub struct Settings {
     #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frames: Option<usize>,
-    /// Whether starting points are sought over the parameters' ranges, beside the one that may be given. Without, the
-    /// given one is the only one.
-    #[cfg_attr(feature = "cli", arg(skip))]
+    /// The first and the last stage that fit the material: [`Stage::Search`] to [`Stage::Joint`] by default. Without
+    /// the search `start` is the only start, and without the material stage it is where such a fit has ended. Without
+    /// the joint stage the answer is rough, has no intervals, and costs about half; the same checkpoint goes on to
+    /// the whole answer.
+    #[cfg_attr(feature = "cli", arg(skip = Settings::default().stages))]
     #[serde(skip)]
-    pub search: bool,
-    /// Whether the joint stage and the intervals follow the material stage. Without them the answer is rough, has no
-    /// intervals, and costs about a third; the same checkpoint goes on to the whole answer.
-    #[cfg_attr(feature = "cli", arg(skip))]
-    #[serde(skip)]
-    pub joint: bool,
+    pub stages: RangeInclusive<Stage>,
     /// Every tuned number; a file says only what differs from the default.
     #[cfg_attr(feature = "cli", arg(skip))]
     #[serde(skip_serializing_if = "Tuning::is_default")]
@@ -188,8 +187,7 @@ impl Default for Settings {
             rotation: true,
             iterations: 12,
             frames: None,
-            search: true,
-            joint: true,
+            stages: Stage::Search..=Stage::Joint,
             tuning: Tuning::default(),
         }
     }
@@ -278,8 +276,8 @@ impl Settings {
                 ));
             }
         }
-        if !self.search && self.start.is_none() {
-            return Err(IdentifyError::input("start", "is missing", "give one, or leave the search on"));
+        if !self.stages.contains(&Stage::Search) && self.start.is_none() {
+            return Err(IdentifyError::input("start", "is missing", "give one, or begin with the search"));
         }
         if let Some(start) = &self.start
             && start.len() != sought(kind).len()

@@ -1,16 +1,20 @@
 //! Which tuned numbers move the result: each is halved and doubled, one at a time, on finished runs of several scenes.
 //!
 //! ```text
-//! cargo run --release -p gic --example sensitivity -- [--fill] [--only PREFIX]... -o OUT RUN...
+//! cargo run --release -p gic --example sensitivity -- [--part fill|identify] [--only PREFIX]... -o OUT RUN...
 //! ```
 //!
 //! Every RUN keeps its reconstruction; what follows is made anew with today's numbers, and then, as far as it depends
 //! on it, with one number changed. What moved is told against today's numbers: volume and overlap with the masks,
-//! parameters (log10 of moduli, viscosities and yield stresses), velocity, and the path of the centre of mass. The
+//! parameters (log10 of moduli, viscosities and yield stresses) and velocity, the logarithms of their intervals'
+//! half-widths and of the number of rollouts, what is called determined, and the path of the centre of mass. The
 //! scatter to compare with is what other seeds move, reconstruction included. A number that moves a scene by more than
-//! [`CLEARLY`] scatters is not varied further. `--fill` stops after filling; `--only` takes the numbers whose keys
-//! begin with a PREFIX. A line per change is appended to `OUT/effects.jsonl`; what stands there already is not measured
-//! again, and several of these programs may share it, a scene each.
+//! [`CLEARLY`] scatters is not varied further.
+//!
+//! `--part fill` ends after filling. `--part identify` keeps the body that refinement left and fits it anew: a number
+//! that moves this fit is in use, and one that does not may still move refinement. `--only` takes the numbers whose
+//! keys begin with a PREFIX. A line per change is appended to `OUT/effects.jsonl`; what stands there already is not
+//! measured again, and several of these programs may share it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
@@ -28,6 +32,9 @@ use serde_json::Value;
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
+/// The key of the seed.
+const SEED: &str = "seed";
+
 /// Seeds whose results are the scatter.
 const SEEDS: [u64; 3] = [1, 2, 3];
 
@@ -41,23 +48,29 @@ fn main() -> Result<()> {
     for run in &options.runs {
         let scene = run.file_name().and_then(|n| n.to_str()).ok_or("a run folder has no name")?.to_owned();
         let reference = options.out.join(&scene).join("reference");
-        copy_reconstruction(run, &reference)?;
-        let base = measure(&reference, &[], options.last)?;
-        for (key, change) in changes(&options.only) {
+        if !reference.exists() {
+            copy_reconstruction(run, &reference)?;
+        }
+        let base = measure(&reference, &[], options.part)?;
+        for (key, change) in changes(options.part, &options.only) {
+            let part = if key == SEED { options.part.of_seeds() } else { options.part };
             let known = effects(&log)?;
-            if known.iter().any(|e| e.scene == scene && e.change == change && e.last == options.last.name())
+            if known.iter().any(|e| e.scene == scene && e.change == change && e.part == part)
                 || moves(&known).get(key.as_str()).is_some_and(|most| most.scatters > CLEARLY)
             {
                 continue;
             }
-            let scratch = options.out.join(&scene).join("scratch");
-            let _ = fs::remove_dir_all(&scratch);
+            let scratch = options.out.join(&scene).join(format!("scratch-{}", std::process::id()));
             copy(&reference, &scratch)?;
-            let moved = match measure(&scratch, std::slice::from_ref(&change), options.last) {
+            if part == Part::Identify {
+                keep_refined(&scratch, &change)?;
+            }
+            let moved = match measure(&scratch, std::slice::from_ref(&change), part) {
                 Ok(found) => found.against(&base),
                 Err(error) => BTreeMap::from([(format!("error: {error}"), f64::MAX)]),
             };
-            let effect = Effect { scene: scene.clone(), key, change, last: options.last.name().to_owned(), moved };
+            fs::remove_dir_all(&scratch)?;
+            let effect = Effect { scene: scene.clone(), key, change, part, moved };
             let line = serde_json::to_string(&effect)? + "\n";
             fs::OpenOptions::new().create(true).append(true).open(&log)?.write_all(line.as_bytes())?;
         }
@@ -67,9 +80,10 @@ fn main() -> Result<()> {
 }
 
 /// Every change that is measured, by the key of what changes: other seeds first, then each number halved and doubled.
-fn changes(only: &[String]) -> Vec<(String, String)> {
-    let seeds = SEEDS.iter().map(|seed| ("seed".to_owned(), format!("seed={seed}")));
-    let asked = |key: &str| only.is_empty() || only.iter().any(|prefix| key.starts_with(prefix));
+fn changes(part: Part, only: &[String]) -> Vec<(String, String)> {
+    let seeds = SEEDS.iter().map(|seed| (SEED.to_owned(), format!("{SEED}={seed}")));
+    let asked =
+        |key: &str| part.depends_on(key) && (only.is_empty() || only.iter().any(|prefix| key.starts_with(prefix)));
     let numbers = numbers().into_iter().filter(|(key, _)| asked(key));
     let varied = numbers.flat_map(|(key, value)| varied(&value).map(move |v| (key.clone(), format!("{key}={v}"))));
     seeds.chain(varied).collect()
@@ -84,21 +98,57 @@ fn effects(log: &Path) -> Result<Vec<Effect>> {
     }
 }
 
+/// What of a run is made anew for a number.
+#[derive(Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+enum Part {
+    /// Filling alone.
+    Fill,
+    /// The last fit alone.
+    Identify,
+    /// All that follows the reconstruction.
+    All,
+}
+
+impl Part {
+    /// The last stage that is needed.
+    fn last(self) -> Stage {
+        if self == Part::Fill { Stage::Fill } else { Stage::Predict }
+    }
+
+    /// What another seed changes of it.
+    fn of_seeds(self) -> Part {
+        if self == Part::Fill { Part::Fill } else { Part::All }
+    }
+
+    fn depends_on(self, key: &str) -> bool {
+        match self {
+            Part::Fill => key.starts_with("fill."),
+            Part::Identify => key.starts_with("identify."),
+            Part::All => true,
+        }
+    }
+}
+
 /// What the command line asks for.
 struct Options {
     runs: Vec<PathBuf>,
     out: PathBuf,
     only: Vec<String>,
-    last: Stage,
+    part: Part,
 }
 
 impl Options {
     fn parse() -> Result<Self> {
-        let mut options = Self { runs: Vec::new(), out: PathBuf::new(), only: Vec::new(), last: Stage::Predict };
+        let mut options = Self { runs: Vec::new(), out: PathBuf::new(), only: Vec::new(), part: Part::All };
         let mut arguments = std::env::args().skip(1);
         while let Some(argument) = arguments.next() {
             match argument.as_str() {
-                "--fill" => options.last = Stage::Fill,
+                "--part" => match arguments.next().as_deref() {
+                    Some("fill") => options.part = Part::Fill,
+                    Some("identify") => options.part = Part::Identify,
+                    _ => return Err("--part needs fill or identify".into()),
+                },
                 "--only" => options.only.push(arguments.next().ok_or("--only needs a prefix")?),
                 "-o" => options.out = arguments.next().ok_or("-o needs a folder")?.into(),
                 _ => options.runs.push(argument.into()),
@@ -118,8 +168,8 @@ struct Effect {
     key: String,
     /// The setting, as `--set` takes it.
     change: String,
-    /// The last stage that was made anew.
-    last: String,
+    /// What was made anew.
+    part: Part,
     /// By how much each result differs from that with today's numbers.
     moved: BTreeMap<String, f64>,
 }
@@ -198,27 +248,47 @@ fn copy_reconstruction(run: &Path, folder: &Path) -> Result<()> {
     Ok(())
 }
 
+/// Lets the run in `folder` take its refined body for one that was made with a changed number of identification: the
+/// number is written into what the stage says of its settings.
+fn keep_refined(folder: &Path, change: &str) -> Result<()> {
+    let stamp = folder.join("stamps/refine.json");
+    let mut recipe: Value = read(&stamp)?;
+    let changed: Value = toml::from_str(change)?;
+    let tuning: gic_identify::Tuning = serde_json::from_value(changed["identify"]["tuning"].clone())?;
+    recipe["settings"]["identify"]["tuning"] = serde_json::to_value(tuning)?;
+    Ok(fs::write(stamp, serde_json::to_vec_pretty(&recipe)?)?)
+}
+
 /// Makes the stages of the run in `folder` anew that `changes` touch, and reads their results.
-fn measure(folder: &Path, changes: &[String], last: Stage) -> Result<Results> {
+fn measure(folder: &Path, changes: &[String], part: Part) -> Result<Results> {
     let layers = vec![Layer::from_assignments(changes.iter().map(String::as_str))?];
     let (events, interrupt) = (Events::default(), Interrupt::default());
-    Run::open(folder, Access::GoOn, layers, &events, &interrupt)?.bring_up_to_date(last)?;
+    Run::open(folder, Access::GoOn, layers, &events, &interrupt)?.bring_up_to_date(part.last())?;
     let filling: FillSummary = read(&folder.join("fill.json"))?;
-    let mut numbers = BTreeMap::new();
+    let mut numbers = BTreeMap::<String, f64>::new();
     let count = filling.frames.len() as f64;
     numbers.insert("volume_m3".to_owned(), filling.frames.iter().map(|f| f.volume_m3).sum::<f64>() / count);
     numbers.insert("mask_iou".to_owned(), filling.frames.iter().filter_map(|f| f.mask_iou).sum::<f64>() / count);
-    if last < Stage::Identify {
+    if part == Part::Fill {
         return Ok(Results { numbers, path: Vec::new() });
     }
     let found: IdentifyRecord = read(&folder.join("identify.json"))?;
     for estimate in &found.estimates {
         let is_logarithmic = !matches!(estimate.name.as_str(), "poisson_ratio" | "friction_angle_deg");
-        numbers.insert(estimate.name.clone(), if is_logarithmic { estimate.value.log10() } else { estimate.value });
+        let place = |value: f64| if is_logarithmic { value.log10() } else { value };
+        let half_width = 0.5 * (place(estimate.interval_95[1]) - place(estimate.interval_95[0]));
+        numbers.insert(estimate.name.clone(), place(estimate.value));
+        numbers.insert(format!("log10 of the half-width of {}", estimate.name), half_width.log10());
+        numbers.insert(format!("{} is determined", estimate.name), f64::from(estimate.identifiable));
     }
+    numbers.insert("log10 of rollouts".into(), (found.rollouts as f64).log10());
     for (axis, value) in ["x", "y", "z"].into_iter().zip(found.velocity_m_s) {
         numbers.insert(format!("velocity_{axis}_m_s"), value);
     }
+    for (axis, half) in ["x", "y", "z"].into_iter().zip(found.velocity_interval_95_m_s.into_iter().flatten()) {
+        numbers.insert(format!("log10 of the half-width of velocity_{axis}"), half.log10());
+    }
+    numbers.retain(|_, number| number.is_finite());
     let trajectory: Trajectory = read(&folder.join("prediction/trajectory.json"))?;
     Ok(Results { numbers, path: trajectory.frames.iter().map(|f| f.centre_of_mass_m).collect() })
 }
@@ -252,14 +322,14 @@ struct Most<'a> {
 /// By number, what it moves most.
 fn moves(effects: &[Effect]) -> BTreeMap<&str, Most<'_>> {
     let mut scatter: BTreeMap<(&str, &str), f64> = BTreeMap::new();
-    for effect in effects.iter().filter(|e| e.key == "seed") {
+    for effect in effects.iter().filter(|e| e.key == SEED) {
         for (name, value) in &effect.moved {
             let largest = scatter.entry((effect.scene.as_str(), name.as_str())).or_default();
             *largest = largest.max(value.abs());
         }
     }
     let mut rows: BTreeMap<&str, Most> = BTreeMap::new();
-    for effect in effects.iter().filter(|e| e.key != "seed") {
+    for effect in effects.iter().filter(|e| e.key != SEED) {
         let row = rows.entry(effect.key.as_str()).or_default();
         row.scenes.insert(effect.scene.as_str());
         for (name, value) in &effect.moved {

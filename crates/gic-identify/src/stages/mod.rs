@@ -1,4 +1,5 @@
-//! The stages in order. Each takes what those before it found.
+//! The stages in order. Each takes what those before it found. [`Settings::stages`] says where the material's fit
+//! begins and ends.
 //!
 //! 1. [`free_flight`]: initial velocity, position and the Gaussians' size from the frames before contact.
 //! 2. [`search`]: starting points of the material, from a grid on a coarse simulation grid.
@@ -76,11 +77,13 @@ fn run(identification: &Identification, session: &mut Session) -> Result<Estimat
         Some(starts) => starts,
         None => search::find_starts(identification, session)?,
     };
+    let stages = &identification.settings.stages;
     let material = match reached.material {
         Some(state) => state,
-        None => material::fit_material(identification, session, starts)?,
+        None if stages.contains(&Stage::Material) => material::fit_material(identification, session, starts)?,
+        None => starts[0].clone(),
     };
-    if !identification.settings.joint {
+    if !stages.contains(&Stage::Joint) {
         return estimates::without_intervals(identification, session, &material);
     }
     let (joint, linearisation) = match reached.joint {

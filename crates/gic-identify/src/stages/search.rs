@@ -23,7 +23,7 @@ use crate::{FitError, IdentifyError};
 /// Where none can be simulated, and interruption.
 pub(crate) fn find_starts(identification: &Identification, session: &mut Session) -> Result<Vec<State>, IdentifyError> {
     let mut found: Vec<State> = given_start(identification).into_iter().collect();
-    if identification.settings.search {
+    if identification.settings.stages.contains(&Stage::Search) {
         let candidates = grid_of_starts(identification);
         let cheapest = cheapest_on_coarse_grid(identification, session, &candidates);
         found.extend(cheapest.map_err(|error| error.of_stage(candidates.len()))?);

@@ -2,13 +2,13 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, RangeInclusive};
 use std::path::{Path, PathBuf};
 
 use gic_files::FileError;
 use gic_identify::{
-    Checkpoint, Estimates, Event, IdentifyError, Input, MaterialChoice, Observation, Settings, Stage as IdentifyStage,
-    Step, Target, View, WorldEstimate, identify, sought,
+    Checkpoint, Estimates, Event, IdentifyError, Input, MaterialChoice, Observation, Optimizer, Settings,
+    Stage as IdentifyStage, Step, Target, View, WorldEstimate, identify, sought,
 };
 use gic_mpm::{Body, MaterialKind, Options, Simulator, Stepping, World};
 use gic_scene::Camera;
@@ -183,7 +183,8 @@ impl Run<'_> {
         let mut settings = self.identify_settings(&input).among_laws(model);
         if self.refines() {
             settings.target = only_masks(settings.target);
-            settings.start = Some(settings.start.map_or_else(|| Ok(self.refined()?.parameters), Ok::<_, Error>)?);
+            settings.start = Some(self.refined()?.parameters);
+            settings.stages = after_refinement(settings.optimizer);
         }
         let found = self.fit(&input, model, &settings, (Stage::Identify, &checkpoint))?;
         for warning in &found.warnings {
@@ -428,6 +429,16 @@ impl Run<'_> {
 }
 
 /// What a refined body is compared with: surfaces of frames are those of the bodies before.
+/// What is left to fit once refinement has fitted the material: everything together. The paper's optimiser has no such
+/// stage and fits the material to the refined body.
+fn after_refinement(optimizer: Optimizer) -> RangeInclusive<IdentifyStage> {
+    let first = match optimizer {
+        Optimizer::LevenbergMarquardt => IdentifyStage::Joint,
+        Optimizer::Adam => IdentifyStage::Material,
+    };
+    first..=IdentifyStage::Joint
+}
+
 pub(super) fn only_masks(target: Target) -> Target {
     if target == Target::Both { Target::Masks } else { target }
 }

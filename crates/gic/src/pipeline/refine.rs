@@ -2,8 +2,8 @@
 //!
 //! The material is fitted to the body that filling made, without the joint stage. The motion of that fit carries the
 //! body to every moment of the video, and what the cameras saw there settles its surface
-//! ([`Filling::settle_across_time`]). The fit of the next round goes on from there; `identify` starts from the body and
-//! the material that are found here, and searches the whole range again.
+//! ([`Filling::settle_across_time`]). The fit of the next round goes on from there, and so does `identify`, which fits
+//! everything together from the body and the material that are found here: the range is searched once.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use gic_continuum::{
 };
 use gic_files::FileError;
 use gic_geometry::DensityField;
-use gic_identify::{Estimates, Input, Settings};
+use gic_identify::{Estimates, Input, Settings, Stage as IdentifyStage};
 use gic_scene::View;
 use gic_twin::atomic;
 use gic_twin::matter::{read_particles, write_particles};
@@ -89,7 +89,8 @@ impl Run<'_> {
         }
         recipe.write(&begun)?;
         atomic::create_folder(&self.path(FOLDER))?;
-        let mut settings = Settings { joint: false, ..self.config.identify.clone() };
+        let stages = IdentifyStage::Search..=IdentifyStage::Material;
+        let mut settings = Settings { stages, ..self.config.identify.clone() };
         let (mut continuum, mut filling) = (self.filled()?, self.first_filling()?);
         let surroundings = self.surroundings()?;
         let mut off_m = f64::INFINITY;
@@ -101,7 +102,8 @@ impl Run<'_> {
             }
             // The surface was off by as much, and is not by more.
             off_m = record.settled.moved_m;
-            (settings.start, settings.search) = (Some(record.parameters), false);
+            settings.start = Some(record.parameters);
+            settings.stages = IdentifyStage::Material..=IdentifyStage::Material;
             settings.target = only_masks(settings.target);
             continuum = self.continuum()?;
         }

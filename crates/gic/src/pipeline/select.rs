@@ -6,7 +6,7 @@
 
 use gic_continuum::{Appearance, Drawing, informed_gaussians};
 use gic_files::FileError;
-use gic_identify::{Estimates, Input};
+use gic_identify::{Estimates, Input, Stage as IdentifyStage};
 use gic_metrics::{mean, mean_and_variance};
 use gic_mpm::MaterialKind;
 use gic_splat::{RenderSettings, render};
@@ -185,7 +185,7 @@ impl Run<'_> {
     ) -> Result<LawRecord> {
         let settings = gic_identify::Settings {
             frames: Some(self.observations_of(fitted, input)),
-            joint: in_full,
+            stages: IdentifyStage::Search..=if in_full { IdentifyStage::Joint } else { IdentifyStage::Material },
             ..self.identify_settings(input).among_laws(model)
         };
         let checkpoint = self.path(format!("selection/{}.checkpoint.json", model.name()));
