@@ -1,7 +1,7 @@
 //! Which tuned numbers move the result: each is halved and doubled, one at a time, on finished runs of several scenes.
 //!
 //! ```text
-//! cargo run --release -p gic --example sensitivity -- [--part fill|identify] [--only PREFIX]... -o OUT RUN...
+//! cargo run --release -p gic --example sensitivity -- [--identify] [--only PREFIX]... -o OUT RUN...
 //! ```
 //!
 //! Every RUN keeps its reconstruction; what follows is made anew with today's numbers, and then, as far as it depends
@@ -11,10 +11,10 @@
 //! scatter to compare with is what other seeds move, reconstruction included. A number that moves a scene by more than
 //! [`CLEARLY`] scatters is not varied further.
 //!
-//! `--part fill` ends after filling. `--part identify` keeps the body that refinement left and fits it anew: a number
-//! that moves this fit is in use, and one that does not may still move refinement. `--only` takes the numbers whose
-//! keys begin with a PREFIX. A line per change is appended to `OUT/effects.jsonl`; what stands there already is not
-//! measured again, and several of these programs may share it.
+//! `--identify` keeps the body that refinement left and fits it anew: a number that moves this fit is in use, and one
+//! that does not may still move refinement. `--only` takes the numbers whose keys begin with a PREFIX. A line per change
+//! is appended to `OUT/effects.jsonl`; what stands there already is not measured again, and several of these programs
+//! may share it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
@@ -51,9 +51,9 @@ fn main() -> Result<()> {
         if !reference.exists() {
             copy_reconstruction(run, &reference)?;
         }
-        let base = measure(&reference, &[], options.part)?;
+        let base = measure(&reference, &[])?;
         for (key, change) in changes(options.part, &options.only) {
-            let part = if key == SEED { options.part.of_seeds() } else { options.part };
+            let part = if key == SEED { Part::All } else { options.part };
             let known = effects(&log)?;
             if known.iter().any(|e| e.scene == scene && e.change == change && e.part == part)
                 || moves(&known).get(key.as_str()).is_some_and(|most| most.scatters > CLEARLY)
@@ -65,7 +65,7 @@ fn main() -> Result<()> {
             if part == Part::Identify {
                 keep_refined(&scratch, &change)?;
             }
-            let moved = match measure(&scratch, std::slice::from_ref(&change), part) {
+            let moved = match measure(&scratch, std::slice::from_ref(&change)) {
                 Ok(found) => found.against(&base),
                 Err(error) => BTreeMap::from([(format!("error: {error}"), f64::MAX)]),
             };
@@ -82,8 +82,10 @@ fn main() -> Result<()> {
 /// Every change that is measured, by the key of what changes: other seeds first, then each number halved and doubled.
 fn changes(part: Part, only: &[String]) -> Vec<(String, String)> {
     let seeds = SEEDS.iter().map(|seed| (SEED.to_owned(), format!("{SEED}={seed}")));
-    let asked =
-        |key: &str| part.depends_on(key) && (only.is_empty() || only.iter().any(|prefix| key.starts_with(prefix)));
+    let asked = |key: &str| {
+        (part == Part::All || key.starts_with("identify."))
+            && (only.is_empty() || only.iter().any(|prefix| key.starts_with(prefix)))
+    };
     let numbers = numbers().into_iter().filter(|(key, _)| asked(key));
     let varied = numbers.flat_map(|(key, value)| varied(&value).map(move |v| (key.clone(), format!("{key}={v}"))));
     seeds.chain(varied).collect()
@@ -102,32 +104,10 @@ fn effects(log: &Path) -> Result<Vec<Effect>> {
 #[derive(Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum Part {
-    /// Filling alone.
-    Fill,
     /// The last fit alone.
     Identify,
     /// All that follows the reconstruction.
     All,
-}
-
-impl Part {
-    /// The last stage that is needed.
-    fn last(self) -> Stage {
-        if self == Part::Fill { Stage::Fill } else { Stage::Predict }
-    }
-
-    /// What another seed changes of it.
-    fn of_seeds(self) -> Part {
-        if self == Part::Fill { Part::Fill } else { Part::All }
-    }
-
-    fn depends_on(self, key: &str) -> bool {
-        match self {
-            Part::Fill => key.starts_with("fill."),
-            Part::Identify => key.starts_with("identify."),
-            Part::All => true,
-        }
-    }
 }
 
 /// What the command line asks for.
@@ -144,11 +124,7 @@ impl Options {
         let mut arguments = std::env::args().skip(1);
         while let Some(argument) = arguments.next() {
             match argument.as_str() {
-                "--part" => match arguments.next().as_deref() {
-                    Some("fill") => options.part = Part::Fill,
-                    Some("identify") => options.part = Part::Identify,
-                    _ => return Err("--part needs fill or identify".into()),
-                },
+                "--identify" => options.part = Part::Identify,
                 "--only" => options.only.push(arguments.next().ok_or("--only needs a prefix")?),
                 "-o" => options.out = arguments.next().ok_or("-o needs a folder")?.into(),
                 _ => options.runs.push(argument.into()),
@@ -260,18 +236,18 @@ fn keep_refined(folder: &Path, change: &str) -> Result<()> {
 }
 
 /// Makes the stages of the run in `folder` anew that `changes` touch, and reads their results.
-fn measure(folder: &Path, changes: &[String], part: Part) -> Result<Results> {
+fn measure(folder: &Path, changes: &[String]) -> Result<Results> {
     let layers = vec![Layer::from_assignments(changes.iter().map(String::as_str))?];
     let (events, interrupt) = (Events::default(), Interrupt::default());
-    Run::open(folder, Access::GoOn, layers, &events, &interrupt)?.bring_up_to_date(part.last())?;
-    let filling: FillSummary = read(&folder.join("fill.json"))?;
-    let mut numbers = BTreeMap::<String, f64>::new();
-    let count = filling.frames.len() as f64;
-    numbers.insert("volume_m3".to_owned(), filling.frames.iter().map(|f| f.volume_m3).sum::<f64>() / count);
-    numbers.insert("mask_iou".to_owned(), filling.frames.iter().filter_map(|f| f.mask_iou).sum::<f64>() / count);
-    if part == Part::Fill {
-        return Ok(Results { numbers, path: Vec::new() });
-    }
+    Run::open(folder, Access::GoOn, layers, &events, &interrupt)?.bring_up_to_date(Stage::Predict)?;
+    let refined = folder.join("refined/refine.json");
+    let body: FillSummary = match refined.exists() {
+        true => serde_json::from_value(read::<Value>(&refined)?["summary"].clone())?,
+        false => read(&folder.join("fill.json"))?,
+    };
+    let first = body.frames.first().ok_or("no frame was filled")?;
+    let mut numbers = BTreeMap::from([("volume_m3".to_owned(), first.volume_m3)]);
+    numbers.extend(first.mask_iou.map(|overlap| ("mask_iou".to_owned(), overlap)));
     let found: IdentifyRecord = read(&folder.join("identify.json"))?;
     for estimate in &found.estimates {
         let is_logarithmic = !matches!(estimate.name.as_str(), "poisson_ratio" | "friction_angle_deg");
