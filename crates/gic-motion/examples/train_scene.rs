@@ -72,12 +72,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     )?;
     println!("trained in {:.1} s", started.elapsed().as_secs_f64());
     let scores = evaluate(&model, &scene, &settings.held_out)?;
-    println!("camera frame   PSNR   SSIM    IoU  PSNR over white");
-    let mean = ViewScore::mean(&scores);
-    for s in &scores {
-        println!("{:6} {:5}  {:5.2} {:.4} {:.4}  {:5.2}", s.camera, s.frame, s.psnr, s.ssim, s.iou, s.psnr_white);
-    }
-    println!("mean          {:5.2} {:.4} {:.4}  {:5.2}", mean.psnr, mean.ssim, mean.iou, mean.psnr_white);
+    println!("  camera frame   PSNR   SSIM    IoU  whole picture over white, over black");
+    let print = |name: &str, s: &ViewScore| {
+        println!("{name}  {:5.2} {:.4} {:.4}  {:5.2} {:5.2}", s.psnr, s.ssim, s.iou, s.psnr_white, s.psnr_black);
+    };
+    scores.iter().for_each(|s| print(&format!("{:8} {:5}", s.camera, s.frame), s));
+    print("mean          ", &ViewScore::mean(&scores));
     if let Some(folder) = out {
         model.save(&folder)?;
     }

@@ -22,6 +22,8 @@ pub struct ViewScore {
     pub ssim: f64,
     /// PSNR [dB] over white of the whole picture, the custom of the benchmarks of static and monocular scenes.
     pub psnr_white: f64,
+    /// PSNR [dB] over black of the whole picture, the custom of the paper's release.
+    pub psnr_black: f64,
     /// Intersection over union of alpha and mask, both cut at one half.
     pub iou: f64,
 }
@@ -36,6 +38,7 @@ impl ViewScore {
             psnr: mean(|s| s.psnr),
             ssim: mean(|s| s.ssim),
             psnr_white: mean(|s| s.psnr_white),
+            psnr_black: mean(|s| s.psnr_black),
             iou: mean(|s| s.iou),
         }
     }
@@ -83,6 +86,7 @@ fn score(target: &Target, gaussians: &Gaussians) -> Result<ViewScore, MotionErro
         psnr: psnr(&clamped, &color, width, height, region)?,
         ssim: ssim(&clamped, &color, width, height, region)?,
         psnr_white: psnr(&white.0, &white.1, width, height, None)?,
+        psnr_black: psnr(&clamped, &color, width, height, None)?,
         iou: mask_iou(&picture.alpha, &mask)?,
     })
 }
