@@ -99,6 +99,10 @@ pub struct TrainSettings {
     /// Adaptive density control.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub density: DensitySettings,
+    /// Share of all steps, the last ones, whose mean is the result; 0 takes the last step's. Meanwhile no Gaussian may
+    /// be made or go.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    pub averaged: f64,
     /// Steps between evaluations on the held-out views.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub evaluate_every: usize,
@@ -261,6 +265,7 @@ impl Default for TrainSettings {
             loss: LossWeights::default(),
             rates: LearningRates::default(),
             density: DensitySettings::default(),
+            averaged: 0.0,
             evaluate_every: 250,
             patience: 0,
             checkpoint_seconds: 30.0,
@@ -326,6 +331,7 @@ impl TrainSettings {
                 ..LearningRates::default()
             },
             density: DensitySettings { from: 300, until: 0.6, ..DensitySettings::default() },
+            averaged: 0.1,
             ..TrainSettings::default()
         }
     }

@@ -239,6 +239,25 @@ fn a_static_scene_has_no_motion() {
     assert!(same(&model, &run(&still, &settings, Some(checkpoint.path()), 0)));
 }
 
+/// With two steps in the mean, it lies in the middle between what each of them alone gives; a run that is stopped
+/// between them goes on with the mean.
+#[test]
+fn the_mean_of_the_last_steps_is_what_training_gives() {
+    let (_folder, scene) = scene();
+    let averaged = TrainSettings { averaged: 0.05, held_out: Vec::new(), ..settings(40) };
+    let checkpoint = tempfile::tempdir().unwrap();
+    let mean = run(&scene, &averaged, None, 0);
+    let first = run(&scene, &averaged, Some(checkpoint.path()), 39);
+    assert!(same(&mean, &run(&scene, &averaged, Some(checkpoint.path()), 0)));
+    let last = run(&scene, &TrainSettings { averaged: 0.0, ..averaged.clone() }, None, 0);
+    let places = |model: &DynamicGaussians| model.canonical.positions.as_flattened().to_vec();
+    let (mean, first, last) = (places(&mean), places(&first), places(&last));
+    assert_ne!(first, last);
+    for ((mean, first), last) in mean.iter().zip(&first).zip(&last) {
+        assert!((mean - 0.5 * (first + last)).abs() < 1e-6, "{mean}, {first} and {last}");
+    }
+}
+
 #[test]
 fn one_moving_camera_is_told_from_several() {
     let (folder, _) = scene();
@@ -271,6 +290,7 @@ fn settings_without_meaning_are_named() {
     assert!(refused(TrainSettings { max_gaussians: Some(99), ..settings(5) }).contains("max_gaussians"));
     assert!(refused(TrainSettings { views_per_step: 0, ..settings(5) }).contains("views_per_step"));
     assert!(refused(TrainSettings { half_size: 1.5, ..settings(5) }).contains("half_size"));
+    assert!(refused(TrainSettings { averaged: 0.5, ..settings(5) }).contains("averaged"));
     for node_spacing in [-0.1, f64::NAN] {
         let network = Architecture { node_spacing, ..settings(5).network };
         assert!(refused(TrainSettings { network, ..settings(5) }).contains("network.node_spacing"));

@@ -46,6 +46,11 @@ pub(crate) struct ParameterGradient {
     pub(crate) sh: Vec<[f32; 3]>,
 }
 
+/// Moves each number of `mean` by a share of the way to that of `value`.
+pub(crate) fn mix(mean: &mut [f32], value: &[f32], share: f32) {
+    mean.iter_mut().zip(value).for_each(|(mean, value)| *mean += share * (value - *mean));
+}
+
 /// Coefficients beyond the first, per Gaussian.
 pub(crate) fn rest_per_gaussian(sh_degree: usize) -> usize {
     (sh_degree + 1) * (sh_degree + 1) - 1
@@ -145,6 +150,16 @@ impl Parameters {
                 sums.as_flattened_mut().iter_mut().zip(d.as_flattened()).for_each(|(sum, d)| *sum += d);
             });
         }
+    }
+
+    /// Moves each number by a share of the way to that of `other`, which has as many Gaussians.
+    pub(crate) fn mix(&mut self, other: &Parameters, share: f32) {
+        mix(self.positions.as_flattened_mut(), other.positions.as_flattened(), share);
+        mix(&mut self.log_scales, &other.log_scales, share);
+        mix(self.rotations.as_flattened_mut(), other.rotations.as_flattened(), share);
+        mix(&mut self.opacity_logits, &other.opacity_logits, share);
+        mix(self.sh_dc.as_flattened_mut(), other.sh_dc.as_flattened(), share);
+        mix(self.sh_rest.as_flattened_mut(), other.sh_rest.as_flattened(), share);
     }
 
     /// Keeps the Gaussians listed in `rows`, in that order.

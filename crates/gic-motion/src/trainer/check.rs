@@ -17,6 +17,11 @@ impl TrainSettings {
             let reason = format!("{} is no share of the steps, 0 to 1", self.half_size);
             return Err(MotionError::Setting { setting: "half_size", reason });
         }
+        if !(0.0..=1.0 - self.density.until).contains(&self.averaged) {
+            let reason =
+                format!("{} is no share of the steps after density.until, {}", self.averaged, self.density.until);
+            return Err(MotionError::Setting { setting: "averaged", reason });
+        }
         let spacing = self.network.node_spacing;
         if !(spacing >= 0.0 && spacing.is_finite()) {
             let reason = format!("{spacing} must be above zero, or 0 to ask the network at each point");

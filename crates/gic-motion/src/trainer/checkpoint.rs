@@ -6,7 +6,7 @@ use gic_files::FileError;
 use gic_optimize::Moments;
 use serde::{Deserialize, Serialize};
 
-use super::state::{Best, State};
+use super::state::{Best, Mean, State};
 use crate::base::fit::{BaseFit, PoseMoments};
 use crate::gaussians::density::ScreenGradients;
 use crate::gaussians::parameters::{ParameterMoments, Parameters, rest_per_gaussian};
@@ -31,6 +31,8 @@ struct Header {
     lowest_loss: Option<f64>,
     stale: usize,
     gaussians: usize,
+    /// Steps in the mean.
+    averaged: Option<usize>,
     best: Option<(f64, usize)>,
     best_base: Option<BaseMotion>,
 }
@@ -64,6 +66,7 @@ pub(crate) fn save(folder: &Path, state: &State, settings: &TrainSettings, seed:
         lowest_loss: state.lowest_loss,
         stale: state.stale,
         gaussians: state.parameters.len(),
+        averaged: state.mean.as_ref().map(|mean| mean.steps),
         best: state.best.as_ref().map(|best| (best.psnr, best.parameters.len())),
         best_base: state.best.as_ref().and_then(|best| best.base.clone()),
     };
@@ -97,6 +100,10 @@ pub(crate) fn save(folder: &Path, state: &State, settings: &TrainSettings, seed:
     tensors.push(("anchors".into(), 3, state.smoothing_graph.positions().as_flattened()));
     tensors.push(("screen.sum".into(), 1, &state.screen.sum));
     tensors.push(("screen.views".into(), 1, &state.screen.views));
+    if let Some(mean) = &state.mean {
+        push_parameters(&mut tensors, "mean.", &mean.parameters);
+        tensors.push(("mean.network".into(), 1, &mean.network));
+    }
     if let Some(best) = &state.best {
         push_parameters(&mut tensors, "best.", &best.parameters);
         tensors.push(("best.network".into(), 1, &best.network));
@@ -149,6 +156,14 @@ pub(crate) fn load(
         }),
         None => None,
     };
+    let mean = match header.averaged {
+        Some(steps) => Some(Mean {
+            parameters: parameters(&file, "mean.", n, kind)?,
+            network: file.numbers_exactly("mean.network", weights)?,
+            steps,
+        }),
+        None => None,
+    };
     Ok(Some(State {
         step: header.step,
         domain: header.domain,
@@ -173,6 +188,7 @@ pub(crate) fn load(
         smoothing_graph: SmoothingGraph::new(file.triples("anchors", header.anchors)?, header.spacing),
         mean_loss: header.mean_loss.unwrap_or(f64::NAN),
         lowest_loss: header.lowest_loss,
+        mean,
         best,
         stale: header.stale,
     }))

@@ -20,18 +20,16 @@ impl Training<'_> {
             return Ok(None);
         }
         let base = state.base.as_ref().map(|base| &base.motion);
-        let model = self.model(&state.parameters, &state.network, base, state.domain);
+        let (parameters, network) = state.result();
+        let model = self.model(parameters, network, base, state.domain);
         let score = ViewScore::mean(&evaluate::score_targets(&self.held_out, |time| model.at(time))?);
-        if state.best.as_ref().is_none_or(|best| score.psnr > best.psnr + MIN_PROGRESS_DB) {
-            state.stale = 0;
-        } else {
-            state.stale += 1;
-        }
-        if state.best.as_ref().is_none_or(|best| score.psnr > best.psnr) {
-            let (parameters, network) = (state.parameters.clone(), state.network.parameters.clone());
-            let base = state.base.as_ref().map(|base| base.motion.clone());
+        let best = state.best.as_ref().map_or(f64::NEG_INFINITY, |best| best.psnr);
+        if score.psnr > best {
+            let (parameters, network) = (parameters.clone(), network.to_vec());
+            let base = base.cloned();
             state.best = Some(Best { psnr: score.psnr, parameters, network, base });
         }
+        state.stale = if score.psnr > best + MIN_PROGRESS_DB { 0 } else { state.stale + 1 };
         Ok(Some(score))
     }
 
@@ -50,17 +48,17 @@ impl Training<'_> {
     }
 
     pub(super) fn finish(&self, state: State) -> DynamicGaussians {
-        let State { best, parameters, mut network, base, domain, .. } = state;
-        let base = base.map(|base| base.motion);
-        let Some(best) = best else { return self.model(&parameters, &network, base.as_ref(), domain) };
-        network.parameters = best.network;
-        self.model(&best.parameters, &network, best.base.as_ref(), domain)
+        if let Some(best) = &state.best {
+            return self.model(&best.parameters, &best.network, best.base.as_ref(), state.domain);
+        }
+        let (parameters, network) = state.result();
+        self.model(parameters, network, state.base.as_ref().map(|base| &base.motion), state.domain)
     }
 
     pub(super) fn model(
         &self,
         parameters: &Parameters,
-        network: &MotionNetwork<f32>,
+        weights: &[f32],
         given: Option<&BaseMotion>,
         domain: Domain,
     ) -> DynamicGaussians {
@@ -68,7 +66,11 @@ impl Training<'_> {
             Some(flight) => base.with_flight(flight),
             None => base.clone(),
         };
-        let motion = || Displacement { network: network.clone(), domain, base: given.map(base) };
+        let motion = || {
+            let mut network = MotionNetwork::zeros(self.settings.network);
+            network.parameters = weights.to_vec();
+            Displacement { network, domain, base: given.map(base) }
+        };
         DynamicGaussians { canonical: parameters.gaussians(None), motion: (!self.is_static).then(motion) }
     }
 }

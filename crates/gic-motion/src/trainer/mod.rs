@@ -7,8 +7,10 @@
 //! - `schedule`: what is trained in a step, and on which pictures.
 //! - `track_base`: the first base motion, from frame to frame.
 //! - `step`: one step; `view_gradient` is one picture of it, `regularise` what holds the Gaussians together.
+//! - `averaging`: the mean of the last steps.
 //! - `early_stopping`: when training is good enough.
 
+mod averaging;
 mod check;
 mod checkpoint;
 mod early_stopping;

@@ -55,6 +55,7 @@ impl Training<'_> {
             network_steps: 0,
             mean_loss: f64::NAN,
             lowest_loss: None,
+            mean: None,
             best: None,
             stale: 0,
         })

@@ -28,9 +28,19 @@ pub(crate) struct State {
     pub(crate) base: Option<BaseFit>,
     pub(crate) mean_loss: f64,
     pub(crate) lowest_loss: Option<f64>,
+    /// The mean of the last steps, once they are reached.
+    pub(crate) mean: Option<Mean>,
     pub(crate) best: Option<Best>,
     /// Evaluations since the best.
     pub(crate) stale: usize,
+}
+
+/// The mean of the last steps.
+#[derive(Clone, Debug)]
+pub(crate) struct Mean {
+    pub(crate) parameters: Parameters,
+    pub(crate) network: Vec<f32>,
+    pub(crate) steps: usize,
 }
 
 /// The best state by the held-out views so far.
@@ -46,6 +56,14 @@ impl State {
     /// Width of the object at the first frame [m]: its ball's diameter.
     pub(super) fn object_size(&self) -> f64 {
         2.0 * self.domain.extent / NETWORK_UNIT_RADII
+    }
+
+    /// What training gives at this step: the Gaussians and the network's parameters.
+    pub(super) fn result(&self) -> (&Parameters, &[f32]) {
+        match &self.mean {
+            Some(mean) => (&mean.parameters, &mean.network),
+            None => (&self.parameters, &self.network.parameters),
+        }
     }
 
     /// Displacements [m] and changes of the logarithm of the scale; `None` where nothing moves.

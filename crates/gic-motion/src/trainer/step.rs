@@ -92,6 +92,7 @@ impl Training<'_> {
         let alike = self.smooth(state, &mut gradient, rendered.len());
         state.moments.update(&mut state.parameters, &gradient, rates, when, (size, alike));
         self.control_density(state, &mut rng);
+        self.average(state);
         Ok(ControlFlow::Continue(psnr(squared)))
     }
 
