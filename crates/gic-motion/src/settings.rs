@@ -357,7 +357,6 @@ impl TrainSettings {
             bent_steps: 0,
             half_size: 0.75,
             initial_spacing_px: 6.0,
-            gaussians_per_pixel: 0.3,
             network: Architecture { width: 128, node_spacing: 1.0 / 48.0, ..Architecture::default() },
             // As 3DGS has it, what is no place hardly slows down: slower ends were worse by up to half a decibel.
             rates: LearningRates {
@@ -365,7 +364,7 @@ impl TrainSettings {
                 scale: (1.0e-2, 1.0e-2),
                 rotation: (2.0e-3, 2.0e-3),
                 opacity: (5.0e-2, 2.5e-2),
-                network: (1.6e-3, 5.0e-5),
+                network: (3.2e-3, 5.0e-5),
                 ..still.rates
             },
             density: DensitySettings { from: 900, every: 200, ..still.density },
