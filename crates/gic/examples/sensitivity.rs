@@ -12,9 +12,9 @@
 //! [`CLEARLY`] scatters is not varied further.
 //!
 //! `--identify` keeps the body that refinement left and fits it anew: a number that moves this fit is in use, and one
-//! that does not may still move refinement. `--only` takes the numbers whose keys begin with a PREFIX. A line per change
-//! is appended to `OUT/effects.jsonl`; what stands there already is not measured again, and several of these programs
-//! may share it.
+//! that does not may still move refinement. `--only` takes the numbers whose keys begin with a PREFIX. A line per
+//! change is appended to `OUT/effects.jsonl`; what stands there already is not measured again, and several of these
+//! programs may share it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
