@@ -314,7 +314,7 @@ impl TrainSettings {
     /// for.
     pub fn still() -> Self {
         TrainSettings {
-            steps: 3_500,
+            steps: 7_000,
             views_per_step: 1,
             half_size: 0.2,
             initial_inset: 0.0,
