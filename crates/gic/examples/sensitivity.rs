@@ -23,7 +23,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use gic::config::Layer;
-use gic::pipeline::{Access, FillSummary, IdentifyRecord, Run, Stage};
+use gic::pipeline::{Access, Run, Stage};
 use gic_twin::Interrupt;
 use gic_twin::events::Events;
 use gic_twin::simulate::Trajectory;
@@ -239,16 +239,13 @@ fn keep_refined(folder: &Path, change: &str) -> Result<()> {
 fn measure(folder: &Path, changes: &[String]) -> Result<Results> {
     let layers = vec![Layer::from_assignments(changes.iter().map(String::as_str))?];
     let (events, interrupt) = (Events::default(), Interrupt::default());
-    Run::open(folder, Access::GoOn, layers, &events, &interrupt)?.bring_up_to_date(Stage::Predict)?;
-    let refined = folder.join("refined/refine.json");
-    let body: FillSummary = match refined.exists() {
-        true => serde_json::from_value(read::<Value>(&refined)?["summary"].clone())?,
-        false => read(&folder.join("fill.json"))?,
-    };
+    let run = Run::open(folder, Access::GoOn, layers, &events, &interrupt)?;
+    run.bring_up_to_date(Stage::Predict)?;
+    let body = run.body_summary()?;
     let first = body.frames.first().ok_or("no frame was filled")?;
     let mut numbers = BTreeMap::from([("volume_m3".to_owned(), first.volume_m3)]);
     numbers.extend(first.mask_iou.map(|overlap| ("mask_iou".to_owned(), overlap)));
-    let found: IdentifyRecord = read(&folder.join("identify.json"))?;
+    let found = run.identified()?;
     for estimate in &found.estimates {
         let is_logarithmic = !matches!(estimate.name.as_str(), "poisson_ratio" | "friction_angle_deg");
         let place = |value: f64| if is_logarithmic { value.log10() } else { value };

@@ -428,7 +428,6 @@ impl Run<'_> {
     }
 }
 
-/// What a refined body is compared with: surfaces of frames are those of the bodies before.
 /// What is left to fit once refinement has fitted the material: everything together. The paper's optimiser has no such
 /// stage and fits the material to the refined body.
 fn after_refinement(optimizer: Optimizer) -> RangeInclusive<IdentifyStage> {
@@ -439,6 +438,7 @@ fn after_refinement(optimizer: Optimizer) -> RangeInclusive<IdentifyStage> {
     first..=IdentifyStage::Joint
 }
 
+/// What a refined body is compared with: surfaces of frames are those of the bodies before.
 pub(super) fn only_masks(target: Target) -> Target {
     if target == Target::Both { Target::Masks } else { target }
 }

@@ -76,7 +76,7 @@ impl Run<'_> {
     ///
     /// # Errors
     /// A missing or damaged file.
-    pub(crate) fn body_summary(&self) -> Result<FillSummary> {
+    pub fn body_summary(&self) -> Result<FillSummary> {
         summary_of_body(&self.folder, &self.config)
     }
 
