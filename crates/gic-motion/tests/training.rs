@@ -290,7 +290,9 @@ fn settings_without_meaning_are_named() {
     assert!(refused(TrainSettings { max_gaussians: Some(99), ..settings(5) }).contains("max_gaussians"));
     assert!(refused(TrainSettings { views_per_step: 0, ..settings(5) }).contains("views_per_step"));
     assert!(refused(TrainSettings { half_size: 1.5, ..settings(5) }).contains("half_size"));
-    assert!(refused(TrainSettings { averaged: 0.5, ..settings(5) }).contains("averaged"));
+    for averaged in [0.5, -0.1, f64::NAN] {
+        assert!(refused(TrainSettings { averaged, ..settings(5) }).contains("averaged"));
+    }
     for node_spacing in [-0.1, f64::NAN] {
         let network = Architecture { node_spacing, ..settings(5).network };
         assert!(refused(TrainSettings { network, ..settings(5) }).contains("network.node_spacing"));

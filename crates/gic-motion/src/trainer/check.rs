@@ -17,7 +17,8 @@ impl TrainSettings {
             let reason = format!("{} is no share of the steps, 0 to 1", self.half_size);
             return Err(MotionError::Setting { setting: "half_size", reason });
         }
-        if !(0.0..=1.0 - self.density.until).contains(&self.averaged) {
+        let averages_one_set = self.averaged > 0.0 && self.averaged + self.density.until <= 1.0;
+        if self.averaged != 0.0 && !averages_one_set {
             let reason =
                 format!("{} is no share of the steps after density.until, {}", self.averaged, self.density.until);
             return Err(MotionError::Setting { setting: "averaged", reason });
