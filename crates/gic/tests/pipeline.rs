@@ -77,6 +77,19 @@ fn a_camera_that_is_not_there_is_refused_with_those_that_are() {
 }
 
 #[test]
+fn the_stages_up_to_filling_run_by_themselves() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = folder.path().join("run");
+    let run = run.to_str().unwrap();
+    let few = ["--cameras", "0,4,8", "--fit-frames", "3", "--steps", "150"];
+    let trained = gic(&[&["reconstruct", &demo(), "-o", run], &few[..]].concat());
+    assert!(trained.status.success(), "{trained:?}");
+    let filled = gic(&["fill", run]);
+    assert!(filled.status.success(), "{filled:?}");
+    assert!(text(&filled.stdout).contains("particles"), "{filled:?}");
+}
+
+#[test]
 fn a_scene_without_a_scan_has_nothing_to_register() {
     let folder = tempfile::tempdir().unwrap();
     let run = folder.path().join("run");

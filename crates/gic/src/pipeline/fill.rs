@@ -311,7 +311,7 @@ impl Run<'_> {
     ///
     /// # Errors
     /// Missing or damaged files.
-    pub(super) fn filled(&self) -> Result<Continuum> {
+    pub(crate) fn filled(&self) -> Result<Continuum> {
         self.continuum_of(atomic::read_json(&self.path("fill.json"))?, &self.folder)
     }
 
