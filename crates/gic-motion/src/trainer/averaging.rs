@@ -1,6 +1,6 @@
 //! The mean of the last steps (Polyak & Juditsky 1992): what the few pictures of a step change back and forth cancels.
 
-use super::state::{Mean, State};
+use super::state::{Learned, Mean, State};
 use super::training::Training;
 use crate::gaussians::parameters::mix;
 
@@ -16,10 +16,13 @@ impl Training<'_> {
             Some(mean) => {
                 mean.steps += 1;
                 let share = 1.0 / mean.steps as f32;
-                mean.parameters.mix(parameters, share);
-                mix(&mut mean.network, network, share);
+                mean.learned.parameters.mix(parameters, share);
+                mix(&mut mean.learned.network, network, share);
             }
-            None => state.mean = Some(Mean { parameters: parameters.clone(), network: network.clone(), steps: 1 }),
+            None => {
+                let learned = Learned { parameters: parameters.clone(), network: network.clone() };
+                state.mean = Some(Mean { learned, steps: 1 });
+            }
         }
     }
 }

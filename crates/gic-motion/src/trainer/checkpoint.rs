@@ -6,7 +6,7 @@ use gic_files::FileError;
 use gic_optimize::Moments;
 use serde::{Deserialize, Serialize};
 
-use super::state::{Best, Mean, State};
+use super::state::{Best, Learned, Mean, State};
 use crate::base::fit::{BaseFit, PoseMoments};
 use crate::gaussians::density::ScreenGradients;
 use crate::gaussians::parameters::{ParameterMoments, Parameters, rest_per_gaussian};
@@ -67,7 +67,7 @@ pub(crate) fn save(folder: &Path, state: &State, settings: &TrainSettings, seed:
         stale: state.stale,
         gaussians: state.parameters.len(),
         averaged: state.mean.as_ref().map(|mean| mean.steps),
-        best: state.best.as_ref().map(|best| (best.psnr, best.parameters.len())),
+        best: state.best.as_ref().map(|best| (best.psnr, best.learned.parameters.len())),
         best_base: state.best.as_ref().and_then(|best| best.base.clone()),
     };
     let base = state.base.as_ref().map(|base| &base.motion);
@@ -100,13 +100,11 @@ pub(crate) fn save(folder: &Path, state: &State, settings: &TrainSettings, seed:
     tensors.push(("anchors".into(), 3, state.smoothing_graph.positions().as_flattened()));
     tensors.push(("screen.sum".into(), 1, &state.screen.sum));
     tensors.push(("screen.views".into(), 1, &state.screen.views));
-    if let Some(mean) = &state.mean {
-        push_parameters(&mut tensors, "mean.", &mean.parameters);
-        tensors.push(("mean.network".into(), 1, &mean.network));
-    }
-    if let Some(best) = &state.best {
-        push_parameters(&mut tensors, "best.", &best.parameters);
-        tensors.push(("best.network".into(), 1, &best.network));
+    let mean = state.mean.as_ref().map(|mean| ("mean.", &mean.learned));
+    let best = state.best.as_ref().map(|best| ("best.", &best.learned));
+    for (prefix, learned) in mean.into_iter().chain(best) {
+        push_parameters(&mut tensors, prefix, &learned.parameters);
+        tensors.push((format!("{prefix}network"), 1, &learned.network));
     }
     tensor_file::write(&folder.join(FILE), &tensors, &header)
 }
@@ -147,21 +145,19 @@ pub(crate) fn load(
         }
         None => None,
     };
+    let learned = |prefix: &str, n: usize| {
+        let parameters = parameters(&file, prefix, n, kind)?;
+        Ok::<_, MotionError>(Learned {
+            parameters,
+            network: file.numbers_exactly(&format!("{prefix}network"), weights)?,
+        })
+    };
     let best = match header.best {
-        Some((psnr, n)) => Some(Best {
-            psnr,
-            parameters: parameters(&file, "best.", n, kind)?,
-            network: file.numbers_exactly("best.network", weights)?,
-            base: best_base,
-        }),
+        Some((psnr, n)) => Some(Best { psnr, learned: learned("best.", n)?, base: best_base }),
         None => None,
     };
     let mean = match header.averaged {
-        Some(steps) => Some(Mean {
-            parameters: parameters(&file, "mean.", n, kind)?,
-            network: file.numbers_exactly("mean.network", weights)?,
-            steps,
-        }),
+        Some(steps) => Some(Mean { learned: learned("mean.", n)?, steps }),
         None => None,
     };
     Ok(Some(State {

@@ -1,7 +1,7 @@
 //! When training is good enough, and what it leaves.
 
 use super::schedule::Trained;
-use super::state::{Best, State};
+use super::state::{Best, Learned, State};
 use super::training::Training;
 use crate::gaussians::parameters::Parameters;
 use crate::tuning::{MIN_PROGRESS_DB, MIN_PROGRESS_LOSS};
@@ -25,9 +25,8 @@ impl Training<'_> {
         let score = ViewScore::mean(&evaluate::score_targets(&self.held_out, |time| model.at(time))?);
         let best = state.best.as_ref().map_or(f64::NEG_INFINITY, |best| best.psnr);
         if score.psnr > best {
-            let (parameters, network) = (parameters.clone(), network.to_vec());
-            let base = base.cloned();
-            state.best = Some(Best { psnr: score.psnr, parameters, network, base });
+            let learned = Learned { parameters: parameters.clone(), network: network.to_vec() };
+            state.best = Some(Best { psnr: score.psnr, learned, base: base.cloned() });
         }
         state.stale = if score.psnr > best + MIN_PROGRESS_DB { 0 } else { state.stale + 1 };
         Ok(Some(score))
@@ -49,7 +48,8 @@ impl Training<'_> {
 
     pub(super) fn finish(&self, state: State) -> DynamicGaussians {
         if let Some(best) = &state.best {
-            return self.model(&best.parameters, &best.network, best.base.as_ref(), state.domain);
+            let Learned { parameters, network } = &best.learned;
+            return self.model(parameters, network, best.base.as_ref(), state.domain);
         }
         let (parameters, network) = state.result();
         self.model(parameters, network, state.base.as_ref().map(|base| &base.motion), state.domain)

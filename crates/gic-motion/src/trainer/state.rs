@@ -35,11 +35,18 @@ pub(crate) struct State {
     pub(crate) stale: usize,
 }
 
+/// What training gives.
+#[derive(Clone, Debug)]
+pub(crate) struct Learned {
+    pub(crate) parameters: Parameters,
+    /// Parameters of the network.
+    pub(crate) network: Vec<f32>,
+}
+
 /// The mean of the last steps.
 #[derive(Clone, Debug)]
 pub(crate) struct Mean {
-    pub(crate) parameters: Parameters,
-    pub(crate) network: Vec<f32>,
+    pub(crate) learned: Learned,
     pub(crate) steps: usize,
 }
 
@@ -47,8 +54,7 @@ pub(crate) struct Mean {
 #[derive(Clone, Debug)]
 pub(crate) struct Best {
     pub(crate) psnr: f64,
-    pub(crate) parameters: Parameters,
-    pub(crate) network: Vec<f32>,
+    pub(crate) learned: Learned,
     pub(crate) base: Option<BaseMotion>,
 }
 
@@ -61,7 +67,7 @@ impl State {
     /// What training gives at this step: the Gaussians and the network's parameters.
     pub(super) fn result(&self) -> (&Parameters, &[f32]) {
         match &self.mean {
-            Some(mean) => (&mean.parameters, &mean.network),
+            Some(Mean { learned, .. }) => (&learned.parameters, &learned.network),
             None => (&self.parameters, &self.network.parameters),
         }
     }
