@@ -31,7 +31,9 @@ pub use error::{Problem, SceneError, Severity};
 pub use flight::{CalibrationError, FlightView, FreeFlight, Seek};
 pub use format::Format;
 pub use hull::{Hull, HullSettings, HullView};
-pub use inspect::{CameraReport, FallReport, FlightReport, GroundSource, HullReport, Inspection, inspect};
+pub use inspect::{
+    CalibrationErrorReport, CameraReport, FallReport, FlightReport, GroundSource, HullReport, Inspection, inspect,
+};
 pub use matting::difference_matte;
 pub use picture::{Mask, Picture, PixelBox, touches_border};
 pub use scene::Scene;
