@@ -5,9 +5,9 @@ use std::str::FromStr;
 use gic_mpm::Body;
 use glam::{DMat3, DVec3};
 
-use super::Gripper;
 use super::antipodal::{self, GripLine};
 use crate::error::{GraspError, Result};
+use crate::gripper::Gripper;
 
 /// Which way the gripper closes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
