@@ -1,62 +1,21 @@
 //! The stage `fill`: Gaussians to matter, for every frame of the video.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use gic_continuum::{
-    AcrossTime, Agreement, Appearance, Drawing, FillSettings, Filling, MirrorPlane, ParticleTuning, Particles, Tuning,
-    calibrate, compare_with_masks, sample_particles, sample_points,
+    Agreement, Appearance, FillSettings, Filling, ParticleTuning, Particles, Tuning, calibrate, compare_with_masks,
+    sample_particles, sample_points,
 };
 use gic_scene::{Camera, Hull, HullSettings, HullView, Mask};
 use gic_twin::atomic;
-use gic_twin::matter::{read_particles, write_particles};
-use glam::DVec3;
-use serde::{Deserialize, Serialize};
+use gic_twin::matter::write_particles;
 
+use super::continuum::{filling_file, surface_file};
 use super::fill_input::FillInput;
+use super::fill_summary::{FillSummary, FrameFilling};
 use super::frame_filler::FrameFiller;
-use super::refine::FOLDER as REFINED;
 use super::{Run, Stage};
 use crate::error::{Error, Result};
-
-/// `fill.json`: what filling found.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FillSummary {
-    /// Largest side of the object's box at the first frame [m].
-    pub object_size_m: f64,
-    /// Side of the finest voxels [m].
-    pub voxel_spacing_m: f64,
-    /// Distance of neighbouring particles [m].
-    pub particle_spacing_m: f64,
-    /// Rest volume of a particle [m^3].
-    pub particle_volume_m3: f64,
-    /// Number of particles.
-    pub particles: usize,
-    /// Share of them in parts of the body that are thinner than two cells of the simulation's grid, which does not
-    /// resolve how they bend; `None` in runs that were filled without that figure.
-    #[serde(default)]
-    pub thin_share: Option<f64>,
-    /// Share of the surface that pictures of any frame tell, by outlines or by colours that agree; `None` of a body
-    /// that was not refined.
-    #[serde(default)]
-    pub told_share: Option<f64>,
-    /// Standard deviation of a particle's Gaussian, in units of the particle spacing.
-    pub splat_scale: f64,
-    /// Opacity of a particle of density 1.
-    pub splat_opacity: f32,
-    /// Standard deviation of the Gaussians of the finer drawing, in units of its own spacing.
-    pub drawing_scale: f64,
-    /// Agreement of the re-rendered continuum with the mask of each camera at the first frame, intersection over union.
-    pub mask_iou: Vec<f64>,
-    /// Mirror planes of the body at the first frame.
-    #[serde(default)]
-    pub mirror_planes: Vec<MirrorPlane>,
-    /// Frames whose outlines alone made the body of the first, because the surface showed none of the symmetry that
-    /// they show; 0 where the surface made it.
-    #[serde(default)]
-    pub outline_frames: usize,
-    /// Every frame.
-    pub frames: Vec<FrameFilling>,
-}
 
 /// The body of the first frame, which is simulated.
 struct FirstBody {
@@ -66,88 +25,6 @@ struct FirstBody {
     drawn: Appearance,
     mask_iou: Vec<f64>,
     thin_share: f64,
-}
-
-impl FillSummary {
-    /// What to know of the body before its parameters are believed, in words: which part of its surface is a guess, and
-    /// which the simulation's grid does not resolve. Shares below a hundredth are not mentioned.
-    pub fn remarks(&self) -> Vec<String> {
-        let percent = |share: f64| Some(100.0 * share).filter(|percent| *percent >= 1.0);
-        let untold = self.told_share.and_then(|told| percent(1.0 - told));
-        let thin = self.thin_share.and_then(percent);
-        let guess = |percent| format!("no picture tells where {percent:.0} % of the surface lies");
-        let unresolved = |percent| {
-            format!(
-                "{percent:.0} % of the body is thinner than two cells of the grid, which does not resolve its bending"
-            )
-        };
-        untold.map(guess).into_iter().chain(thin.map(unresolved)).collect()
-    }
-}
-
-/// The filling of one frame.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct FrameFilling {
-    /// Number of the frame.
-    pub frame: usize,
-    /// Its time [s].
-    pub time_s: f64,
-    /// Volume of the body [m^3].
-    pub volume_m3: f64,
-    /// Gaussians that counted.
-    pub gaussians: usize,
-    /// Views that had a mask.
-    pub views: usize,
-    /// Points on the surface.
-    pub surface_points: usize,
-    /// Mean overlap of the re-rendered body with the frame's masks, intersection over union; `None` where no view
-    /// has a mask.
-    #[serde(default)]
-    pub mask_iou: Option<f64>,
-}
-
-/// The Gaussian-informed continuum at the first frame, and the surface in every frame.
-pub struct Continuum {
-    /// What filling found.
-    pub summary: FillSummary,
-    /// The particles.
-    pub particles: Particles,
-    /// How they are drawn.
-    pub appearance: Appearance,
-    /// The surface in every frame.
-    pub surfaces: Vec<Surface>,
-    /// How the stage `refine` settled the body; `None` of one that filling made.
-    refined: Option<AcrossTime>,
-    /// Side of a cell of the grid to simulate it on [m]: of the fit that refined it, or twice the distance of the
-    /// particles.
-    pub(super) grid_spacing_m: f64,
-}
-
-impl Continuum {
-    /// How far the surface is off where it is not in doubt, as a standard deviation [m]; `None` where nothing has
-    /// measured it.
-    pub(super) fn surface_error_m(&self) -> Option<f64> {
-        self.refined.map(|settled| settled.gap_after_m).filter(|gap_m| *gap_m > 0.0)
-    }
-}
-
-/// Points on the surface of a body.
-#[derive(Clone, Debug, Default)]
-pub struct Surface {
-    /// Positions [m], shape [n].
-    pub points: Vec<DVec3>,
-    /// How much each is in doubt, in [0, 1], shape [n]: 1 where no view sees the surface.
-    pub doubts: Vec<f32>,
-}
-
-/// Name of the file of a frame's surface, inside the run folder.
-pub(crate) fn surface_file(frame: usize) -> PathBuf {
-    format!("surface/{frame:04}.ply").into()
-}
-
-/// Name of the file of a frame's matter, inside the run folder.
-pub(crate) fn filling_file(frame: usize) -> PathBuf {
-    format!("filling/{frame:04}.ply").into()
 }
 
 impl Run<'_> {
@@ -247,18 +124,6 @@ impl Run<'_> {
         spacing
     }
 
-    /// The finer points to draw the continuum with, and how they are drawn.
-    ///
-    /// # Errors
-    /// Those of filling.
-    pub fn drawing(&self, continuum: &Continuum) -> Result<(Drawing, Appearance)> {
-        let filling = if continuum.refined.is_some() { self.refined_filling()? } else { self.first_filling()? };
-        let tuning = &self.config.fill.tuning.particles;
-        let spacing = tuning.drawing_spacing * continuum.particles.spacing;
-        let drawing = Drawing::new(&filling, &continuum.particles, spacing, tuning).map_err(Error::filling(0))?;
-        Ok((drawing, Appearance { scale: continuum.summary.drawing_scale, ..continuum.appearance }))
-    }
-
     /// Fills the first frame again.
     pub(super) fn first_filling(&self) -> Result<Filling> {
         let input = self.fill_input()?;
@@ -293,56 +158,6 @@ impl Run<'_> {
         write_particles(&self.path(filling_file(frame)), ["x", "y", "z"], rows)?;
         Ok(surface.len())
     }
-
-    /// The body as well as it is known: as refined, where it is.
-    ///
-    /// # Errors
-    /// Missing or damaged files.
-    pub fn continuum(&self) -> Result<Continuum> {
-        if !self.refines() {
-            return self.filled();
-        }
-        let record = self.refined()?;
-        let continuum = self.continuum_of(record.summary, &self.path(REFINED))?;
-        Ok(Continuum { refined: Some(record.settled), grid_spacing_m: record.grid_spacing_m, ..continuum })
-    }
-
-    /// The result of filling.
-    ///
-    /// # Errors
-    /// Missing or damaged files.
-    pub(crate) fn filled(&self) -> Result<Continuum> {
-        self.continuum_of(atomic::read_json(&self.path("fill.json"))?, &self.folder)
-    }
-
-    fn continuum_of(&self, summary: FillSummary, folder: &Path) -> Result<Continuum> {
-        let ply = read_particles(&folder.join("continuum.ply"))?;
-        let particles = Particles {
-            positions: ply.positions,
-            volume: summary.particle_volume_m3,
-            volume_factors: ply.volume_factors.iter().map(|f| if f.is_nan() { 1.0 } else { *f as f32 }).collect(),
-            densities: ply.densities,
-            surface: ply.surface.iter().map(|s| *s > 0.5).collect(),
-            doubts: known_doubts(&ply.doubts),
-            spacing: summary.particle_spacing_m,
-        };
-        let appearance = Appearance { scale: summary.splat_scale, opacity: summary.splat_opacity };
-        let surfaces = summary
-            .frames
-            .iter()
-            .map(|frame| {
-                let ply = read_particles(&self.path(surface_file(frame.frame)))?;
-                Ok(Surface { doubts: known_doubts(&ply.doubts), points: ply.positions })
-            })
-            .collect::<Result<_>>()?;
-        let grid_spacing_m = 2.0 * particles.spacing;
-        Ok(Continuum { summary, particles, appearance, surfaces, refined: None, grid_spacing_m })
-    }
-}
-
-/// Doubts as read from a file; 0 where the file has none.
-fn known_doubts(read: &[f32]) -> Vec<f32> {
-    read.iter().map(|d| if d.is_nan() { 0.0 } else { *d }).collect()
 }
 
 /// Largest side of the box around the visual hull at the first frame, and how wide a pixel is there, the median of the

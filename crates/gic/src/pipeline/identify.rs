@@ -1,171 +1,30 @@
 //! The stage `identify`: matter to material; writes the twin.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::{ControlFlow, RangeInclusive};
 use std::path::{Path, PathBuf};
 
 use gic_files::FileError;
 use gic_identify::{
-    Checkpoint, Estimates, Event, IdentifyError, Input, MaterialChoice, Observation, Optimizer, Settings,
-    Stage as IdentifyStage, Step, Target, View, WorldEstimate, identify, sought,
+    Checkpoint, Estimates, Event, IdentifyError, Input, MaterialChoice, Optimizer, Settings, Stage as IdentifyStage,
+    Step, Target, identify, sought,
 };
 use gic_mpm::{Body, MaterialKind, Options, Simulator, Stepping, World};
-use gic_scene::Camera;
 use gic_twin::atomic;
 use gic_twin::matter::write_particles;
 use gic_twin::twin::{MatterSource, Obstacle, Twin};
 use glam::DVec3;
-use serde::{Deserialize, Serialize};
 
-use super::clock::Clock;
+use super::identify_record::{IdentifyRecord, record, stage_name};
 use super::predict::simulated_frame;
 use super::stamp::Recipe;
-use super::surroundings::{Surroundings, as_fitted};
+use super::surroundings::as_fitted;
 use super::{Continuum, Run, Stage};
 use crate::error::{Error, Result};
 
 /// Name of the file, beside `twin.json`, of the twin's particles at time 0: the continuum as the fit moved and reshaped
 /// it.
 pub(crate) const TWIN_MATTER: &str = "twin.ply";
-
-/// `identify.json`: the estimate and how it was found.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct IdentifyRecord {
-    /// The material's model.
-    pub model: String,
-    /// The parameters.
-    pub estimates: Vec<EstimateRecord>,
-    /// Initial velocity [m/s].
-    pub velocity_m_s: [f64; 3],
-    /// Half-width of its 95 % interval [m/s]; absent where it could not be measured.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub velocity_interval_95_m_s: Option<[f64; 3]>,
-    /// Initial angular velocity [rad/s].
-    pub angular_velocity_rad_s: [f64; 3],
-    /// Side of a cell of the simulation grid [m].
-    pub grid_spacing_m: f64,
-    /// Its 95 % interval [m]; absent where it was not sought or could not be measured.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub grid_spacing_interval_95_m: Option<[f64; 2]>,
-    /// The ground; absent where it was known.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub ground: Option<GroundRecord>,
-    /// Factor on gravity in the lengths that the cameras see, which are by this factor longer than the true ones.
-    /// Absent where it is 1.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub gravity_factor: Option<f64>,
-    /// The factor that its 95 % interval reaches to either side; absent where it was in no doubt.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub gravity_interval_95_factor: Option<f64>,
-    /// Leading frames in which nothing is touched.
-    pub free_frames: usize,
-    /// Mean chamfer distance of the surfaces [m]; absent where none are fitted.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub chamfer_m: Option<f64>,
-    /// Mean absolute difference of re-rendered and observed masks.
-    pub mask_l1: f64,
-    /// Pixels that differ, as a share of the object's.
-    pub mask_error: f64,
-    /// Rollouts on the full grid.
-    pub rollouts: usize,
-    /// Rollouts on the coarse grid of the search.
-    pub coarse_rollouts: usize,
-    /// Seconds of each stage of identification.
-    pub seconds: Vec<(String, f64)>,
-    /// Factor on the Gaussians' standard deviations that fits the first masks.
-    pub splat_factor: f64,
-    /// What the user should know.
-    pub warnings: Vec<String>,
-    /// Every step.
-    pub trace: Vec<StepRecord>,
-}
-
-/// One estimated parameter.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct EstimateRecord {
-    /// Its key in `twin.json`.
-    pub name: String,
-    /// Its value.
-    pub value: f64,
-    /// 95 % interval.
-    pub interval_95: [f64; 2],
-    /// Whether the video determines it.
-    pub identifiable: bool,
-    /// Whether it was given.
-    pub fixed: bool,
-}
-
-/// Density [kg/m^3] of an object that fills a volume [m^3]: of its mass, where that is known.
-fn density_of(settings: &gic_identify::Settings, volume_m3: f64) -> f64 {
-    settings.mass_kg.map_or(settings.density_kg_m3, |mass_kg| mass_kg / volume_m3)
-}
-
-/// Where the ground was found.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct GroundRecord {
-    /// How much higher it is below the body than it was taken to be [m].
-    pub height_m: f64,
-    /// Half-width of its 95 % interval [m]; absent where it could not be measured.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub height_interval_95_m: Option<f64>,
-    /// Tilts about two axes in it [degrees].
-    #[serde(default)]
-    pub tilt_deg: [f64; 2],
-    /// Half-widths of their 95 % intervals [degrees].
-    #[serde(default)]
-    pub tilt_interval_95_deg: [Option<f64>; 2],
-    /// Factor on its friction.
-    #[serde(default = "one")]
-    pub friction_factor: f64,
-    /// The factor that the 95 % interval of that reaches to either side.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub friction_interval_95_factor: Option<f64>,
-}
-
-fn one() -> f64 {
-    1.0
-}
-
-impl From<WorldEstimate> for GroundRecord {
-    fn from(found: WorldEstimate) -> Self {
-        GroundRecord {
-            height_m: found.height_m,
-            height_interval_95_m: found.height_half_width_m,
-            tilt_deg: found.tilt_rad.map(f64::to_degrees),
-            tilt_interval_95_deg: found.tilt_half_width_rad.map(|half| half.map(f64::to_degrees)),
-            friction_factor: found.log_friction.exp(),
-            friction_interval_95_factor: found.log_friction_half_width.map(f64::exp),
-        }
-    }
-}
-
-/// One step of identification.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct StepRecord {
-    /// Stage of identification.
-    pub stage: String,
-    /// Count within the stage.
-    pub iteration: usize,
-    /// The stage's own objective.
-    pub objective: f64,
-    /// Parameters, in the order of the estimates.
-    pub values: Vec<f64>,
-    /// Initial velocity [m/s].
-    pub velocity_m_s: [f64; 3],
-    /// Rollouts so far.
-    pub rollouts: usize,
-}
-
-impl IdentifyRecord {
-    /// Each component of the initial velocity: its letter, its value and its 95 % interval [m/s], if that is known.
-    pub fn velocity_components(&self) -> [(&'static str, f64, Option<[f64; 2]>); 3] {
-        [("x", 0), ("y", 1), ("z", 2)].map(|(letter, axis)| {
-            let v = self.velocity_m_s[axis];
-            (letter, v, self.velocity_interval_95_m_s.map(|half| [v - half[axis], v + half[axis]]))
-        })
-    }
-}
 
 impl Run<'_> {
     pub(super) fn identify(&self, recipe: &Recipe) -> Result<()> {
@@ -259,106 +118,6 @@ impl Run<'_> {
         let axes = ["velocity_x_m_s", "velocity_y_m_s", "velocity_z_m_s"];
         values.extend(axes.into_iter().zip(step.velocity_m_s.to_array()));
         self.events.step(stage.name(), stage_name(step.stage), step.iteration as u64, None, &values);
-    }
-
-    pub(super) fn identify_input(&self, continuum: &Continuum, surroundings: &Surroundings) -> Result<Input> {
-        let config = &self.config.identify;
-        let Some(frame_rate_hz) = self.scene.frame_rate else {
-            return Err(Error::Usage {
-                problem: "the frames of the scene are not evenly spaced in time".into(),
-                hint: Some("give the frame rate with --frame-rate-hz".into()),
-            });
-        };
-        let particles = &continuum.particles;
-        let (grid_spacing_m, substeps_per_frame) = config.resolution(continuum.grid_spacing_m);
-        let scale = (continuum.appearance.scale * particles.spacing) as f32;
-        let grid = format!("grid {:.2} mm, {substeps_per_frame} substeps a frame", 1e3 * grid_spacing_m);
-        let known = std::iter::once(grid).chain(continuum.summary.remarks());
-        self.events.note(Stage::Identify.name(), known.collect::<Vec<_>>().join("; "));
-        let mut cameras = self.scene.cameras.clone();
-        let clock = Clock::of(&self.scene.moments().times, frame_rate_hz);
-        let mut observations = Vec::new();
-        for frame in 0..self.scene.times.len() {
-            observations.extend(self.observe(frame, continuum, &clock, &mut cameras)?);
-        }
-        let volume_m3 = particles.volume * particles.volume_factors.iter().map(|share| f64::from(*share)).sum::<f64>();
-        Ok(Input {
-            positions: particles.positions.clone(),
-            particle_volume_m3: particles.volume,
-            volume_factors: particles.volume_factors.iter().map(|factor| f64::from(*factor)).collect(),
-            opacities: particles.densities.iter().map(|d| continuum.appearance.opacity * d).collect(),
-            scales: vec![scale; particles.positions.len()],
-            doubts: particles.doubts.clone(),
-            surface_error_m: continuum.surface_error_m(),
-            cameras,
-            observations,
-            frame_rate_hz: clock.rate_hz(),
-            gravity_m_s2: surroundings.gravity_m_s2,
-            colliders: surroundings.obstacles.iter().map(Obstacle::to_collider).collect(),
-            world_doubt: surroundings.doubt,
-            was_filmed: self.was_filmed(),
-            density_kg_m3: density_of(config, volume_m3),
-            grid_spacing_m,
-            substeps_per_frame: clock.substeps(substeps_per_frame),
-        })
-    }
-
-    /// What a frame shows: all at its time where its views can be taken as of one time, else each at its own.
-    fn observe(
-        &self,
-        frame: usize,
-        continuum: &Continuum,
-        clock: &Clock,
-        cameras: &mut Vec<Camera>,
-    ) -> Result<Vec<Observation>> {
-        let views = self.scene.views_at(frame).iter().zip(self.masks(frame)?);
-        if !self.scene.is_seen_at_once(frame) {
-            let mut moments: BTreeMap<usize, Observation> = BTreeMap::new();
-            for (view, mask) in views {
-                let observation = moments.entry(clock.tick(view.time_s)).or_default();
-                observation.time_s = view.time_s;
-                observation.views.push(View { camera: view.camera, mask: mask.coverage });
-            }
-            return Ok(moments.into_values().collect());
-        }
-        let mut place = |view: &gic_scene::View| match self.scene.camera_at_frame(view) {
-            Cow::Borrowed(_) => view.camera,
-            Cow::Owned(moved) => {
-                cameras.push(moved);
-                cameras.len() - 1
-            }
-        };
-        // A scan has no surface in later frames, and where outlines made the body its surface is known only while they
-        // do.
-        let outlined = continuum.summary.outline_frames;
-        let surface = continuum.surfaces.get(frame).filter(|_| outlined == 0 || frame < outlined);
-        let surface = surface.cloned().unwrap_or_default();
-        Ok(vec![Observation {
-            time_s: self.scene.times[frame],
-            surface: surface.points,
-            surface_doubts: surface.doubts,
-            views: views.map(|(view, mask)| View { camera: place(view), mask: mask.coverage }).collect(),
-        }])
-    }
-
-    /// Observations of the first `frames` of the video.
-    pub(super) fn observations_of(&self, frames: usize, input: &Input) -> usize {
-        let end = self.scene.times.get(frames).copied().unwrap_or(f64::INFINITY);
-        input.observations.partition_point(|observation| observation.time_s < end)
-    }
-
-    /// Frames of the video that the first `observations` show.
-    fn frames_of(&self, observations: usize, input: &Input) -> usize {
-        (0..=self.scene.times.len()).take_while(|frames| self.observations_of(*frames, input) <= observations).count()
-            - 1
-    }
-
-    pub(super) fn identify_settings(&self, input: &Input) -> Settings {
-        let config = &self.config.identify;
-        let frames = config.frames.map(|frames| self.observations_of(frames, input));
-        // A scan shows the surface at rest only.
-        let target = if self.scan().is_some() { Target::Masks } else { config.target };
-        Settings { target, frames, ..config.clone() }
     }
 
     /// The particles of the continuum where and how large the fit found them, with their attributes.
@@ -472,54 +231,4 @@ pub(super) fn motion_of(
         frames.push(simulator.advance_frame()?.positions);
     }
     Ok(frames)
-}
-
-fn record(model: &str, found: &Estimates) -> IdentifyRecord {
-    let step = |step: &Step| StepRecord {
-        stage: stage_name(step.stage).into(),
-        iteration: step.iteration,
-        objective: step.objective,
-        values: step.values.clone(),
-        velocity_m_s: step.velocity_m_s.into(),
-        rollouts: step.rollouts,
-    };
-    let estimate = |e: &gic_identify::Estimate| EstimateRecord {
-        name: e.parameter.name.into(),
-        value: e.value,
-        interval_95: e.interval_95.into(),
-        identifiable: e.identifiable,
-        fixed: e.fixed,
-    };
-    IdentifyRecord {
-        model: model.into(),
-        estimates: found.estimates.iter().map(estimate).collect(),
-        velocity_m_s: found.velocity_m_s.into(),
-        velocity_interval_95_m_s: found.velocity_interval_95.map(Into::into),
-        angular_velocity_rad_s: found.angular_velocity_rad_s.into(),
-        ground: found.world.map(GroundRecord::from),
-        gravity_factor: found.world.map(|world| world.log_gravity.exp()).filter(|factor| *factor != 1.0),
-        gravity_interval_95_factor: found.world.and_then(|world| world.log_gravity_half_width).map(f64::exp),
-        grid_spacing_m: found.grid_spacing_m,
-        grid_spacing_interval_95_m: found.grid_spacing_interval_95_m.map(Into::into),
-        free_frames: found.free_frames,
-        chamfer_m: found.loss.chamfer_m,
-        mask_l1: found.loss.mask_l1,
-        mask_error: found.loss.mask_error,
-        rollouts: found.rollouts,
-        coarse_rollouts: found.coarse_rollouts,
-        seconds: found.seconds.iter().map(|(stage, s)| (stage_name(*stage).to_owned(), *s)).collect(),
-        splat_factor: found.splat_factor,
-        warnings: found.warnings.clone(),
-        trace: found.trace.iter().map(step).collect(),
-    }
-}
-
-fn stage_name(stage: IdentifyStage) -> &'static str {
-    match stage {
-        IdentifyStage::Velocity => "velocity",
-        IdentifyStage::Search => "search",
-        IdentifyStage::Material => "material",
-        IdentifyStage::Joint => "joint",
-        IdentifyStage::Intervals => "intervals",
-    }
 }

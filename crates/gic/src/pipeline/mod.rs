@@ -8,10 +8,14 @@
 
 mod appearance;
 mod clock;
+mod continuum;
 mod fill;
 mod fill_input;
+mod fill_summary;
 mod frame_filler;
 mod identify;
+mod identify_input;
+mod identify_record;
 mod log;
 mod predict;
 mod reconstruct;
@@ -39,12 +43,13 @@ use gic_view::skinned_gaussians::FILES as APPEARANCE_FILES;
 use crate::config::{Config, Layer};
 use crate::error::{Error, Result};
 use crate::outputs;
-pub(crate) use fill::filling_file;
+pub(crate) use continuum::filling_file;
 #[cfg(feature = "rerun")]
-pub(crate) use fill::surface_file;
-pub use fill::{Continuum, FillSummary, FrameFilling, Surface};
+pub(crate) use continuum::surface_file;
+pub use continuum::{Continuum, Surface};
+pub use fill_summary::{FillSummary, FrameFilling};
 pub(crate) use identify::TWIN_MATTER;
-pub use identify::{EstimateRecord, GroundRecord, IdentifyRecord, StepRecord};
+pub use identify_record::{EstimateRecord, GroundRecord, IdentifyRecord, StepRecord};
 pub(crate) use predict::{moment_file, prediction_file};
 pub(crate) use refine::summary_of_body;
 pub use register::{PlacementRecord, RegistrationRecord};
@@ -109,7 +114,7 @@ impl Stage {
             Self::Register => &["registration.json"],
             Self::Fill => &["continuum.ply", "fill.json", "surface", "filling"],
             Self::Select => &["selection.json"],
-            Self::Refine => &[refine::FOLDER],
+            Self::Refine => &[continuum::REFINED],
             Self::Identify => &["twin.json", TWIN_MATTER, "identify.json"],
             Self::Predict => &["prediction"],
             Self::Appearance => &APPEARANCE_FILES,

@@ -20,6 +20,7 @@ use gic_twin::matter::{read_particles, write_particles};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::continuum::REFINED;
 use super::fill::{mean_overlap, overlaps, thin_share, write_body};
 use super::identify::{motion_of, only_masks};
 use super::stamp::Recipe;
@@ -27,9 +28,6 @@ use super::surroundings::Surroundings;
 use super::{Continuum, FillSummary, Run, Stage};
 use crate::config::Config;
 use crate::error::{Error, Result};
-
-/// Folder of the result, inside the run.
-pub(super) const FOLDER: &str = "refined";
 
 /// At most so many fits of the material, each with the surface that its motion settles. Budget.
 const ALTERNATIONS: usize = 3;
@@ -59,7 +57,7 @@ pub(super) struct RefineRecord {
 /// # Errors
 /// A missing or damaged file.
 pub(crate) fn summary_of_body(run: &Path, config: &Config) -> Result<FillSummary> {
-    let refined = run.join(FOLDER).join("refine.json");
+    let refined = run.join(REFINED).join("refine.json");
     if config.fill.refine && refined.exists() {
         return Ok(atomic::read_json::<RefineRecord>(&refined)?.summary);
     }
@@ -88,7 +86,7 @@ impl Run<'_> {
             remove(&checkpoints)?;
         }
         recipe.write(&begun)?;
-        atomic::create_folder(&self.path(FOLDER))?;
+        atomic::create_folder(&self.path(REFINED))?;
         let stages = IdentifyStage::Search..=IdentifyStage::Material;
         let mut settings = Settings { stages, ..self.config.identify.clone() };
         let (mut continuum, mut filling) = (self.filled()?, self.first_filling()?);
@@ -226,7 +224,7 @@ impl Run<'_> {
                 ..before.clone()
             },
         };
-        let folder = self.path(FOLDER);
+        let folder = self.path(REFINED);
         write_body(&folder.join("continuum.ply"), &particles)?;
         self.write_field(&folder.join("field.ply"), filling)?;
         atomic::write_json(&folder.join("refine.json"), &record)?;
@@ -247,7 +245,7 @@ impl Run<'_> {
     /// The refined body.
     pub(super) fn refined_filling(&self) -> Result<Filling> {
         let record = self.refined()?;
-        let ply = read_particles(&self.path(FOLDER).join("field.ply"))?;
+        let ply = read_particles(&self.path(REFINED).join("field.ply"))?;
         let voxels = record.field_size.iter().product();
         let mut field = DensityField {
             origin: DVec3::from(record.field_origin_m),
@@ -272,7 +270,7 @@ impl Run<'_> {
     /// # Errors
     /// A missing or damaged file.
     pub(super) fn refined(&self) -> Result<RefineRecord> {
-        Ok(atomic::read_json(&self.path(FOLDER).join("refine.json"))?)
+        Ok(atomic::read_json(&self.path(REFINED).join("refine.json"))?)
     }
 }
 

@@ -1,0 +1,123 @@
+//! The Gaussian-informed continuum, as filling or refinement left it in the run folder.
+
+use std::path::{Path, PathBuf};
+
+use gic_continuum::{AcrossTime, Appearance, Drawing, Particles};
+use gic_twin::atomic;
+use gic_twin::matter::read_particles;
+use glam::DVec3;
+
+use super::Run;
+use super::fill_summary::FillSummary;
+use crate::error::{Error, Result};
+
+/// Folder of the body as refined, inside the run.
+pub(super) const REFINED: &str = "refined";
+
+/// The Gaussian-informed continuum at the first frame, and the surface in every frame.
+pub struct Continuum {
+    /// What filling found.
+    pub summary: FillSummary,
+    /// The particles.
+    pub particles: Particles,
+    /// How they are drawn.
+    pub appearance: Appearance,
+    /// The surface in every frame.
+    pub surfaces: Vec<Surface>,
+    /// How the stage `refine` settled the body; `None` of one that filling made.
+    refined: Option<AcrossTime>,
+    /// Side of a cell of the grid to simulate it on [m]: of the fit that refined it, or twice the distance of the
+    /// particles.
+    pub(super) grid_spacing_m: f64,
+}
+
+impl Continuum {
+    /// How far the surface is off where it is not in doubt, as a standard deviation [m]; `None` where nothing has
+    /// measured it.
+    pub(super) fn surface_error_m(&self) -> Option<f64> {
+        self.refined.map(|settled| settled.gap_after_m).filter(|gap_m| *gap_m > 0.0)
+    }
+}
+
+/// Points on the surface of a body.
+#[derive(Clone, Debug, Default)]
+pub struct Surface {
+    /// Positions [m], shape [n].
+    pub points: Vec<DVec3>,
+    /// How much each is in doubt, in [0, 1], shape [n]: 1 where no view sees the surface.
+    pub doubts: Vec<f32>,
+}
+
+/// Name of the file of a frame's surface, inside the run folder.
+pub(crate) fn surface_file(frame: usize) -> PathBuf {
+    format!("surface/{frame:04}.ply").into()
+}
+
+/// Name of the file of a frame's matter, inside the run folder.
+pub(crate) fn filling_file(frame: usize) -> PathBuf {
+    format!("filling/{frame:04}.ply").into()
+}
+
+impl Run<'_> {
+    /// The body as well as it is known: as refined, where it is.
+    ///
+    /// # Errors
+    /// Missing or damaged files.
+    pub fn continuum(&self) -> Result<Continuum> {
+        if !self.refines() {
+            return self.filled();
+        }
+        let record = self.refined()?;
+        let continuum = self.continuum_of(record.summary, &self.path(REFINED))?;
+        Ok(Continuum { refined: Some(record.settled), grid_spacing_m: record.grid_spacing_m, ..continuum })
+    }
+
+    /// The result of filling.
+    ///
+    /// # Errors
+    /// Missing or damaged files.
+    pub(crate) fn filled(&self) -> Result<Continuum> {
+        self.continuum_of(atomic::read_json(&self.path("fill.json"))?, &self.folder)
+    }
+
+    fn continuum_of(&self, summary: FillSummary, folder: &Path) -> Result<Continuum> {
+        let ply = read_particles(&folder.join("continuum.ply"))?;
+        let particles = Particles {
+            positions: ply.positions,
+            volume: summary.particle_volume_m3,
+            volume_factors: ply.volume_factors.iter().map(|f| if f.is_nan() { 1.0 } else { *f as f32 }).collect(),
+            densities: ply.densities,
+            surface: ply.surface.iter().map(|s| *s > 0.5).collect(),
+            doubts: known_doubts(&ply.doubts),
+            spacing: summary.particle_spacing_m,
+        };
+        let appearance = Appearance { scale: summary.splat_scale, opacity: summary.splat_opacity };
+        let surfaces = summary
+            .frames
+            .iter()
+            .map(|frame| {
+                let ply = read_particles(&self.path(surface_file(frame.frame)))?;
+                Ok(Surface { doubts: known_doubts(&ply.doubts), points: ply.positions })
+            })
+            .collect::<Result<_>>()?;
+        let grid_spacing_m = 2.0 * particles.spacing;
+        Ok(Continuum { summary, particles, appearance, surfaces, refined: None, grid_spacing_m })
+    }
+
+    /// The finer points to draw the continuum with, and how they are drawn.
+    ///
+    /// # Errors
+    /// Those of filling.
+    pub fn drawing(&self, continuum: &Continuum) -> Result<(Drawing, Appearance)> {
+        let filling = if continuum.refined.is_some() { self.refined_filling()? } else { self.first_filling()? };
+        let tuning = &self.config.fill.tuning.particles;
+        let spacing = tuning.drawing_spacing * continuum.particles.spacing;
+        let drawing = Drawing::new(&filling, &continuum.particles, spacing, tuning).map_err(Error::filling(0))?;
+        Ok((drawing, Appearance { scale: continuum.summary.drawing_scale, ..continuum.appearance }))
+    }
+}
+
+/// Doubts as read from a file; 0 where the file has none.
+fn known_doubts(read: &[f32]) -> Vec<f32> {
+    read.iter().map(|d| if d.is_nan() { 0.0 } else { *d }).collect()
+}
