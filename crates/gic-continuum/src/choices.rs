@@ -39,7 +39,7 @@ pub struct Settings {
         arg(long, value_name = "BOOL", action = clap::ArgAction::Set, default_value_t = Settings::default().symmetry)
     )]
     pub symmetry: bool,
-    /// Whether the body is refined by the pictures of all frames, through the motion of a first fit of the material.
+    /// Whether the body is refined by the pictures of all frames, through the flight and a first fit of the material.
     #[cfg_attr(
         feature = "cli",
         arg(long, value_name = "BOOL", action = clap::ArgAction::Set, default_value_t = Settings::default().refine)

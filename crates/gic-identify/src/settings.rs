@@ -155,10 +155,10 @@ pub struct Settings {
     #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frames: Option<usize>,
-    /// The first and the last stage that fit the material: [`Stage::Search`] to [`Stage::Joint`] by default. Without
-    /// the search `start` is the only start, and without the material stage it is where such a fit has ended. Without
-    /// the joint stage the answer is rough, has no intervals, and costs about half; the same checkpoint goes on to
-    /// the whole answer.
+    /// The first and the last stage: [`Stage::Search`] to [`Stage::Joint`] by default, as free flight always comes
+    /// first. Without the search `start` is the only start, and without the material stage it is where such a fit has
+    /// ended. Without the joint stage the answer is rough, has no intervals, and costs about half; the same checkpoint
+    /// goes on to the whole answer. Where [`Stage::Velocity`] is the last, only the flight is fitted.
     #[cfg_attr(feature = "cli", arg(skip = Settings::default().stages))]
     #[serde(skip)]
     pub stages: RangeInclusive<Stage>,
@@ -276,7 +276,8 @@ impl Settings {
                 ));
             }
         }
-        if !self.stages.contains(&Stage::Search) && self.start.is_none() {
+        let fits_material = *self.stages.end() > Stage::Velocity;
+        if fits_material && !self.stages.contains(&Stage::Search) && self.start.is_none() {
             return Err(IdentifyError::input("start", "is missing", "give one, or begin with the search"));
         }
         if let Some(start) = &self.start

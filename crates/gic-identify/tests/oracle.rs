@@ -396,6 +396,18 @@ fn an_object_that_touches_nothing_keeps_its_velocity_only() {
     assert!(half_width.min_element() > 0.0 && half_width.max_element() < 0.05, "{half_width}");
 }
 
+/// The flight hangs on no material: it is fitted without one, and without a rollout.
+#[test]
+fn the_flight_alone_is_what_the_whole_fit_begins_with() {
+    let velocity = DVec3::new(0.4, -1.5, 0.2);
+    let input = observed(ELASTIC, velocity, 8);
+    let stages = Stage::Velocity..=Stage::Velocity;
+    let settings = Settings { target: Target::Surfaces, stages, ..Settings::default() };
+    let found = run(&input, ELASTIC.kind(), &settings).expect("identified");
+    assert!(found.velocity_m_s.distance(velocity) < 0.01, "{}", found.velocity_m_s);
+    assert!((1..8).contains(&found.free_frames) && found.rollouts == 0 && found.warnings.is_empty(), "{found:?}");
+}
+
 #[test]
 fn a_spin_that_the_data_show_is_estimated() {
     let mut input = observed(ELASTIC, DVec3::new(0.0, 1.0, 0.0), 4);

@@ -73,11 +73,14 @@ fn run(identification: &Identification, session: &mut Session) -> Result<Estimat
         session.warn([never.to_owned()]);
         return Ok(estimates::of_free_flight(identification, session));
     }
+    let stages = &identification.settings.stages;
+    if *stages.end() == Stage::Velocity {
+        return Ok(estimates::of_free_flight(identification, session));
+    }
     let starts = match reached.starts {
         Some(starts) => starts,
         None => search::find_starts(identification, session)?,
     };
-    let stages = &identification.settings.stages;
     let material = match reached.material {
         Some(state) => state,
         None if stages.contains(&Stage::Material) => material::fit_material(identification, session, starts)?,

@@ -1,9 +1,10 @@
 //! The stage `refine`: the body of the first frame, by the pictures of all frames.
 //!
-//! The material is fitted to the body that filling made, without the joint stage. The motion of that fit carries the
-//! body to every moment of the video, and what the cameras saw there settles its surface
-//! ([`Filling::settle_across_time`]). The fit of the next round goes on from there, and so does `identify`, which fits
-//! everything together from the body and the material that are found here: the range is searched once.
+//! A motion carries the body to other moments of the video, and what the cameras saw there settles its surface
+//! ([`Filling::settle_across_time`]). The first motion is the free flight, which hangs on no material. The second is
+//! that of a material that is fitted to the body so found, without the joint stage; it shows the body at every moment.
+//! The fit of the next round goes on from there, and so does `identify`, which fits everything together from the body
+//! and the material that are found here: the range is searched once.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -81,19 +82,23 @@ impl Run<'_> {
     pub(super) fn refine(&self, recipe: &Recipe) -> Result<()> {
         let begun = self.path("stamps/refine.begun.json");
         let checkpoints: Vec<PathBuf> =
-            (0..ALTERNATIONS).map(|pass| self.path(format!("refine.{pass}.checkpoint.json"))).collect();
+            (0..=ALTERNATIONS).map(|pass| self.path(format!("refine.{pass}.checkpoint.json"))).collect();
         if !recipe.goes_on(&begun)? {
             remove(&checkpoints)?;
         }
         recipe.write(&begun)?;
         atomic::create_folder(&self.path(REFINED))?;
-        let stages = IdentifyStage::Search..=IdentifyStage::Material;
-        let mut settings = Settings { stages, ..self.config.identify.clone() };
-        let (mut continuum, mut filling) = (self.filled()?, self.first_filling()?);
-        let surroundings = self.surroundings()?;
+        let (mut filling, surroundings) = (self.first_filling()?, self.surroundings()?);
+        let mut settings = Settings {
+            stages: IdentifyStage::Velocity..=IdentifyStage::Velocity,
+            target: only_masks(self.config.identify.target),
+            ..self.config.identify.clone()
+        };
         let mut off_m = f64::INFINITY;
-        for checkpoint in &checkpoints {
-            let body = (&continuum, &mut filling, off_m);
+        self.refine_once((&self.filled()?, &mut filling, off_m), &surroundings, &settings, &checkpoints[0])?;
+        settings.stages = IdentifyStage::Search..=IdentifyStage::Material;
+        for checkpoint in &checkpoints[1..] {
+            let body = (&self.continuum()?, &mut filling, off_m);
             let record = self.refine_once(body, &surroundings, &settings, checkpoint)?;
             if record.settled.is_settled() {
                 break;
@@ -102,13 +107,11 @@ impl Run<'_> {
             off_m = record.settled.moved_m;
             settings.start = Some(record.parameters);
             settings.stages = IdentifyStage::Material..=IdentifyStage::Material;
-            settings.target = only_masks(settings.target);
-            continuum = self.continuum()?;
         }
         Ok(remove(&checkpoints)?)
     }
 
-    /// Fits the material to a body and settles this, which is some `off_m` off, by the motion of that fit.
+    /// Fits a motion to a body and settles this, which is some `off_m` off, by what it explains of the video.
     fn refine_once(
         &self,
         (continuum, filling, off_m): (&Continuum, &mut Filling, f64),
@@ -121,7 +124,8 @@ impl Run<'_> {
         let frames = self.identify_settings(&input).frames;
         let settings = Settings { frames, ..settings.among_laws(model) };
         let found = self.fit(&input, model, &settings, (Stage::Refine, checkpoint))?;
-        let moments = self.moments(&input, &found)?;
+        let explained = if *settings.stages.end() == IdentifyStage::Velocity { found.free_frames } else { usize::MAX };
+        let moments = self.moments(&input, &found, explained)?;
         let (tuning, particles) = (&self.config.fill.tuning, &continuum.particles);
         let stop = || self.interrupt.requested();
         let planes = continuum.summary.mirror_planes.clone();
@@ -129,13 +133,14 @@ impl Run<'_> {
         let body = (particles.positions.as_slice(), particles.spacing);
         let settled = filling.settle_across_time(body, (&moments, off_m), &symmetry, tuning, &stop);
         self.stop_if_asked("a fit of the material")?;
-        self.write_refined(continuum, filling, &found, settled.unwrap_or_default())
+        self.write_refined(continuum, filling, &found, (settled.unwrap_or_default(), moments.len()))
     }
 
-    /// The moments of the video that the first fit explains, with what the cameras saw of them.
-    fn moments(&self, input: &Input, found: &Estimates) -> Result<Vec<Moment>> {
+    /// The moments of the first observations, which a fit `explained`, with what the cameras saw of them.
+    fn moments(&self, input: &Input, found: &Estimates, explained: usize) -> Result<Vec<Moment>> {
         let frame_of = |time_s: f64| (time_s * input.frame_rate_hz).round() as usize;
-        let last = input.observations.last().map_or(0, |observation| frame_of(observation.time_s));
+        let last = input.observations.iter().take(explained).last();
+        let last = last.map_or(0, |observation| frame_of(observation.time_s));
         let motion = motion_of(input, found, last).map_err(Error::stage("simulating the first fit"))?;
         let free_s = input.observations.get(found.free_frames).map_or(f64::INFINITY, |first| first.time_s);
         let mut moments: Vec<(usize, Moment)> = Vec::new();
@@ -145,13 +150,14 @@ impl Run<'_> {
             let pictures = self.scene.load_all(views).map_err(Error::stage("reading pictures"))?;
             for (view, (picture, mask)) in views.iter().zip(pictures) {
                 let time_s = if at_once { self.scene.times[frame] } else { view.time_s };
+                let Some(positions) = motion.get(frame_of(time_s)) else { continue };
                 let seen = MomentView::around_mask(&self.camera_of(view, at_once), &picture, &mask);
                 let moment = moments.iter_mut().find(|(at, _)| *at == frame_of(time_s));
                 match (moment, seen) {
                     (_, None) => (),
                     (Some((_, moment)), Some(seen)) => moment.views.push(seen),
                     (None, Some(seen)) => {
-                        let positions = motion[frame_of(time_s)].clone();
+                        let positions = positions.clone();
                         let moment = Moment { positions, flies: time_s < free_s, views: vec![seen] };
                         moments.push((frame_of(time_s), moment));
                     }
@@ -172,7 +178,7 @@ impl Run<'_> {
         continuum: &Continuum,
         filling: &Filling,
         found: &Estimates,
-        settled: AcrossTime,
+        (settled, moments): (AcrossTime, usize),
     ) -> Result<RefineRecord> {
         let tuning = &self.config.fill.tuning;
         let particles = sample_particles(filling, continuum.particles.spacing, &tuning.particles);
@@ -194,8 +200,8 @@ impl Run<'_> {
         self.events.note(
             Stage::Refine.name(),
             format!(
-                "the surface moved by {:.1} mm; outlines of all frames {:.1} mm off, {:.1} mm before, after {} rounds; \
-                 volume {:+.1} %; {} particles",
+                "the surface moved by {:.1} mm; outlines of {moments} moments {:.1} mm off, {:.1} mm before, after {} \
+                 rounds; volume {:+.1} %; {} particles",
                 1e3 * settled.moved_m,
                 1e3 * settled.gap_after_m,
                 1e3 * settled.gap_before_m,
