@@ -89,16 +89,20 @@ impl Run<'_> {
         recipe.write(&begun)?;
         atomic::create_folder(&self.path(REFINED))?;
         let (mut filling, surroundings) = (self.first_filling()?, self.surroundings()?);
-        let mut settings = Settings {
-            stages: IdentifyStage::Velocity..=IdentifyStage::Velocity,
-            target: only_masks(self.config.identify.target),
-            ..self.config.identify.clone()
-        };
+        let stages = IdentifyStage::Search..=IdentifyStage::Material;
+        let mut settings = Settings { stages, ..self.config.identify.clone() };
+        let mut continuum = self.filled()?;
         let mut off_m = f64::INFINITY;
-        self.refine_once((&self.filled()?, &mut filling, off_m), &surroundings, &settings, &checkpoints[0])?;
-        settings.stages = IdentifyStage::Search..=IdentifyStage::Material;
+        // Of film, the few pictures of a flight, noisy and by cameras in doubt, pull the surface about.
+        if !self.was_filmed() {
+            let flight = IdentifyStage::Velocity..=IdentifyStage::Velocity;
+            settings.target = only_masks(settings.target);
+            let flight = Settings { stages: flight, ..settings.clone() };
+            self.refine_once((&continuum, &mut filling, off_m), &surroundings, &flight, &checkpoints[0])?;
+            continuum = self.continuum()?;
+        }
         for checkpoint in &checkpoints[1..] {
-            let body = (&self.continuum()?, &mut filling, off_m);
+            let body = (&continuum, &mut filling, off_m);
             let record = self.refine_once(body, &surroundings, &settings, checkpoint)?;
             if record.settled.is_settled() {
                 break;
@@ -107,6 +111,8 @@ impl Run<'_> {
             off_m = record.settled.moved_m;
             settings.start = Some(record.parameters);
             settings.stages = IdentifyStage::Material..=IdentifyStage::Material;
+            settings.target = only_masks(settings.target);
+            continuum = self.continuum()?;
         }
         Ok(remove(&checkpoints)?)
     }
