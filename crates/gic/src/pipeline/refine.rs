@@ -145,7 +145,7 @@ impl Run<'_> {
     /// The moments of the first observations, which a fit `explained`, with what the cameras saw of them.
     fn moments(&self, input: &Input, found: &Estimates, explained: usize) -> Result<Vec<Moment>> {
         let frame_of = |time_s: f64| (time_s * input.frame_rate_hz).round() as usize;
-        let last = input.observations.iter().take(explained).last();
+        let last = input.observations.iter().take(explained).next_back();
         let last = last.map_or(0, |observation| frame_of(observation.time_s));
         let motion = motion_of(input, found, last).map_err(Error::stage("simulating the first fit"))?;
         let free_s = input.observations.get(found.free_frames).map_or(f64::INFINITY, |first| first.time_s);
