@@ -138,7 +138,7 @@ impl Run<'_> {
         let symmetry = Symmetry { planes, interchangeable_planes: Vec::new() };
         let body = (particles.positions.as_slice(), particles.spacing);
         let settled = filling.settle_across_time(body, (&moments, off_m), &symmetry, tuning, &stop);
-        self.stop_if_asked("a fit of the material")?;
+        self.stop_if_asked("a fit of refinement")?;
         self.write_refined(continuum, filling, &found, (settled.unwrap_or_default(), moments.len()))
     }
 
@@ -147,23 +147,24 @@ impl Run<'_> {
         let frame_of = |time_s: f64| (time_s * input.frame_rate_hz).round() as usize;
         let last = input.observations.iter().take(explained).next_back();
         let last = last.map_or(0, |observation| frame_of(observation.time_s));
-        let motion = motion_of(input, found, last).map_err(Error::stage("simulating the first fit"))?;
+        let motion = motion_of(input, found, last).map_err(Error::stage("simulating a fit"))?;
         let free_s = input.observations.get(found.free_frames).map_or(f64::INFINITY, |first| first.time_s);
         let mut moments: Vec<(usize, Moment)> = Vec::new();
         for frame in 0..self.scene.times.len() {
             let at_once = self.scene.is_seen_at_once(frame);
-            let views = self.scene.views_at(frame);
-            let pictures = self.scene.load_all(views).map_err(Error::stage("reading pictures"))?;
+            let time_of = |view: &View| if at_once { self.scene.times[frame] } else { view.time_s };
+            let is_explained = |view: &&View| frame_of(time_of(view)) < motion.len();
+            let views: Vec<View> = self.scene.views_at(frame).iter().filter(is_explained).cloned().collect();
+            let pictures = self.scene.load_all(&views).map_err(Error::stage("reading pictures"))?;
             for (view, (picture, mask)) in views.iter().zip(pictures) {
-                let time_s = if at_once { self.scene.times[frame] } else { view.time_s };
-                let Some(positions) = motion.get(frame_of(time_s)) else { continue };
+                let time_s = time_of(view);
                 let seen = MomentView::around_mask(&self.camera_of(view, at_once), &picture, &mask);
                 let moment = moments.iter_mut().find(|(at, _)| *at == frame_of(time_s));
                 match (moment, seen) {
                     (_, None) => (),
                     (Some((_, moment)), Some(seen)) => moment.views.push(seen),
                     (None, Some(seen)) => {
-                        let positions = positions.clone();
+                        let positions = motion[frame_of(time_s)].clone();
                         let moment = Moment { positions, flies: time_s < free_s, views: vec![seen] };
                         moments.push((frame_of(time_s), moment));
                     }

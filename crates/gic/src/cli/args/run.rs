@@ -167,31 +167,21 @@ impl ReconstructArgs {
 impl RegisterArgs {
     /// The settings among the flags.
     pub(crate) fn flags(&self) -> Flags<'_> {
-        Flags { scene_path: self.elsewhere.scene.as_deref(), any: Some(&self.settings), ..Flags::default() }
+        Flags { any: Some(&self.settings), ..self.elsewhere.flags() }
     }
 }
 
 impl FillArgs {
     /// The settings among the flags.
     pub(crate) fn flags(&self) -> Flags<'_> {
-        Flags {
-            scene_path: self.elsewhere.scene.as_deref(),
-            fill: Some(&self.fill),
-            any: Some(&self.settings),
-            ..Flags::default()
-        }
+        Flags { fill: Some(&self.fill), any: Some(&self.settings), ..self.elsewhere.flags() }
     }
 }
 
 impl IdentifyArgs {
     /// The settings among the flags.
     pub(crate) fn flags(&self) -> Flags<'_> {
-        Flags {
-            scene_path: self.elsewhere.scene.as_deref(),
-            identify: Some(&self.identify),
-            any: Some(&self.settings),
-            ..Flags::default()
-        }
+        Flags { identify: Some(&self.identify), any: Some(&self.settings), ..self.elsewhere.flags() }
     }
 }
 
