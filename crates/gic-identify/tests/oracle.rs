@@ -296,6 +296,10 @@ fn what_the_video_leaves_open_is_estimated_by_its_mean() {
             ..Settings::default()
         };
         let found = run(&input, MaterialKind::Plasticine, &settings).expect("identified");
+        for estimate in &found.estimates {
+            let (low, high) = estimate.interval_95;
+            assert!((low..=high).contains(&estimate.value), "{estimate:?} lies outside of its own interval");
+        }
         let [modulus, ratio, yielding] = &found.estimates[..] else { panic!("three parameters") };
         println!("{:?}", [modulus, ratio, yielding].map(|e| (e.value, e.interval_95, e.identifiable)));
         assert!(!ratio.identifiable && (ratio.value - 0.245).abs() < 0.05);

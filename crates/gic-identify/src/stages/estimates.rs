@@ -56,7 +56,8 @@ pub(crate) fn with_intervals(
     let parameters = identification.parameters().iter().zip(&state.material).enumerate();
     let estimates = parameters
         .map(|(i, (p, coordinate))| {
-            let about_fit = estimate(identification, (i, p), *coordinate, Some(&uncertainty));
+            let interval = uncertainty.interval(Unknown::Material(i), state, &middle);
+            let about_fit = estimate(identification, (i, p), *coordinate, interval);
             let identifiable = about_fit.identifiable && is_explained;
             Estimate { value: p.value(middle.material[i]), identifiable, ..about_fit }
         })
@@ -120,12 +121,11 @@ fn estimate(
     identification: &Identification,
     (i, p): (usize, &Parameter),
     coordinate: f64,
-    uncertainty: Option<&Uncertainty>,
+    interval: Option<(f64, f64)>,
 ) -> Estimate {
     let value = p.value(coordinate);
     let fixed = identification.settings.fixed_value(p).is_some();
     let (low, high) = p.limits();
-    let interval = uncertainty.and_then(|all| all.interval(Unknown::Material(i), coordinate));
     let interval = match interval {
         _ if fixed => (value, value),
         Some((from, to)) => (p.value(from.max(low)).max(p.bounds.0), p.value(to.min(high)).min(p.bounds.1)),

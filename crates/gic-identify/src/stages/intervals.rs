@@ -72,13 +72,13 @@ impl Uncertainty<'_> {
         self.covariances.as_ref().map(|c| &c.weights)
     }
 
-    /// The 95 % interval about an unknown's coordinate, with those about other minima that the video does not tell from
-    /// the fit.
-    pub(crate) fn interval(&self, unknown: Unknown, coordinate: f64) -> Option<(f64, f64)> {
+    /// The 95 % interval about an unknown's coordinate in the `fit`, with those about what the video does not tell from
+    /// it: the `middle` of what it leaves open, and other minima.
+    pub(crate) fn interval(&self, unknown: Unknown, fit: &State, middle: &State) -> Option<(f64, f64)> {
         let (_, reaches) = self.reaches.iter().find(|(reaching, _)| *reaching == unknown)?;
         let alike = self.other_minima.iter().filter(|(more_cost, _)| !self.tells_apart(unknown, *more_cost));
-        let others: Vec<f64> = alike.map(|(_, state)| state.get(unknown)).collect();
-        Some(united(coordinate, *reaches, &others))
+        let others = alike.map(|(_, state)| state).chain([middle]).map(|state| state.get(unknown));
+        Some(united(fit.get(unknown), *reaches, &others.collect::<Vec<f64>>()))
     }
 
     /// Whether the video tells the fit from a state that costs so much more, as far as an unknown goes.
