@@ -127,11 +127,6 @@ impl<'a> Identification<'a> {
         matches!(unknown, Unknown::Material(i) if self.parameters()[*i].grid > 1)
     }
 
-    /// How far the cells of the grid are moved where other minima are sought: a deviation of what is known of them.
-    pub(crate) fn far_for_cells(&self, unknown: &Unknown) -> Option<f64> {
-        (*unknown == Unknown::Cell).then_some(self.tuning.resolution.log_cell_deviation)
-    }
-
     /// All observations, compared as sharply as they are.
     pub(crate) fn all_frames(&self) -> FrameSelection {
         FrameSelection { first: 0, end: self.video.frames.len(), pooling: 1 }

@@ -79,8 +79,8 @@ fn fit(
     Ok((state, known.filter(Linearisation::is_fresh), others))
 }
 
-/// The best of `fit` and of fits from neighbours of it, by what changes the motion visibly in each parameter and in the
-/// cells of the grid; and the others, with how much more they cost.
+/// The best of `fit` and of fits from neighbours of it, by what changes the motion visibly in each parameter; and the
+/// others, with how much more they cost.
 fn beyond_the_walls(
     identification: &Identification,
     session: &mut Session,
@@ -92,7 +92,7 @@ fn beyond_the_walls(
     let mut others = OtherMinima::new();
     let far = |unknown: &Unknown| match unknown {
         Unknown::Material(_) => Some(problem.coordinates.largest_step(*unknown)),
-        _ => identification.far_for_cells(unknown),
+        _ => None,
     };
     for _ in 0..tuning.most_restarts {
         let start = neighbouring_start(session, problem, &mut fit, &far, tuning.most_cost_ratio)?;

@@ -153,7 +153,7 @@ impl MaterialStage<'_> {
     }
 
     /// Where a better minimum next to that of `fit` may begin: each parameter of which there are several starts is
-    /// moved by `distance`, and so are the cells of the grid by their own.
+    /// moved by `distance`.
     fn neighbouring_start(
         &self,
         session: &mut Session,
@@ -162,10 +162,7 @@ impl MaterialStage<'_> {
     ) -> Result<Option<State>, FitError> {
         let problem =
             self.identification.material_problem(self.simulation, self.identification.tuning.masks.blur_pooling);
-        let far = |unknown: &Unknown| match self.identification.is_varied(unknown) {
-            true => Some(distance),
-            false => self.identification.far_for_cells(unknown),
-        };
+        let far = |unknown: &Unknown| self.identification.is_varied(unknown).then_some(distance);
         neighbouring_start(session, &problem, fit, &far, self.tuning.most_cost_ratio)
     }
 }
