@@ -90,12 +90,17 @@ impl Run<'_> {
         atomic::create_folder(&self.path(REFINED))?;
         let (mut filling, surroundings) = (self.first_filling()?, self.surroundings()?);
         let stages = IdentifyStage::Search..=IdentifyStage::Material;
-        let identify = &self.config.identify;
-        let mut settings = Settings { stages, target: only_masks(identify.target), ..identify.clone() };
-        let flight = Settings { stages: IdentifyStage::Velocity..=IdentifyStage::Velocity, ..settings.clone() };
+        let mut settings = Settings { stages, ..self.config.identify.clone() };
+        let mut continuum = self.filled()?;
         let mut off_m = f64::INFINITY;
-        self.refine_once((&self.filled()?, &mut filling, off_m), &surroundings, &flight, &checkpoints[0])?;
-        let mut continuum = self.continuum()?;
+        // Of film, the few pictures of a flight, noisy and by cameras in doubt, pull the surface about.
+        if !self.was_filmed() {
+            let flight = IdentifyStage::Velocity..=IdentifyStage::Velocity;
+            settings.target = only_masks(settings.target);
+            let flight = Settings { stages: flight, ..settings.clone() };
+            self.refine_once((&continuum, &mut filling, off_m), &surroundings, &flight, &checkpoints[0])?;
+            continuum = self.continuum()?;
+        }
         for checkpoint in &checkpoints[1..] {
             let body = (&continuum, &mut filling, off_m);
             let record = self.refine_once(body, &surroundings, &settings, checkpoint)?;
@@ -106,6 +111,7 @@ impl Run<'_> {
             off_m = record.settled.moved_m;
             settings.start = Some(record.parameters);
             settings.stages = IdentifyStage::Material..=IdentifyStage::Material;
+            settings.target = only_masks(settings.target);
             continuum = self.continuum()?;
         }
         Ok(remove(&checkpoints)?)
