@@ -410,6 +410,8 @@ fn the_flight_alone_is_what_the_whole_fit_begins_with() {
     let found = run(&input, ELASTIC.kind(), &settings).expect("identified");
     assert!(found.velocity_m_s.distance(velocity) < 0.01, "{}", found.velocity_m_s);
     assert!((1..8).contains(&found.free_frames) && found.rollouts == 0, "{} {}", found.free_frames, found.rollouts);
+    let of_density = |warning: &String| warning.starts_with("density is taken as");
+    assert!(found.warnings.iter().all(of_density), "{:?}", found.warnings);
 }
 
 #[test]
