@@ -155,7 +155,7 @@ pub struct Settings {
     #[cfg_attr(feature = "cli", arg(long, value_name = "N"))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frames: Option<usize>,
-    /// The first and the last stage: [`Stage::Search`] to [`Stage::Joint`] by default, as free flight always comes
+    /// The first and the last stage: [`Stage::Search`] to [`Stage::Intervals`] by default, as free flight always comes
     /// first. Without the search `start` is the only start, and without the material stage it is where such a fit has
     /// ended. Without the joint stage the answer is rough, has no intervals, and costs about half; the same checkpoint
     /// goes on to the whole answer. Where [`Stage::Velocity`] is the last, only the flight is fitted.
@@ -187,7 +187,7 @@ impl Default for Settings {
             rotation: true,
             iterations: 12,
             frames: None,
-            stages: Stage::Search..=Stage::Joint,
+            stages: Stage::Search..=Stage::Intervals,
             tuning: Tuning::default(),
         }
     }

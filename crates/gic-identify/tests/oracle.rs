@@ -291,7 +291,7 @@ fn what_the_video_leaves_open_is_estimated_by_its_mean() {
         let settings = Settings {
             target: Target::Surfaces,
             start: Some(vec![stiffness, ratio, yield_stress]),
-            stages: Stage::Material..=Stage::Joint,
+            stages: Stage::Material..=Stage::Intervals,
             grid_spacing_m: Some(SPACING),
             ..Settings::default()
         };
@@ -345,7 +345,7 @@ fn plastic_materials_are_recovered() {
 #[test]
 fn without_a_search_the_fit_goes_on_from_its_start() {
     let input = observed(ELASTIC, DVec3::new(0.4, -1.5, 0.2), 8);
-    let stages = Stage::Material..=Stage::Joint;
+    let stages = Stage::Material..=Stage::Intervals;
     let settings = |start| Settings { target: Target::Surfaces, start, stages: stages.clone(), ..Settings::default() };
     let found = run(&input, MaterialKind::Elastic, &settings(Some(vec![8.0e4, 0.25]))).expect("identified");
     assert_eq!(found.coarse_rollouts, 0);

@@ -3,22 +3,17 @@
 //! The light on a place changes as it turns: it scales the colour, and the direction in the space of colours stays. So
 //! directions are compared.
 
-use std::ops::RangeInclusive;
-
 use gic_scene::Picture;
 use glam::Vec3;
 use rayon::prelude::*;
 
 use super::tracked::TrackedSurface;
-use super::{Moment, MomentView, SeenMoment, robust_deviation};
+use super::{Moment, MomentView, SeenMoment, robust_deviation, site};
 use crate::carve::{
     Coloured, ColouredView, Curve, DEPTH_STEP, Place, SeenColours, Visibility, depths_of_sweep, difference_of,
     visible_depth,
 };
-use crate::tuning::{SWEEP_DEPTHS, SWEEP_SURFACE, Tuning};
-
-/// Depths of the sweep as far to the inside as to the outside, so that noise moves no surface. Derived.
-const BOTH_SIDES: RangeInclusive<usize> = 2 * SWEEP_SURFACE + 1 - SWEEP_DEPTHS..=SWEEP_DEPTHS - 1;
+use crate::tuning::{SWEEP_DEPTHS, Tuning};
 
 /// Below this brightness a colour has no direction. Derived: a few steps of eight bits.
 const DARK: f32 = 0.05;
@@ -139,7 +134,7 @@ pub(super) fn wanted_by_colours(
         let mut sum = own[vertex];
         surface.adjacent[vertex].iter().for_each(|other| sum.add(&own[*other]));
         // The mean, for what neighbours see is no further evidence of the place itself.
-        sum.scaled(1.0 / (1 + surface.adjacent[vertex].len()) as f32).least(tuning.carving.first_tolerance, BOTH_SIDES)
+        site::surface(&sum.scaled(1.0 / (1 + surface.adjacent[vertex].len()) as f32))
     };
     (0..own.len()).into_par_iter().map(around).collect()
 }

@@ -8,7 +8,8 @@
 //! 1. [`tracked`] carries the surface through the motion, each place with the affine map of the particles around it.
 //! 2. [`pose`] lays the body of each moment after the flight into its outlines, for its turn is what errs most.
 //! 3. [`contour`] finds the places that make the silhouettes' edges: the mask tells how far each lies off.
-//! 4. [`colours`] tries each place at several depths: at the right one, all moments see the same colour there.
+//! 4. [`colours`] tries each place at several depths: at the right one, all moments see the same colour there. What the
+//!    curve of their differences says of the depth is a [`site`].
 //! 5. Mirror images of a place, where the body has any, are further views of it: what is wanted of them is shared.
 //! 6. Each place moves to where all want it, as far as its neighbours share in that; the field is carried along. Once
 //!    depths are at their finest, strides have momentum.
@@ -26,6 +27,7 @@ mod colours;
 mod contour;
 mod hull;
 mod pose;
+mod site;
 #[cfg(test)]
 mod tests;
 mod tracked;

@@ -31,7 +31,7 @@ pub(crate) use self::{
     difference::{SeenColours, difference_of},
     displacement::Displacement,
     place::Place,
-    settle::{Curve, DEPTH_STEP, depths_of_sweep, smoothed},
+    settle::{Curve, DEPTH_STEP, depths_of_sweep, outward, smoothed},
 };
 
 /// How far from its pixel's centre a place is looked up [pixels].

@@ -6,8 +6,6 @@
 //! minimum: a fraction of a voxel, shared with its neighbours as far as the minimum is flat. With it, the field is
 //! carried along, so that edges stay as they are.
 
-use std::ops::RangeInclusive;
-
 use rayon::prelude::*;
 
 use super::coloured::Coloured;
@@ -69,7 +67,7 @@ pub(crate) type Curve = Difference<SWEEP_DEPTHS>;
 pub(crate) const DEPTH_STEP: f64 = 0.5;
 
 /// How far outward a depth lies [units].
-fn outward(depth: f64) -> f64 {
+pub(crate) fn outward(depth: f64) -> f64 {
     DEPTH_STEP * (depth - SWEEP_SURFACE as f64)
 }
 
@@ -82,10 +80,10 @@ impl Curve {
     /// Where the curve is least [units outward], by a parabola through its lowest values, and its second derivative
     /// there [1/units^2], that of a squared deviation in units of its variance: differences larger than expected count
     /// for less.
-    /// Only `depths` are looked at.
-    pub(crate) fn least(&self, largest_difference: f32, depths: RangeInclusive<usize>) -> (f64, f64) {
-        let k = depths.clone().min_by(|a, b| self.squared[*a].total_cmp(&self.squared[*b])).unwrap_or(SWEEP_SURFACE);
-        let middle = k.clamp(depths.start() + 1, depths.end() - 1);
+    fn least(&self, largest_difference: f32) -> (f64, f64) {
+        let by_difference = |a: &usize, b: &usize| self.squared[*a].total_cmp(&self.squared[*b]);
+        let k = (0..SWEEP_DEPTHS).min_by(by_difference).unwrap_or(SWEEP_SURFACE);
+        let middle = k.clamp(1, SWEEP_DEPTHS - 2);
         let [a, b, c] = [middle - 1, middle, middle + 1].map(|k| f64::from(self.squared[k]));
         let bend = a - 2.0 * b + c;
         let excess = f64::from(self.squared[k]) / f64::from(self.freedom);
@@ -110,8 +108,7 @@ impl Solid {
         let depths = depths_of_sweep(self.grid.spacing);
         let around = self.differences_around(views, surface, &depths, tuning);
         let images = symmetry.images();
-        let wanted =
-            |place| self.at_images(&around, &images, place).least(tuning.carving.first_tolerance, 0..=SWEEP_DEPTHS - 1);
+        let wanted = |place| self.at_images(&around, &images, place).least(tuning.carving.first_tolerance);
         let wanted: Vec<(f64, f64)> = surface.par_iter().map(wanted).collect();
         smoothed(&self.neighbours(surface), &wanted, tuning.carving.neighbour_deviation, tuning)
     }
@@ -161,16 +158,13 @@ mod tests {
             Curve { squared: std::array::from_fn(value), freedom: 6.0 }
         };
         for at in [-2.6, -1.13, 0.0, 0.4, 1.7] {
-            let (found, bend) = curve(at, 5.0).least(2.88, 0..=SWEEP_DEPTHS - 1);
+            let (found, bend) = curve(at, 5.0).least(2.88);
             assert!((found - at).abs() < 1e-4 && (bend - 10.0).abs() < 1e-3, "{at}: {found} {bend}");
         }
-        assert_eq!(curve(0.3, 0.0).least(2.88, 0..=SWEEP_DEPTHS - 1), (0.0, 0.0), "flat");
+        assert_eq!(curve(0.3, 0.0).least(2.88), (0.0, 0.0), "flat");
         let nowhere = Curve { freedom: 0.5, ..curve(0.3, 5.0) };
-        assert_eq!(nowhere.least(2.88, 0..=SWEEP_DEPTHS - 1), (0.0, 0.0), "colours that differ at every depth");
+        assert_eq!(nowhere.least(2.88), (0.0, 0.0), "colours that differ at every depth");
         let many = Curve { freedom: 1.5, ..curve(0.5, 5.0) };
-        assert!(
-            (many.least(2.88, 0..=SWEEP_DEPTHS - 1).1 - 5.0).abs() < 1e-3,
-            "differences twice as large as expected count half"
-        );
+        assert!((many.least(2.88).1 - 5.0).abs() < 1e-3, "differences twice as large as expected count half");
     }
 }

@@ -24,7 +24,7 @@ pub(crate) fn of_free_flight(identification: &Identification, session: &mut Sess
     unbounded(identification, session, state, trajectories.as_ref())
 }
 
-/// The end of the material stage as the result.
+/// The end of the material stage or of the joint one as the result.
 ///
 /// # Errors
 /// Where it cannot be simulated.

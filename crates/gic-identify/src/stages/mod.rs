@@ -93,6 +93,9 @@ fn run(identification: &Identification, session: &mut Session) -> Result<Estimat
         Some(state) => (state, None),
         None => joint::fit_jointly(identification, session, material)?,
     };
+    if !stages.contains(&Stage::Intervals) {
+        return estimates::without_intervals(identification, session, &joint);
+    }
     estimates::with_intervals(identification, session, &joint, linearisation)
 }
 

@@ -43,7 +43,7 @@ impl Run<'_> {
         if self.refines() {
             settings.target = only_masks(settings.target);
             settings.start = Some(self.refined()?.parameters);
-            settings.stages = after_refinement(settings.optimizer);
+            settings.stages = of_everything(settings.optimizer, IdentifyStage::Intervals);
         }
         let found = self.fit(&input, model, &settings, (Stage::Identify, &checkpoint))?;
         for warning in &found.warnings {
@@ -187,14 +187,14 @@ impl Run<'_> {
     }
 }
 
-/// What is left to fit once refinement has fitted the material: everything together. The paper's optimiser has no such
-/// stage and fits the material to the refined body.
-fn after_refinement(optimizer: Optimizer) -> RangeInclusive<IdentifyStage> {
+/// The stages, up to `last`, that fit everything together from a material that is known. The paper's optimiser has no
+/// such stage and fits the material alone.
+pub(super) fn of_everything(optimizer: Optimizer, last: IdentifyStage) -> RangeInclusive<IdentifyStage> {
     let first = match optimizer {
         Optimizer::LevenbergMarquardt => IdentifyStage::Joint,
         Optimizer::Adam => IdentifyStage::Material,
     };
-    first..=IdentifyStage::Joint
+    first..=last
 }
 
 /// What a refined body is compared with: surfaces of frames are those of the bodies before.

@@ -2,9 +2,9 @@
 //!
 //! A motion carries the body to other moments of the video, and what the cameras saw there settles its surface
 //! ([`Filling::settle_across_time`]). The first motion is the free flight, which hangs on no material. The second is
-//! that of a material that is fitted to the body so found, without the joint stage; it shows the body at every moment.
-//! The fit of the next round goes on from there, and so does `identify`, which fits everything together from the body
-//! and the material that are found here: the range is searched once.
+//! that of a material that is searched for with the body so found; it shows the body at every moment. Where that moves
+//! the surface, the next fits are of everything together, for an error of the shape that is left is taken for one of
+//! the material else. Each fit goes on from the one before, and so does `identify`: the range is searched once.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -23,7 +23,7 @@ use serde::{Deserialize, Serialize};
 
 use super::continuum::REFINED;
 use super::fill::{mean_overlap, overlaps, thin_share, write_body};
-use super::identify::{motion_of, only_masks};
+use super::identify::{motion_of, of_everything, only_masks};
 use super::stamp::Recipe;
 use super::surroundings::Surroundings;
 use super::{Continuum, FillSummary, Run, Stage};
@@ -36,7 +36,7 @@ const ALTERNATIONS: usize = 3;
 /// `refined/refine.json`: how the body was settled.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct RefineRecord {
-    /// The material's parameters of the first fit, in the order of its law.
+    /// The material's parameters of the last fit, in the order of its law.
     pub(super) parameters: Vec<f64>,
     /// Side of a cell of that fit's grid [m].
     pub(super) grid_spacing_m: f64,
@@ -90,17 +90,12 @@ impl Run<'_> {
         atomic::create_folder(&self.path(REFINED))?;
         let (mut filling, surroundings) = (self.first_filling()?, self.surroundings()?);
         let stages = IdentifyStage::Search..=IdentifyStage::Material;
-        let mut settings = Settings { stages, ..self.config.identify.clone() };
-        let mut continuum = self.filled()?;
+        let identify = &self.config.identify;
+        let mut settings = Settings { stages, target: only_masks(identify.target), ..identify.clone() };
+        let flight = Settings { stages: IdentifyStage::Velocity..=IdentifyStage::Velocity, ..settings.clone() };
         let mut off_m = f64::INFINITY;
-        // Of film, the few pictures of a flight, noisy and by cameras in doubt, pull the surface about.
-        if !self.was_filmed() {
-            let flight = IdentifyStage::Velocity..=IdentifyStage::Velocity;
-            settings.target = only_masks(settings.target);
-            let flight = Settings { stages: flight, ..settings.clone() };
-            self.refine_once((&continuum, &mut filling, off_m), &surroundings, &flight, &checkpoints[0])?;
-            continuum = self.continuum()?;
-        }
+        self.refine_once((&self.filled()?, &mut filling, off_m), &surroundings, &flight, &checkpoints[0])?;
+        let mut continuum = self.continuum()?;
         for checkpoint in &checkpoints[1..] {
             let body = (&continuum, &mut filling, off_m);
             let record = self.refine_once(body, &surroundings, &settings, checkpoint)?;
@@ -110,8 +105,7 @@ impl Run<'_> {
             // The surface was off by as much, and is not by more.
             off_m = record.settled.moved_m;
             settings.start = Some(record.parameters);
-            settings.stages = IdentifyStage::Material..=IdentifyStage::Material;
-            settings.target = only_masks(settings.target);
+            settings.stages = of_everything(identify.optimizer, IdentifyStage::Joint);
             continuum = self.continuum()?;
         }
         Ok(remove(&checkpoints)?)
@@ -136,7 +130,7 @@ impl Run<'_> {
         let stop = || self.interrupt.requested();
         let planes = continuum.summary.mirror_planes.clone();
         let symmetry = Symmetry { planes, interchangeable_planes: Vec::new() };
-        let body = (particles.positions.as_slice(), particles.spacing);
+        let body = (found.positions.as_slice(), particles.spacing);
         let settled = filling.settle_across_time(body, (&moments, off_m), &symmetry, tuning, &stop);
         self.stop_if_asked("a fit of refinement")?;
         self.write_refined(continuum, filling, &found, (settled.unwrap_or_default(), moments.len()))
