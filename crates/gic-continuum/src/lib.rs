@@ -8,13 +8,12 @@
 //! | `evidence` | what a view's pixels say of a place: mask `M(u)` and depth `D(u) / A(u)`; bounds of it over boxes | Algorithm 1, lines 2 and 3; pyramids as in Greene, Kass & Miller 1993 |
 //! | `fill` | from particles inside all masks and behind all depths to a field, level by level; the boundary that no view sees | Algorithm 1; mean curvature motion: Merriman, Bence & Osher 1992 |
 //! | `symmetry` | mirror planes of the surface or of outlines; the body averaged with its images | point-to-plane fits: Chen & Medioni 1992; silhouette coherence: Hernandez, Schmitt & Cipolla 2007 |
-//! | `carve` | what colours contradict goes; the surface settles where they agree best | space carving: Kutulakos & Seitz 2000; plane sweep: Collins 1996 |
+//! | `across_time` | the surface of the first frame moves to where the pictures of all moments want it | Cheung, Baker & Kanade 2005; plane sweep: Collins 1996 |
 //! | `particles` | particles for simulation, drawn as Gaussians | eq. 7 |
 //!
-//! [`ShapeFrom`] tells which bodies are made by depths and which by outlines. All tuned numbers stand in [`Tuning`].
+//! [`ShapeFrom`] tells which first bodies depths make and which outlines. All tuned numbers stand in [`Tuning`].
 
 mod across_time;
-mod carve;
 mod choices;
 mod error;
 mod evidence;
@@ -28,7 +27,6 @@ mod test_cross;
 mod tuning;
 
 pub use across_time::{AcrossTime, Moment, MomentView};
-pub use carve::ColouredView;
 pub use choices::Settings;
 pub use error::ContinuumError;
 pub use evidence::MaskedView;

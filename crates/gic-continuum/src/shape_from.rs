@@ -1,76 +1,73 @@
-//! Two ways to a body's shape, and which of them is taken.
+//! Two ways to a body's first shape, and which of them is taken.
 //!
 //! | | by depths | by outlines |
 //! |---|---|---|
-//! | evidence | depths and masks of each frame by itself | masks and colours of all frames in which the body is rigid |
-//! | steps | [`crate::fill`], [`crate::Completion`] | [`crate::fill_outlines`], [`Filling::carve`] |
+//! | evidence | depths and masks | masks and their mirror images |
+//! | steps | [`crate::fill`], [`crate::Completion`] | [`crate::fill_outlines`] |
 //! | symmetry | mirror planes of the surface, if there are any | three mirror planes of the outlines, a condition |
 //!
 //! Depths are taken unless they are known to be poor. The Gaussians of a body that only three cameras see fill its
 //! hull, which is twice the body, and their depths empty what is full: the surface that they leave shows fewer mirror
-//! planes than the body has. Outlines are right to a fraction of a pixel even then. But without three planes at right
-//! angles nothing tells how the body moves between the frames, and few outlines leave too much. So outlines are taken
-//! where the surface shows fewer than three planes and the outlines show three.
+//! planes than the body has. Outlines are right to a fraction of a pixel even then, but a few of them leave too much
+//! where no mirror images add to them. So outlines are taken where the surface shows fewer than three planes and the
+//! outlines show three.
 
 use crate::{Filling, Symmetry};
 
 /// Views that must have a mask before mirror planes are looked for: one view tells nothing of a body's far side.
 pub(crate) const FEWEST_VIEWS: usize = 2;
 
-/// What makes a body's shape.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum ShapeFrom<Outlines> {
+/// What makes a body's first shape.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ShapeFrom {
     /// Depths and masks.
     Depths,
-    /// Outlines of the frames in which the body is rigid, given by whatever knows these.
-    Outlines(Outlines),
+    /// Outlines and their images by these mirror planes.
+    Outlines(Symmetry),
 }
 
-impl<Outlines> ShapeFrom<Outlines> {
-    /// The decision, made once, at the first frame: of the body that its depths make, of the mirror planes that this
-    /// body's surface shows, and of what the outlines show, which is asked for only where it matters and is `None`
-    /// where they show no three planes.
-    ///
-    /// # Errors
-    /// Those of `by_outlines`.
-    pub fn decide<E>(
+impl ShapeFrom {
+    /// The decision: of the body that its depths make, of the mirror planes that this body's surface shows, and of
+    /// those that the outlines show, which are asked for only where they matter.
+    pub fn decide(
         by_depths: &Filling,
         by_surface: Option<&Symmetry>,
-        by_outlines: impl FnOnce() -> Result<Option<Outlines>, E>,
-    ) -> Result<ShapeFrom<Outlines>, E> {
+        by_outlines: impl FnOnce() -> Symmetry,
+    ) -> ShapeFrom {
         let surface_is_known = by_surface.is_some_and(|symmetry| symmetry.planes.len() == 3);
         if surface_is_known || by_depths.views_used < FEWEST_VIEWS {
-            return Ok(ShapeFrom::Depths);
+            return ShapeFrom::Depths;
         }
-        Ok(by_outlines()?.map_or(ShapeFrom::Depths, ShapeFrom::Outlines))
+        let symmetry = by_outlines();
+        if symmetry.planes.is_empty() { ShapeFrom::Depths } else { ShapeFrom::Outlines(symmetry) }
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use std::convert::Infallible;
-
     use glam::DVec3;
 
     use super::*;
     use crate::MirrorPlane;
 
-    fn decide(views_used: usize, planes: Option<usize>, outlines: Option<()>) -> ShapeFrom<()> {
+    fn planes(count: usize) -> Symmetry {
+        let plane = MirrorPlane { normal: DVec3::X, offset: 0.0, misfit: 0.0 };
+        Symmetry { planes: vec![plane; count], interchangeable_planes: Vec::new() }
+    }
+
+    fn decide(views_used: usize, by_surface: Option<usize>, by_outlines: usize) -> ShapeFrom {
         let body = Filling::of_body((DVec3::ZERO, DVec3::ONE), 0.5, 0.1, |p| p.length() - 0.5).expect("a small grid");
         let body = Filling { views_used, ..body };
-        let plane = MirrorPlane { normal: DVec3::X, offset: 0.0, misfit: 0.0 };
-        let symmetry = planes.map(|n| Symmetry { planes: vec![plane; n], interchangeable_planes: Vec::new() });
-        let Ok(shape) = ShapeFrom::decide(&body, symmetry.as_ref(), || Ok::<_, Infallible>(outlines));
-        shape
+        ShapeFrom::decide(&body, by_surface.map(planes).as_ref(), || planes(by_outlines))
     }
 
     #[test]
     fn outlines_make_the_body_where_they_show_more_than_its_surface() {
-        for planes in [None, Some(1), Some(2)] {
-            assert_eq!(decide(3, planes, Some(())), ShapeFrom::Outlines(()), "{planes:?}");
-            assert_eq!(decide(3, planes, None), ShapeFrom::Depths, "{planes:?}");
+        for by_surface in [None, Some(1), Some(2)] {
+            assert_eq!(decide(3, by_surface, 3), ShapeFrom::Outlines(planes(3)), "{by_surface:?}");
+            assert_eq!(decide(3, by_surface, 0), ShapeFrom::Depths, "{by_surface:?}");
         }
-        assert_eq!(decide(11, Some(3), Some(())), ShapeFrom::Depths);
-        assert_eq!(decide(1, None, Some(())), ShapeFrom::Depths);
+        assert_eq!(decide(11, Some(3), 3), ShapeFrom::Depths);
+        assert_eq!(decide(1, None, 3), ShapeFrom::Depths);
     }
 }

@@ -1,5 +1,4 @@
-//! A cross of three bars, three cameras that look at it, and their outlines: what the tests of symmetry and carving
-//! share.
+//! A cross of three bars, three cameras that look at it, and their outlines: what tests share.
 
 use gic_scene::Camera;
 use gic_splat::{Gaussians, Shape};

@@ -10,7 +10,7 @@
 //!
 //! [`Tuning`] can be written as a tree and read back, so that a program can vary each number. What stays outside of the
 //! table: voxels halve from level to level, levels of one half between empty and full, half a pixel and half a voxel,
-//! guards against division by zero, and [`SWEEP_DEPTHS`], which sizes arrays.
+//! guards against division by zero, and the depths at which colours are compared, which size arrays.
 
 use serde::{Deserialize, Serialize};
 
@@ -32,12 +32,6 @@ macro_rules! tuned {
     };
 }
 
-/// Depths at which the plane sweep compares colours: six inside of the surface, the surface itself, and four outside.
-/// Budget: more cost time in proportion.
-pub const SWEEP_DEPTHS: usize = 11;
-/// Number of the depth at the surface, from the innermost on. See [`SWEEP_DEPTHS`].
-pub const SWEEP_SURFACE: usize = 6;
-
 /// All tuned numbers of filling.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -52,8 +46,6 @@ pub struct Tuning {
     pub unseen: UnseenTuning,
     /// Mirror planes of surfaces and of outlines.
     pub symmetry: SymmetryTuning,
-    /// Space carving, and the plane sweep after it.
-    pub carving: CarvingTuning,
     /// The shape by the pictures of all moments.
     pub across_time: AcrossTimeTuning,
     /// Particles and how they are drawn.
@@ -75,7 +67,6 @@ impl Default for Tuning {
             filling: FillingTuning::default(),
             unseen: UnseenTuning::default(),
             symmetry: SymmetryTuning::default(),
-            carving: CarvingTuning::default(),
             across_time: AcrossTimeTuning::default(),
             particles: ParticleTuning::default(),
             iterations: IterationTuning::default(),
@@ -216,44 +207,6 @@ tuned! {
 }
 
 tuned! {
-    /// Space carving, and the plane sweep after it.
-    CarvingTuning {
-        /// Standard deviation of a colour, in [0, 1]. Derived: a few steps of eight bits.
-        colour_noise: f32 = 3.0 / 255.0,
-        /// First tolerance: squared difference of colours over what is expected above which a place is carved, and
-        /// colours agree at no depth. Fitted on: three cameras.
-        first_tolerance: f32 = 2.88,
-        /// Last tolerance. Fitted on: three cameras.
-        last_tolerance: f32 = 0.09,
-        /// From one tolerance to the next. Budget: two steps halve it.
-        tolerance_factor: f32 = std::f32::consts::FRAC_1_SQRT_2,
-        /// Carving takes the body apart where a layer is so many times as large as the smallest before it. Fitted on:
-        /// three cameras.
-        layer_growth: f64 = 1.5,
-        /// A place is judged by so many differences of colour channels or more, around it and around its images. Fitted
-        /// on: three cameras.
-        fewest_differences: f32 = 9.0,
-        /// The body fills its outlines while no view loses more than this share of its own. Fitted on: three cameras.
-        lost_outline: f64 = 1e-3,
-        /// Standard deviation of the weights with which voxels around a place tell which way its surface looks, and
-        /// places around share in a move; they end at two of these, and a place that lies no deeper behind what is
-        /// nearest is seen [voxels of half the field's side]. Fitted on: plasticine_3 with three cameras.
-        smoothing_deviation: f64 = 1.35,
-        /// The same while the surface settles. Derived: half a pixel along the outlines.
-        settled_lost_outline: f64 = 5e-3,
-        /// The surface has settled where it moves by less than this, root mean square [voxels of half the field's
-        /// side]. Budget.
-        settled_move: f64 = 0.05,
-        /// Standard deviation of a move where nothing is seen [voxels of half the field's side]. Fitted on: three
-        /// cameras.
-        move_deviation: f64 = 1.0,
-        /// Standard deviation of the difference between the moves of neighbours [voxels of half the field's side].
-        /// Fitted on: three cameras.
-        neighbour_deviation: f64 = 0.15,
-    }
-}
-
-tuned! {
     /// The shape by the pictures of all moments.
     AcrossTimeTuning {
         /// Standard deviation of the difference between the moves of neighbours in a round [voxels of half the field's
@@ -262,6 +215,22 @@ tuned! {
         /// Share of a place's deformation by which it errs, as a standard deviation. Derived: moduli of a first fit err
         /// by a tenth to a fifth, and small strains go with their inverse.
         deformation_error: f64 = 0.2,
+        /// Least standard deviation of a colour, in [0, 1]. Derived: a few steps of eight bits.
+        colour_noise: f32 = 3.0 / 255.0,
+        /// Standard deviation of a move where nothing is seen [units of the depths that are tried]. Derived: half of
+        /// the farthest.
+        move_deviation: f64 = 1.0,
+        /// Standard deviation of the weights with which places around a voxel share in its move; they end at two of
+        /// these, and a place that lies no deeper behind what is nearest is seen [voxels]. Fitted on: plasticine_3
+        /// with three cameras.
+        smoothing_deviation: f64 = 0.675,
+    }
+}
+
+impl AcrossTimeTuning {
+    /// Where the weights of places around a voxel end [voxels].
+    pub(crate) fn reach(&self) -> f64 {
+        2.0 * self.smoothing_deviation
     }
 }
 

@@ -4,16 +4,14 @@
 //! directions are compared.
 
 use gic_scene::Picture;
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
+use super::coloured::{Coloured, Visibility};
+use super::curve::{AtDepths, Curve, DEPTH_STEP, LeastDifferences, SeenColours, depths};
 use super::tracked::TrackedSurface;
-use super::{Moment, MomentView, SeenMoment, robust_deviation, site};
-use crate::carve::{
-    Coloured, ColouredView, Curve, DEPTH_STEP, Place, SeenColours, Visibility, depths_of_sweep, difference_of,
-    visible_depth,
-};
-use crate::tuning::{SWEEP_DEPTHS, Tuning};
+use super::{Moment, MomentView, SeenMoment, robust_deviation};
+use crate::tuning::Tuning;
 
 /// Below this brightness a colour has no direction. Derived: a few steps of eight bits.
 const DARK: f32 = 0.05;
@@ -53,8 +51,8 @@ struct MomentColours<'a> {
     views: Vec<Coloured<'a>>,
     /// Depth of what is nearest in each pixel of each view [m].
     depths: Vec<Vec<f32>>,
-    /// The places of the surface, moved.
-    places: Vec<Place>,
+    /// The places of the surface, moved [m], and their normals.
+    places: Vec<(DVec3, DVec3)>,
     /// How much longer a way along each normal has become.
     stretch: Vec<f64>,
     /// How many times as uncertain each place's colours are because of its deformation.
@@ -65,20 +63,20 @@ impl<'a> MomentColours<'a> {
     /// `error_px` is how far the moment's motion errs.
     fn new(
         seen: &SeenMoment,
-        (views, pictures): (&'a [ColouredView<'a>], &[ShadeFree]),
+        (moment, pictures): (&'a Moment, &'a [ShadeFree]),
         error_px: f64,
         half_voxel: f64,
         tuning: &Tuning,
     ) -> Self {
         let mesh = &seen.surface.mesh;
-        let place = |voxel: usize| Place { voxel, point: mesh.vertices[voxel], normal: mesh.normals[voxel] };
-        let places: Vec<Place> = (0..mesh.vertices.len()).map(place).collect();
         let error_px = error_px.hypot(0.5) as f32;
-        let coloured = |(view, picture): (&'a ColouredView<'a>, &ShadeFree)| {
-            Coloured::new(view, error_px, picture.noise.max(tuning.carving.colour_noise), tuning)
+        let coloured = |(view, picture): (&'a MomentView, &'a ShadeFree)| {
+            let noise = picture.noise.max(tuning.across_time.colour_noise);
+            Coloured::new(view, &picture.picture, (error_px, noise), tuning)
         };
-        let views: Vec<Coloured> = views.iter().zip(pictures).map(coloured).collect();
-        let depths = views.iter().map(|view| view.depths(&places, 2.0 * half_voxel)).collect();
+        let views: Vec<Coloured> = moment.views.iter().zip(pictures).map(coloured).collect();
+        let depths = views.iter().map(|view| view.depths(&mesh.vertices, 2.0 * half_voxel)).collect();
+        let places = mesh.vertices.iter().copied().zip(mesh.normals.iter().copied()).collect();
         let stretch = seen.surface.outward.iter().zip(&mesh.normals).map(|(out, normal)| out.dot(*normal)).collect();
         let inflation = seen.surface.deformation.iter().map(|deformation| {
             let ratio = tuning.across_time.deformation_error * deformation / seen.motion_error;
@@ -88,18 +86,17 @@ impl<'a> MomentColours<'a> {
     }
 
     /// What its views show of a place, moved by each of `outward` [m].
-    fn of<const N: usize>(
+    fn of(
         &self,
         vertex: usize,
-        outward: &[f64; N],
+        outward: &AtDepths<f64>,
         visibility: &Visibility,
-    ) -> impl Iterator<Item = SeenColours<N>> + '_ {
-        let (place, stretch, inflation) = (&self.places[vertex], self.stretch[vertex], self.inflation[vertex]);
-        let outward = outward.map(|distance| stretch * distance);
-        let visibility = *visibility;
+    ) -> impl Iterator<Item = SeenColours> + '_ {
+        let (place, stretch, inflation) = (self.places[vertex], self.stretch[vertex], self.inflation[vertex]);
+        let (outward, visibility) = (outward.map(|distance| stretch * distance), *visibility);
         self.views.iter().zip(&self.depths).filter_map(move |(view, depths)| {
-            let (colours, variance) = view.colours_along_normal(place, depths, &visibility, &outward)?;
-            Some(SeenColours { moment: 0, colours, variance: inflation * variance })
+            let seen = view.along_normal(place, depths, &visibility, &outward)?;
+            Some(SeenColours { variance: inflation * seen.variance, ..seen })
         })
     }
 }
@@ -113,38 +110,29 @@ pub(super) fn wanted_by_colours(
     pictures: &[Vec<ShadeFree>],
     (unit, half_voxel, tuning): (f64, f64, &Tuning),
 ) -> Vec<(f64, f64)> {
-    let views: Vec<Vec<ColouredView>> =
-        moments.iter().zip(pictures).map(|(m, pictures)| coloured(m, pictures)).collect();
-    let colours: Vec<MomentColours> = (seen.par_iter().zip(&views).zip(pictures))
-        .map(|((seen, views), pictures)| {
+    let colours: Vec<MomentColours> = (seen.par_iter().zip(moments).zip(pictures))
+        .map(|((seen, moment), pictures)| {
             // The surface may lie between two depths, half a step from either.
             let error_px = seen.motion_error.hypot(0.5 * DEPTH_STEP * unit) / seen.pixel;
-            MomentColours::new(seen, (views, pictures), error_px, half_voxel, tuning)
+            MomentColours::new(seen, (moment, pictures), error_px, half_voxel, tuning)
         })
         .collect();
-    let depths = depths_of_sweep(unit);
+    let depths = depths(unit);
+    // What lies no deeper than places share in a move is seen as well as what is nearest.
     let visibility =
-        Visibility { depth: visible_depth(half_voxel, &tuning.carving), least_cosine: tuning.facing_cosine };
+        Visibility { depth: 2.0 * half_voxel * tuning.across_time.reach(), least_cosine: tuning.facing_cosine };
     let own = |vertex: usize| -> Curve {
         let all = colours.iter().flat_map(|moment| moment.of(vertex, &depths, &visibility));
-        difference_of(&all.collect::<Vec<SeenColours<SWEEP_DEPTHS>>>())
+        Curve::of(&all.collect::<Vec<SeenColours>>())
     };
-    let own: Vec<Curve> = (0..surface.places.len()).into_par_iter().map(own).collect();
+    let own: Vec<Curve> = (0..surface.adjacent.len()).into_par_iter().map(own).collect();
     let around = |vertex: usize| {
-        let mut sum = own[vertex];
-        surface.adjacent[vertex].iter().for_each(|other| sum.add(&own[*other]));
-        // The mean, for what neighbours see is no further evidence of the place itself.
-        site::surface(&sum.scaled(1.0 / (1 + surface.adjacent[vertex].len()) as f32))
+        let others = surface.adjacent[vertex].iter().map(|other| own[*other]);
+        Curve::mean(std::iter::once(own[vertex]).chain(others))
     };
-    (0..own.len()).into_par_iter().map(around).collect()
-}
-
-fn coloured<'a>(moment: &'a Moment, pictures: &'a [ShadeFree]) -> Vec<ColouredView<'a>> {
-    let view = |(view, picture): (&'a MomentView, &'a ShadeFree)| ColouredView {
-        camera: &view.camera,
-        picture: &picture.picture,
-        mask: &view.mask.coverage,
-        moment: 0,
-    };
-    moment.views.iter().zip(pictures).map(view).collect()
+    let curves: Vec<Curve> = (0..own.len()).into_par_iter().map(around).collect();
+    // A motion that errs makes colours differ, too. At the finest depths what is left lies within their reach.
+    let may_be_deeper = unit > half_voxel && moments.iter().all(|moment| moment.flies);
+    let others = may_be_deeper.then(|| LeastDifferences::of(&curves)).flatten();
+    curves.par_iter().map(|curve| curve.surface(others.as_ref())).collect()
 }

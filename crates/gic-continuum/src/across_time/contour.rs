@@ -3,10 +3,10 @@
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
+use super::silhouette::SilhouetteWindow;
 use super::tracked::MovedSurface;
 use super::{Moment, MomentView, robust_deviation};
 use crate::evidence::pixel_index;
-use crate::fill::SilhouetteWindow;
 use crate::symmetry::Outline;
 
 /// How well a mask tells an outline, as a standard deviation [pixels]. Derived: distances from the centres of whole

@@ -9,13 +9,14 @@
 //! 2. [`pose`] lays the body of each moment after the flight into its outlines, for its turn is what errs most.
 //! 3. [`contour`] finds the places that make the silhouettes' edges: the mask tells how far each lies off.
 //! 4. [`colours`] tries each place at several depths: at the right one, all moments see the same colour there. What the
-//!    curve of their differences says of the depth is a [`site`].
+//!    [`curve`] of their differences says of the depth is its weight.
 //! 5. Mirror images of a place, where the body has any, are further views of it: what is wanted of them is shared.
-//! 6. Each place moves to where all want it, as far as its neighbours share in that; the field is carried along. Once
-//!    depths are at their finest, strides have momentum.
+//! 6. Each place moves to where all want it, as far as its neighbours [`share`] in that; the field is carried along.
+//!    Once depths are at their finest, strides have momentum.
 //!
 //! The depths lie as far apart as the surface is off, and half as far whenever it has settled, that is its steps shrink
-//! no more: what stands out by a tenth of the body differs in colour at all depths nearby, and agrees only further in.
+//! no more and no place is further off: what stands out by a tenth of the body differs in colour at all depths nearby,
+//! and agrees only further in.
 //!
 //! The last round is kept whose outlines miss by no more than those of any round, but for what an outline tells:
 //! colours of a noisy film pull places about.
@@ -23,14 +24,19 @@
 //! How far a moment's outlines miss after its pose is fitted is the error of its motion: what a moment says counts by
 //! that, so that no tolerance has to be given.
 
+mod coloured;
 mod colours;
 mod contour;
+mod curve;
+mod displacement;
 mod hull;
 mod pose;
-mod site;
+mod share;
+mod silhouette;
 #[cfg(test)]
 mod tests;
 mod tracked;
+mod unit;
 
 use gic_geometry::{DensityField, Neighbours};
 use gic_scene::{Camera, Mask, Picture};
@@ -40,10 +46,12 @@ use serde::{Deserialize, Serialize};
 
 use self::colours::{ShadeFree, wanted_by_colours};
 use self::contour::{ContourPoint, MomentOutlines, OUTLINE_ERROR_PX};
+use self::displacement::Displacement;
 use self::pose::Pose;
+use self::share::shared;
+use self::silhouette::MARGIN_PX;
 use self::tracked::{CarriedSurface, MovedSurface, TrackedSurface};
-use crate::carve::{DEPTH_STEP, Displacement, smoothed};
-use crate::fill::MARGIN_PX;
+use self::unit::Unit;
 use crate::{AcrossTimeTuning, Filling, Symmetry, Tuning};
 
 /// One moment of a motion, and the pictures of it.
@@ -131,19 +139,15 @@ impl Filling {
         let before = self.field.clone();
         hull::cut(self, &observed, &poses, &seen);
         let first = self.field.clone();
-        let finest = 0.5 * first.spacing;
-        // The sweep's depths are a voxel apart: a picture that fits the voxels shows nothing finer, and larger steps
-        // jump over where its colours agree.
-        let mut unit = off_m.clamp(finest, first.spacing / DEPTH_STEP);
+        let mut unit = Unit::new(off_m, first.spacing, tuning.iterations.most_rounds);
         let (mut moved, mut stride) = (Displacement::none(&first), Displacement::none(&first));
-        let mut finest_rounds = 0;
-        let (mut least_gap_m, mut last_step, mut kept) = (f64::INFINITY, f64::INFINITY, None);
+        let (mut least_gap_m, mut kept) = (f64::INFINITY, None);
         for round in 1..=tuning.iterations.most_rounds {
             if stop() {
                 return None;
             }
             let Some((surface, seen, gap_after_m)) = observed.look_at(self, &mut poses, false) else { break };
-            let wanted = observed.wanted(&surface, &seen, symmetry, (unit, finest));
+            let wanted = observed.wanted(&surface, &seen, symmetry, (unit.m, 0.5 * first.spacing));
             pose::follow(&mut poses, moments, &seen);
             least_gap_m = gap_after_m.min(least_gap_m);
             let outline_error_m = OUTLINE_ERROR_PX * median(seen.iter().map(|seen| seen.pixel).collect())?;
@@ -157,25 +161,16 @@ impl Filling {
                     moved_m: exchanged_m3(&before, &self.field) / surface.mesh.area(),
                     outline_error_m,
                 };
-                kept = Some((report, self.field.clone(), (surface.mesh.vertices, untold)));
+                kept = Some((report, self.field.clone(), (surface.mesh.vertices.clone(), untold)));
             }
-            let neighbour_deviation = tuning.across_time.neighbour_deviation * finest / unit;
-            let outward = smoothed(&surface.adjacent, &wanted, neighbour_deviation, tuning);
-            let further = Displacement::of(&first, &surface.places, &outward, unit, &tuning.carving);
-            stride = further.after(&stride, momentum(finest_rounds));
+            let neighbour_deviation = tuning.across_time.neighbour_deviation * unit.fineness();
+            let outward = shared(&surface.adjacent, &wanted, neighbour_deviation, tuning);
+            let further = Displacement::of(&first, &surface.mesh, &outward, unit.m, &tuning.across_time);
+            stride = further.after(&stride, unit.momentum());
             moved = moved.then(&stride);
-            finest_rounds += u32::from(unit <= finest);
             self.field.values = moved.carry(&first);
-            let step = (outward.iter().map(|d| d * d).sum::<f64>() / outward.len() as f64).sqrt();
-            // Steps that shrink no more are noise.
-            if step >= last_step {
-                if unit <= finest {
-                    break;
-                }
-                unit = finest.max(0.5 * unit);
-                last_step = f64::INFINITY;
-            } else {
-                last_step = step;
+            if unit.settle(&outward).is_break() {
+                break;
             }
         }
         let Some((report, field, (vertices, untold))) = kept else {
@@ -186,13 +181,6 @@ impl Filling {
         self.field = field;
         Some(report)
     }
-}
-
-/// Share of the last stride that the next one goes on with, after so many rounds with the finest depths (Nesterov
-/// 1983): places that little is known of would creep after their neighbours. Coarser depths show no slope, but where
-/// colours agree best, some of them by chance.
-fn momentum(finest_rounds: u32) -> f32 {
-    finest_rounds as f32 / (finest_rounds as f32 + 3.0)
 }
 
 /// The moments, ready to be compared with a body.

@@ -10,7 +10,6 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 use super::pose::Pose;
-use crate::carve::Place;
 
 /// Particles that tell how a place moves. Derived: those of the 2x2x2 cells of the grid around it, which is what a
 /// simulated motion can vary by.
@@ -19,8 +18,6 @@ const NEIGHBOURS: usize = 16;
 /// The surface of the first moment, and how it hangs on the particles.
 pub(super) struct TrackedSurface {
     pub(super) mesh: TriangleMesh,
-    /// Its vertices.
-    pub(super) places: Vec<Place>,
     /// Vertices beside each vertex.
     pub(super) adjacent: Vec<Vec<usize>>,
     anchors: Anchors,
@@ -63,15 +60,13 @@ pub(super) struct MovedSurface {
 impl TrackedSurface {
     pub(super) fn new(mesh: TriangleMesh, body: &[DVec3], spacing: f64) -> TrackedSurface {
         let anchors = Anchors::new(&mesh.vertices, body, spacing);
-        let places = mesh.vertices.iter().zip(&mesh.normals).enumerate();
-        let places = places.map(|(voxel, (point, normal))| Place { voxel, point: *point, normal: *normal }).collect();
-        TrackedSurface { adjacent: adjacent(&mesh), places, anchors, mesh }
+        TrackedSurface { adjacent: adjacent(&mesh), anchors, mesh }
     }
 
     /// The surface in a moment with its particles at `positions` [m].
     pub(super) fn carried(&self, positions: &[DVec3]) -> CarriedSurface<'_> {
-        let moved = self.anchors.moved(positions).zip(&self.places);
-        let moved = moved.map(|((point, map), place)| (point, map * place.normal));
+        let moved = self.anchors.moved(positions).zip(&self.mesh.normals);
+        let moved = moved.map(|((point, map), normal)| (point, map * *normal));
         let (vertices, outward): (Vec<DVec3>, Vec<DVec3>) = moved.unzip();
         let centre = vertices.iter().sum::<DVec3>() / vertices.len().max(1) as f64;
         let deformation = deformation(&self.mesh.vertices, &vertices);
@@ -208,10 +203,10 @@ mod tests {
             let image = |p: DVec3| map * p + shift * DVec3::Y;
             let positions: Vec<DVec3> = body.iter().map(|p| image(*p)).collect();
             let moved = surface.carried(&positions).moved(&Pose::default());
-            for (i, place) in surface.places.iter().enumerate() {
-                prop_assert!(moved.mesh.vertices[i].distance(image(place.point)) < 2e-4);
+            for (i, (point, normal)) in surface.mesh.vertices.iter().zip(&surface.mesh.normals).enumerate() {
+                prop_assert!(moved.mesh.vertices[i].distance(image(*point)) < 2e-4);
                 prop_assert!((stretch - 1.0).abs() + shear.abs() > 1e-2 || moved.deformation[i] < 2e-3);
-                prop_assert!(moved.outward[i].distance(map * place.normal) < 0.02);
+                prop_assert!(moved.outward[i].distance(map * *normal) < 0.02);
             }
         }
     }

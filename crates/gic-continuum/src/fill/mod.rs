@@ -21,7 +21,6 @@ mod coarse_to_fine;
 mod filling;
 mod gaussians;
 mod internal;
-mod outlines;
 mod unseen;
 
 use gic_geometry::DensityField;
@@ -37,7 +36,6 @@ use crate::{ContinuumError, FillSettings, MaskedView, Symmetry};
 
 pub(crate) use self::coarse_to_fine::smooth;
 pub use self::filling::Filling;
-pub(crate) use self::outlines::{MARGIN_PX, SilhouetteWindow};
 
 /// Algorithm 1: the density field of one frame from its Gaussians and masks.
 pub fn fill(gaussians: &Gaussians, views: &[MaskedView], settings: &FillSettings) -> Result<Filling, ContinuumError> {
@@ -51,21 +49,8 @@ pub fn fill(gaussians: &Gaussians, views: &[MaskedView], settings: &FillSettings
 }
 
 /// What outlines alone leave of a body whose mirror planes they show: the mirror images of all views see it, too, and
-/// none of the Gaussians' depths count. The views may be of several moments, with cameras moved to where they would
-/// have seen the body in this one.
+/// none of the Gaussians' depths count.
 pub fn fill_outlines(
-    gaussians: &Gaussians,
-    views: &[MaskedView],
-    symmetry: &Symmetry,
-    settings: &FillSettings,
-) -> Result<Filling, ContinuumError> {
-    let mut filling = inside_outlines(gaussians, views, symmetry, settings)?;
-    filling.grow_by_outlines(views, symmetry);
-    Ok(filling)
-}
-
-/// The same before it is grown by what the errors of the outlines took away.
-pub(crate) fn inside_outlines(
     gaussians: &Gaussians,
     views: &[MaskedView],
     symmetry: &Symmetry,

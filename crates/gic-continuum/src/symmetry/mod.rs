@@ -16,7 +16,6 @@ mod planes;
 mod surface;
 
 pub(crate) use outline::Outline;
-pub(crate) use planes::Images;
 #[cfg(test)]
 pub(crate) use planes::direction;
 pub use {

@@ -116,19 +116,6 @@ impl Symmetry {
         orders[1..].iter().map(turn).collect()
     }
 
-    /// A camera that sees the body at rest as `camera` sees it where its planes are `later`; `None` where fewer than
-    /// three planes leave the body's motion open.
-    pub fn camera_at_rest(&self, later: &Symmetry, camera: &Camera) -> Option<Camera> {
-        let (here, there) = (self.centre()?, later.centre()?);
-        let axes = |s: &Symmetry| DMat3::from_cols(s.planes[0].normal, s.planes[1].normal, s.planes[2].normal);
-        let back = axes(self) * axes(later).transpose();
-        Some(Camera {
-            world_from_camera: back * camera.world_from_camera,
-            centre: here + back * (camera.centre - there),
-            ..camera.clone()
-        })
-    }
-
     /// The mirror images of a camera: to them, the body looks as it does to the camera. Their axes are left-handed
     /// where a single mirror made them.
     pub(crate) fn mirrored_cameras(&self, camera: &Camera) -> Vec<Camera> {

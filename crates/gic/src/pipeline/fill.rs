@@ -108,7 +108,7 @@ impl Run<'_> {
             drawing_scale: drawn.scale,
             mask_iou,
             mirror_planes: planes.to_vec(),
-            outline_frames: filler.outline_frames(),
+            is_by_outlines: filler.is_by_outlines(),
             frames,
         };
         Ok(atomic::write_json(&self.path("fill.json"), &summary)?)

@@ -5,7 +5,7 @@ use std::borrow::Cow;
 use gic_appearance::place_scan;
 use gic_continuum::MaskedView;
 use gic_motion::DynamicGaussians;
-use gic_scene::{Camera, Mask, Picture, Scene};
+use gic_scene::{Camera, Mask, Scene};
 use glam::DVec3;
 
 use super::Run;
@@ -40,11 +40,6 @@ impl<'a> FillInput<'a> {
     /// The masks of a frame, in the order of its views.
     pub(super) fn masks(&self, frame: usize) -> Result<Vec<Mask>> {
         self.scene.load_masks(self.scene.views_at(frame)).map_err(Error::stage("reading masks"))
-    }
-
-    /// Pictures and masks of a frame, in the order of its views.
-    pub(super) fn pictures(&self, frame: usize) -> Result<Vec<(Picture, Mask)>> {
-        self.scene.load_all(self.scene.views_at(frame)).map_err(Error::stage("reading pictures"))
     }
 
     /// Cameras and masks of a frame.

@@ -35,10 +35,10 @@ pub struct FillSummary {
     /// Mirror planes of the body at the first frame.
     #[serde(default)]
     pub mirror_planes: Vec<MirrorPlane>,
-    /// Frames whose outlines alone made the body of the first, because the surface showed none of the symmetry that
-    /// they show; 0 where the surface made it.
+    /// Whether outlines alone made the body of the first frame, because the surface shows less symmetry than they do:
+    /// then the surfaces of other frames are poorly known.
     #[serde(default)]
-    pub outline_frames: usize,
+    pub is_by_outlines: bool,
     /// Every frame.
     pub frames: Vec<FrameFilling>,
 }

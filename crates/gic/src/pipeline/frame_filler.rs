@@ -1,9 +1,8 @@
-//! The bodies of all frames, filled one after the other. [`ShapeFrom`] tells from what.
+//! The bodies of all frames, filled one after the other. [`ShapeFrom`] tells from what the first one is made.
 
-use gic_continuum::{Completion, FillSettings, Filling, MaskedView, ShapeFrom, Symmetry, fill};
+use gic_continuum::{Completion, FillSettings, Filling, MaskedView, ShapeFrom, Symmetry, fill, fill_outlines};
 
 use super::fill_input::FillInput;
-use super::rigid_frames::RigidFrames;
 use crate::error::{Error, Result};
 
 /// Fills frame by frame.
@@ -12,8 +11,8 @@ pub(super) struct FrameFiller {
     symmetric: bool,
     /// Planes found in the surface.
     completion: Completion,
-    /// What makes the shape; decided at the first frame.
-    shape: ShapeFrom<RigidFrames>,
+    /// What makes the body of the first frame.
+    shape: ShapeFrom,
 }
 
 impl FrameFiller {
@@ -29,9 +28,6 @@ impl FrameFiller {
         views: &[MaskedView],
         settings: &FillSettings,
     ) -> Result<Filling> {
-        if let Some(rigid) = self.rigid_frames().filter(|rigid| frame < rigid.frames()) {
-            return rigid.fill(input, frame, settings);
-        }
         let gaussians = input.gaussians.at(input.scene.times[frame]);
         let mut filling = fill(&gaussians, views, settings).map_err(Error::filling(frame))?;
         if !self.symmetric {
@@ -41,35 +37,38 @@ impl FrameFiller {
         if frame > 0 {
             return Ok(filling);
         }
-        let by_outlines = || RigidFrames::find(input, &settings.tuning.symmetry);
-        self.shape = ShapeFrom::decide(&filling, self.completion.first(), by_outlines)?;
-        self.rigid_frames().map_or(Ok(filling), |rigid| rigid.fill(input, frame, settings))
+        let by_outlines = || Symmetry::of_outlines(views, &settings.tuning.symmetry);
+        self.shape = ShapeFrom::decide(&filling, self.completion.first(), by_outlines);
+        self.outlines().map_or(Ok(filling), |symmetry| {
+            fill_outlines(&gaussians, views, symmetry, settings).map_err(Error::filling(frame))
+        })
     }
 
-    /// The frames whose outlines make the body, where outlines do.
-    fn rigid_frames(&self) -> Option<&RigidFrames> {
+    /// The symmetry whose mirrored outlines make the first body, where outlines do.
+    fn outlines(&self) -> Option<&Symmetry> {
         match &self.shape {
             ShapeFrom::Depths => None,
-            ShapeFrom::Outlines(rigid) => Some(rigid),
+            ShapeFrom::Outlines(symmetry) => Some(symmetry),
         }
     }
 
     /// The symmetry of the body in the first frame, where it has any.
     pub(super) fn symmetry(&self) -> Option<&Symmetry> {
-        self.rigid_frames().map(RigidFrames::symmetry).or(self.completion.first())
+        self.outlines().or(self.completion.first())
     }
 
-    /// Frames whose outlines alone made the body.
-    pub(super) fn outline_frames(&self) -> usize {
-        self.rigid_frames().map_or(0, RigidFrames::frames)
+    /// Whether outlines alone made the body of the first frame.
+    pub(super) fn is_by_outlines(&self) -> bool {
+        self.outlines().is_some()
     }
 
     /// The symmetry that was found and how it was used, in a sentence.
     pub(super) fn symmetry_summary(&self, symmetry: &Symmetry) -> String {
         let (planes, off) = (symmetry.planes.len(), 1e3 * symmetry.misfit());
-        let how = match self.outline_frames() {
-            0 => "completed by it".to_owned(),
-            frames => format!("made of {frames} frames' outlines by it, for its surface is poorly known"),
+        let how = if self.is_by_outlines() {
+            "made of mirrored outlines by it, for its surface is poorly known"
+        } else {
+            "completed by it"
         };
         format!("the body is its own mirror image in {planes} planes (to {off:.1} mm): {how}")
     }

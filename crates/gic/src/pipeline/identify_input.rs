@@ -80,10 +80,8 @@ impl Run<'_> {
                 cameras.len() - 1
             }
         };
-        // A scan has no surface in later frames, and where outlines made the body its surface is known only while they
-        // do.
-        let outlined = continuum.summary.outline_frames;
-        let surface = continuum.surfaces.get(frame).filter(|_| outlined == 0 || frame < outlined);
+        // A scan has no surface in later frames.
+        let surface = continuum.surfaces.get(frame).filter(|_| frame == 0 || !continuum.summary.is_by_outlines);
         let surface = surface.cloned().unwrap_or_default();
         Ok(vec![Observation {
             time_s: self.scene.times[frame],

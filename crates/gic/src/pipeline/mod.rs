@@ -22,7 +22,6 @@ mod reconstruct;
 mod refine;
 mod register;
 mod results;
-mod rigid_frames;
 mod scene;
 mod select;
 mod stamp;

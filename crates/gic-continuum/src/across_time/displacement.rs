@@ -1,40 +1,38 @@
 //! How far matter moves, as a field over the voxels of a body.
 
-use gic_geometry::DensityField;
+use gic_geometry::{DensityField, TriangleMesh};
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::place::Place;
-use super::solid::reach;
-use crate::tuning::CarvingTuning;
+use crate::tuning::AcrossTimeTuning;
 
 /// How far matter has moved to each voxel of a field [m], by component.
-pub(crate) struct Displacement([DensityField; 3]);
+pub(super) struct Displacement([DensityField; 3]);
 
 impl Displacement {
-    pub(crate) fn none(field: &DensityField) -> Displacement {
+    pub(super) fn none(field: &DensityField) -> Displacement {
         let none = || DensityField { values: vec![0.0; field.len()], ..*field };
         Displacement([none(), none(), none()])
     }
 
-    /// Of places that move `outward` along their normals, in a unit [m], spread over the voxels around them.
-    pub(crate) fn of(
+    /// Of a surface whose vertices move `outward` along their normals, in a unit [m], spread over the voxels around
+    /// them.
+    pub(super) fn of(
         field: &DensityField,
-        surface: &[Place],
+        surface: &TriangleMesh,
         outward: &[f64],
         unit: f64,
-        tuning: &CarvingTuning,
+        tuning: &AcrossTimeTuning,
     ) -> Displacement {
-        // The field's voxels are twice as large as those of the surface.
-        let deviation = 0.5 * tuning.smoothing_deviation;
+        let deviation = tuning.smoothing_deviation;
         let mut sums = vec![(0.0f64, DVec3::ZERO); field.len()];
-        for (place, distance) in surface.iter().zip(outward) {
-            let Some(own) = field.discretize(place.point) else { continue };
-            for i in field.within(own, reach(deviation).ceil() as usize) {
-                let off = (field.centre(field.voxel(i)) - place.point) / (deviation * field.spacing);
+        for ((point, normal), distance) in surface.vertices.iter().zip(&surface.normals).zip(outward) {
+            let Some(own) = field.discretize(*point) else { continue };
+            for i in field.within(own, tuning.reach().ceil() as usize) {
+                let off = (field.centre(field.voxel(i)) - *point) / (deviation * field.spacing);
                 let weight = (-0.5 * off.length_squared()).exp();
                 sums[i].0 += weight;
-                sums[i].1 += weight * distance * unit * place.normal;
+                sums[i].1 += weight * distance * unit * *normal;
             }
         }
         let mut displacement = Displacement::none(field);
@@ -55,7 +53,7 @@ impl Displacement {
     }
 
     /// This displacement, and then another one.
-    pub(crate) fn then(&self, later: &Displacement) -> Displacement {
+    pub(super) fn then(&self, later: &Displacement) -> Displacement {
         let mut both = Displacement::none(&self.0[0]);
         let whole = |i: usize| {
             let last = later.at_voxel(i);
@@ -70,7 +68,7 @@ impl Displacement {
     }
 
     /// This displacement, and a `share` of the one before.
-    pub(crate) fn after(mut self, before: &Displacement, share: f32) -> Displacement {
+    pub(super) fn after(mut self, before: &Displacement, share: f32) -> Displacement {
         for (axis, before) in self.0.iter_mut().zip(&before.0) {
             axis.values.iter_mut().zip(&before.values).for_each(|(w, before)| *w += share * before);
         }
@@ -78,7 +76,7 @@ impl Displacement {
     }
 
     /// The values of a field, carried along.
-    pub(crate) fn carry(&self, field: &DensityField) -> Vec<f32> {
+    pub(super) fn carry(&self, field: &DensityField) -> Vec<f32> {
         let value = |i: usize| {
             let moved = self.at_voxel(i);
             if moved == DVec3::ZERO {
@@ -93,40 +91,41 @@ impl Displacement {
 
 #[cfg(test)]
 mod tests {
-    use super::super::solid::Solid;
     use super::*;
+    use crate::Filling;
+
+    const MIDDLE: DVec3 = DVec3::splat(0.16);
 
     /// A ball of 20 voxels across whose density falls linearly over four voxels.
-    fn ball(centre: DVec3) -> DensityField {
-        let mut field = DensityField::covering(DVec3::ZERO, DVec3::splat(0.32), 0.01, 1).expect("a small field");
-        for i in 0..field.len() {
-            let depth = 0.1 - field.centre(field.voxel(i)).distance(centre);
-            field.values[i] = (0.5 + depth / 0.04).clamp(0.0, 1.0) as f32;
+    fn ball() -> Filling {
+        let mut ball = Filling::of_body((DVec3::ZERO, DVec3::splat(0.32)), 0.01, 0.02, |p| p.distance(MIDDLE) - 0.1)
+            .expect("a grid");
+        for i in 0..ball.field.len() {
+            let depth = 0.1 - ball.field.centre(ball.field.voxel(i)).distance(MIDDLE);
+            ball.field.values[i] = (0.5 + depth / 0.04).clamp(0.0, 1.0) as f32;
         }
-        field
+        ball
     }
 
     #[test]
     fn what_is_carried_twice_is_where_it_was_carried_to() {
-        let (field, middle) = (ball(DVec3::splat(0.16)), DVec3::splat(0.16));
-        let tuning = CarvingTuning::default();
-        let body = Solid::new(&field, 0.5);
-        let surface = body.surface(&tuning);
+        let (ball, tuning) = (ball(), AcrossTimeTuning::default());
+        let (field, surface) = (&ball.field, ball.surface_mesh());
         // Outward by three quarters of a voxel, then one way along x by half a voxel, from all places around.
-        let grow = Displacement::of(&field, &surface, &vec![1.0; surface.len()], 0.0075, &tuning);
-        let along: Vec<f64> = surface.iter().map(|place| place.normal.x).collect();
-        let all = Displacement::of(&field, &surface, &along, 0.005, &tuning);
-        let grown = DensityField { values: grow.carry(&field), ..field };
-        let both = DensityField { values: grow.then(&all).carry(&field), ..field };
+        let grow = Displacement::of(field, &surface, &vec![1.0; surface.vertices.len()], 0.0075, &tuning);
+        let along: Vec<f64> = surface.normals.iter().map(|normal| normal.x).collect();
+        let all = Displacement::of(field, &surface, &along, 0.005, &tuning);
+        let carried = |values: Vec<f32>| DensityField { values, ..*field };
+        let (grown, both) = (carried(grow.carry(field)), carried(grow.then(&all).carry(field)));
         for k in 0..60 {
             let direction = crate::symmetry::direction(k, 60);
             let reach = |field: &DensityField| {
                 let samples = (0..400).map(|i| 0.05 + 0.0003 * f64::from(i));
-                samples.take_while(|r| field.sample(middle + *r * direction) >= 0.5).last().expect("a middle")
+                samples.take_while(|r| field.sample(MIDDLE + *r * direction) >= 0.5).last().expect("a middle")
             };
             let (once, twice) = (reach(&grown), reach(&both));
             // A little less than asked: the normals around it differ.
-            assert!((once - reach(&field) - 0.0068).abs() < 1e-3, "{direction}: {once}");
+            assert!((once - reach(field) - 0.0068).abs() < 1e-3, "{direction}: {once}");
             // A way along the normal by the normal's own component moves the level by its square.
             let wanted = once + 0.005 * direction.x;
             assert!((twice - wanted).abs() < 1e-3, "{direction}: {twice} instead of {wanted}");
