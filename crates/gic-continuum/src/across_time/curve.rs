@@ -28,6 +28,9 @@ pub(super) const DEPTH_STEP: f64 = 0.5;
 /// Parts that a step between two depths is cut into, where the likelihood is summed. Budget.
 const PARTS: usize = 8;
 
+/// Rounds of expectation maximisation. Budget: each costs nothing.
+const MAXIMISATIONS: usize = 20;
+
 /// Depths at which the likelihood is summed.
 const FINER: usize = (DEPTHS - 1) * PARTS + 1;
 
@@ -102,7 +105,7 @@ impl Curve {
         let among = (found.variance.recip() - open.variance.recip()).max(0.0);
         let at = if among > 0.0 { found.mean / found.variance / among } else { 0.0 };
         // Each pulls by its probability, as in the expectation step of a mixture.
-        let probability = others.map_or(0.0, |others| others.deeper(self, mean));
+        let probability = others.map_or(0.0, |others| others.deeper(self));
         let (among, deeper) = ((1.0 - probability) * among, probability / Moments::DEEPER.variance);
         let weight = among + deeper;
         if weight > 0.0 { ((among * at + deeper * Moments::DEEPER.mean) / weight, weight) } else { (0.0, 0.0) }
@@ -149,35 +152,51 @@ impl Moments {
     }
 }
 
-/// How the least differences of a body's places are distributed: of most, one of the depths that are tried is right.
+/// How the least differences of a body's places are distributed.
 pub(super) struct LeastDifferences {
-    /// Mean of their logarithms, per degree of freedom.
+    /// Mean of their logarithms, per degree of freedom, where one of the depths that are tried is right.
     log_mean: f64,
     /// Standard deviation of these.
     log_deviation: f64,
+    /// Share of places where the surface lies deeper.
+    deeper_share: f64,
 }
 
 impl LeastDifferences {
-    /// By medians; `None` where nothing is seen, or nothing differs.
+    /// By medians, for of most places one of the depths is right, and the share by expectation maximisation; `None`
+    /// where nothing is seen, or nothing differs.
     pub(super) fn of(curves: &[Curve]) -> Option<LeastDifferences> {
         let logs: Vec<f64> = curves.iter().filter_map(Curve::log_least).collect();
         let log_mean = median(logs.clone())?;
         let log_deviation = robust_deviation(logs.iter().map(|log| (log - log_mean).abs()).collect())?;
-        (log_deviation > 0.0).then_some(LeastDifferences { log_mean, log_deviation })
+        let mut all = LeastDifferences { log_mean, log_deviation, deeper_share: 0.5 };
+        let odds: Vec<f64> = curves.iter().filter_map(|curve| Some(all.log_odds(curve)?.exp())).collect();
+        for _ in 0..MAXIMISATIONS {
+            let share = all.deeper_share;
+            let probability = |odds: &f64| share / (share + (1.0 - share) / odds);
+            all.deeper_share = odds.iter().map(probability).sum::<f64>() / odds.len() as f64;
+        }
+        (log_deviation > 0.0).then_some(all)
     }
 
-    /// How probable it is that the surface lies deeper than all depths at which colours differ by this `curve`, whose
-    /// mean is given: then its least is the texture's, as its mean is, and else what it is elsewhere. Both scatter
-    /// alike, and count by the share of texture: where there is none, the two are the same. What both explain as well
-    /// counts for the depths that are tried.
-    fn deeper(&self, curve: &Curve, mean: f64) -> f64 {
-        let Some(log_least) = curve.log_least() else { return 0.0 };
-        let log_mean = (mean / f64::from(curve.freedom)).ln();
+    /// By how much the surface is more probably deeper than all depths at which colours differ by this curve than a
+    /// place of which nothing is known: no more is 0, and certainty 1.
+    fn deeper(&self, curve: &Curve) -> f64 {
+        let Some(log_odds) = self.log_odds(curve) else { return 0.0 };
+        let probability = self.deeper_share / (self.deeper_share + (1.0 - self.deeper_share) * (-log_odds).exp());
+        ((probability - self.deeper_share) / (1.0 - self.deeper_share)).max(0.0)
+    }
+
+    /// Logarithm of the likelihood of a surface that lies deeper over that of one among the depths: there the least
+    /// difference is the texture's, as the mean is, and here what it is elsewhere. Both scatter alike, and count by the
+    /// share of texture: where there is none, the two are the same. `None` where nobody sees the place.
+    fn log_odds(&self, curve: &Curve) -> Option<f64> {
+        let (log_least, mean) = (curve.log_least()?, curve.squared.iter().sum::<f32>() / DEPTHS as f32);
+        let log_mean = f64::from(mean / curve.freedom).ln();
         let from_others = (log_least - self.log_mean).max(0.0) / self.log_deviation;
         let from_texture = (log_mean - log_least).max(0.0) / self.log_deviation;
         let texture = 1.0 - (log_least - log_mean).min(0.0).exp();
-        let log_odds = 0.5 * texture * (from_others.powi(2) - from_texture.powi(2));
-        1.0 - (-log_odds.max(0.0)).exp()
+        Some(0.5 * texture * (from_others.powi(2) - from_texture.powi(2)))
     }
 }
 
@@ -244,7 +263,7 @@ mod tests {
     /// is elsewhere, it lies there.
     #[test]
     fn what_agrees_nowhere_lies_deeper() {
-        let others = LeastDifferences { log_mean: 0.01f64.ln(), log_deviation: 0.7 };
+        let others = LeastDifferences { log_mean: 0.01f64.ln(), log_deviation: 0.7, deeper_share: 0.1 };
         let textured = Curve { squared: [9.0, 6.0, 8.0, 11.0, 7.0, 6.5, 12.0, 8.0, 9.5], freedom: 12.0 };
         let (at, weight) = textured.surface(Some(&others));
         assert!(at < outward(0.0) && weight > 1.0, "{at} {weight}");
