@@ -8,7 +8,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::coloured::{Coloured, Visibility};
-use super::curve::{AtDepths, Curve, DEPTH_STEP, LeastDifferences, SeenColours, depths};
+use super::curve::{AtDepths, Curve, DEPTH_STEP, SeenColours, deeper, depths};
 use super::tracked::TrackedSurface;
 use super::{Moment, MomentView, SeenMoment, robust_deviation};
 use crate::tuning::Tuning;
@@ -133,6 +133,6 @@ pub(super) fn wanted_by_colours(
     let curves: Vec<Curve> = (0..own.len()).into_par_iter().map(around).collect();
     // A motion that errs makes colours differ, too. At the finest depths what is left lies within their reach.
     let may_be_deeper = unit > half_voxel && moments.iter().all(|moment| moment.flies);
-    let others = may_be_deeper.then(|| LeastDifferences::of(&curves)).flatten();
-    curves.par_iter().map(|curve| curve.surface(others.as_ref())).collect()
+    let deeper = if may_be_deeper { deeper(&curves) } else { vec![0.0; curves.len()] };
+    curves.par_iter().zip(deeper).map(|(curve, deeper)| curve.surface(deeper)).collect()
 }

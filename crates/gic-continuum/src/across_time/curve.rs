@@ -9,7 +9,7 @@
 //! that is as high everywhere tells nothing, however noisy it is.
 //!
 //! The surface may also lie deeper than all depths that are tried, as in a notch that was taken for full. Then even the
-//! least of the differences is the texture's, and not what it is elsewhere on the body: [`LeastDifferences`].
+//! least of the differences is the texture's, and not what it is elsewhere on the body: [`deeper`].
 
 use glam::Vec3;
 
@@ -86,11 +86,11 @@ impl Curve {
     }
 
     /// Where the surface is [units outward], and the inverse variance of that [1/units^2]; nothing is known where that
-    /// is zero. Where `others` are given, it may lie deeper than the depths.
+    /// is zero. `probability` is that of a surface that lies deeper than the depths, by [`deeper`].
     ///
     /// It is the Gaussian that turns the moments of a depth that may be anywhere into those of the likelihood (a site
     /// of expectation propagation: Minka 2001).
-    pub(super) fn surface(&self, others: Option<&LeastDifferences>) -> (f64, f64) {
+    pub(super) fn surface(&self, probability: f64) -> (f64, f64) {
         let finer: [f64; FINER] = std::array::from_fn(|i| self.between(i as f64 / PARTS as f64));
         let least = finer.iter().copied().fold(f64::INFINITY, f64::min).max(0.0);
         let mean = finer.iter().sum::<f64>() / FINER as f64;
@@ -105,7 +105,6 @@ impl Curve {
         let among = (found.variance.recip() - open.variance.recip()).max(0.0);
         let at = if among > 0.0 { found.mean / found.variance / among } else { 0.0 };
         // Each pulls by its probability, as in the expectation step of a mixture.
-        let probability = others.map_or(0.0, |others| others.deeper(self));
         let (among, deeper) = ((1.0 - probability) * among, probability / Moments::DEEPER.variance);
         let weight = among + deeper;
         if weight > 0.0 { ((among * at + deeper * Moments::DEEPER.mean) / weight, weight) } else { (0.0, 0.0) }
@@ -152,39 +151,39 @@ impl Moments {
     }
 }
 
-/// How the least differences of a body's places are distributed.
-pub(super) struct LeastDifferences {
-    /// Mean of their logarithms, per degree of freedom, where one of the depths that are tried is right.
+/// How probable it is, for each of a body's places, that the surface lies deeper than all depths at which its colours
+/// differ by these curves, beyond the share of places where it does: no more than that is 0, and certainty 1.
+///
+/// How the least differences scatter is told by medians, for of most places one of the depths is right; the share by
+/// expectation maximisation.
+pub(super) fn deeper(curves: &[Curve]) -> Vec<f64> {
+    let Some(others) = LeastDifferences::of(curves) else { return vec![0.0; curves.len()] };
+    let inverse_odds: Vec<Option<f64>> = curves.iter().map(|curve| Some((-others.log_odds(curve)?).exp())).collect();
+    let probability = |share: f64, inverse_odds: f64| share / (share + (1.0 - share) * inverse_odds);
+    let mut share = 0.5;
+    for _ in 0..MAXIMISATIONS {
+        let seen = inverse_odds.iter().flatten();
+        share = seen.clone().map(|inverse| probability(share, *inverse)).sum::<f64>() / seen.count() as f64;
+    }
+    let beyond = |inverse| (probability(share, inverse) - share) / (1.0 - share);
+    inverse_odds.into_iter().map(|inverse| inverse.map_or(0.0, |inverse| beyond(inverse).max(0.0))).collect()
+}
+
+/// How the least differences of a body's places scatter where one of the depths is right.
+struct LeastDifferences {
+    /// Mean of their logarithms, per degree of freedom.
     log_mean: f64,
     /// Standard deviation of these.
     log_deviation: f64,
-    /// Share of places where the surface lies deeper.
-    deeper_share: f64,
 }
 
 impl LeastDifferences {
-    /// By medians, for of most places one of the depths is right, and the share by expectation maximisation; `None`
-    /// where nothing is seen, or nothing differs.
-    pub(super) fn of(curves: &[Curve]) -> Option<LeastDifferences> {
+    /// `None` where nothing is seen, or nothing differs.
+    fn of(curves: &[Curve]) -> Option<LeastDifferences> {
         let logs: Vec<f64> = curves.iter().filter_map(Curve::log_least).collect();
         let log_mean = median(logs.clone())?;
         let log_deviation = robust_deviation(logs.iter().map(|log| (log - log_mean).abs()).collect())?;
-        let mut all = LeastDifferences { log_mean, log_deviation, deeper_share: 0.5 };
-        let odds: Vec<f64> = curves.iter().filter_map(|curve| Some(all.log_odds(curve)?.exp())).collect();
-        for _ in 0..MAXIMISATIONS {
-            let share = all.deeper_share;
-            let probability = |odds: &f64| share / (share + (1.0 - share) / odds);
-            all.deeper_share = odds.iter().map(probability).sum::<f64>() / odds.len() as f64;
-        }
-        (log_deviation > 0.0).then_some(all)
-    }
-
-    /// By how much the surface is more probably deeper than all depths at which colours differ by this curve than a
-    /// place of which nothing is known: no more is 0, and certainty 1.
-    fn deeper(&self, curve: &Curve) -> f64 {
-        let Some(log_odds) = self.log_odds(curve) else { return 0.0 };
-        let probability = self.deeper_share / (self.deeper_share + (1.0 - self.deeper_share) * (-log_odds).exp());
-        ((probability - self.deeper_share) / (1.0 - self.deeper_share)).max(0.0)
+        (log_deviation > 0.0).then_some(LeastDifferences { log_mean, log_deviation })
     }
 
     /// Logarithm of the likelihood of a surface that lies deeper over that of one among the depths: there the least
@@ -214,11 +213,11 @@ mod tests {
     #[test]
     fn the_least_of_a_parabola_is_the_surface() {
         for at in [-1.3, -0.63, 0.0, 0.4, 1.2] {
-            let (found, weight) = parabola(at, 200.0, 3.0, 6.0).surface(None);
+            let (found, weight) = parabola(at, 200.0, 3.0, 6.0).surface(0.0);
             assert!((found - at).abs() < 0.01 && (weight / 200.0 - 1.0).abs() < 0.1, "{at}: {found} {weight}");
         }
         let (once, thrice) =
-            (parabola(0.4, 200.0, 6.0, 6.0).surface(None), parabola(0.4, 200.0, 18.0, 6.0).surface(None));
+            (parabola(0.4, 200.0, 6.0, 6.0).surface(0.0), parabola(0.4, 200.0, 18.0, 6.0).surface(0.0));
         assert!((once.0 - thrice.0).abs() < 0.01, "{once:?} {thrice:?}");
         assert!(
             (once.1 / thrice.1 - 3.0).abs() < 0.3,
@@ -229,15 +228,15 @@ mod tests {
     /// Beyond the last depth the surface is far away, and little is known of how far.
     #[test]
     fn a_slope_points_down() {
-        let (near, far) = (parabola(1.0, 20.0, 3.0, 6.0).surface(None), parabola(-4.0, 20.0, 3.0, 6.0).surface(None));
+        let (near, far) = (parabola(1.0, 20.0, 3.0, 6.0).surface(0.0), parabola(-4.0, 20.0, 3.0, 6.0).surface(0.0));
         assert!(far.0 < -1.8 && far.1 > 0.0 && near.0 > 0.9, "{near:?} {far:?}");
     }
 
     /// What differs as much at all depths, and what nobody sees.
     #[test]
     fn flat_curves_tell_nothing() {
-        assert_eq!(parabola(0.3, 0.0, 9.0, 6.0).surface(None), (0.0, 0.0));
-        assert_eq!(parabola(0.3, 9.0, 9.0, 0.0).surface(None), (0.0, 0.0));
+        assert_eq!(parabola(0.3, 0.0, 9.0, 6.0).surface(0.0), (0.0, 0.0));
+        assert_eq!(parabola(0.3, 9.0, 9.0, 0.0).surface(0.0), (0.0, 0.0));
     }
 
     /// Noise alone, of forty views of seven places: its lowest value is a minimum with a bend, but tells nothing.
@@ -253,22 +252,26 @@ mod tests {
         let mut view = || SeenColours { colours: std::array::from_fn(|_| colours()), variance: Vec3::ONE };
         let mut place = || Curve::of(&(0..40).map(|_| view()).collect::<Vec<_>>());
         let places: Vec<Curve> = (0..50).map(|_| Curve::mean((0..7).map(|_| place()))).collect();
-        let others = LeastDifferences::of(&places);
-        let pulls = places.iter().map(|place| place.surface(others.as_ref()).1);
-        let textured = parabola(0.0, 40.0, 117.0, 117.0).surface(None).1;
+        let pulls = places.iter().zip(deeper(&places)).map(|(place, deeper)| place.surface(deeper).1);
+        let textured = parabola(0.0, 40.0, 117.0, 117.0).surface(0.0).1;
         let largest = pulls.fold(0.0, f64::max);
         assert!(largest < 0.1 * textured, "{largest} of noise, {textured} of a texture");
     }
+
     /// Where colours differ at all depths as only a texture does, the surface lies deeper; where the least is what it
     /// is elsewhere, it lies there.
     #[test]
     fn what_agrees_nowhere_lies_deeper() {
-        let others = LeastDifferences { log_mean: 0.01f64.ln(), log_deviation: 0.7, deeper_share: 0.1 };
         let textured = Curve { squared: [9.0, 6.0, 8.0, 11.0, 7.0, 6.5, 12.0, 8.0, 9.5], freedom: 12.0 };
-        let (at, weight) = textured.surface(Some(&others));
+        // Least differences about .01 per degree of freedom, within a factor of two or so.
+        let right = |k: i32| parabola(0.4, 200.0, 0.12 * 2f64.powf(0.1 * f64::from(k)), 12.0);
+        let body: Vec<Curve> = std::iter::once(textured).chain((-5..=5).map(right)).collect();
+        let probabilities = deeper(&body);
+        let (at, weight) = textured.surface(probabilities[0]);
         assert!(at < outward(0.0) && weight > 1.0, "{at} {weight}");
-        let right = parabola(0.4, 200.0, 0.12, 12.0);
-        let (at, weight) = right.surface(Some(&others));
-        assert!((at - 0.4).abs() < 0.05 && weight > 50.0, "{at} {weight}");
+        for (curve, probability) in body.iter().zip(&probabilities).skip(1) {
+            let (at, weight) = curve.surface(*probability);
+            assert!((at - 0.4).abs() < 0.05 && weight > 50.0, "{at} {weight}");
+        }
     }
 }

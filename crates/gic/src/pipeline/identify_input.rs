@@ -80,7 +80,7 @@ impl Run<'_> {
                 cameras.len() - 1
             }
         };
-        // A scan has no surface in later frames.
+        // A scan has no surface in later frames, and where outlines made the first body those of later ones are poor.
         let surface = continuum.surfaces.get(frame).filter(|_| frame == 0 || !continuum.summary.is_by_outlines);
         let surface = surface.cloned().unwrap_or_default();
         Ok(vec![Observation {
