@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::coloured::{Coloured, Visibility};
 use super::curve::{AtDepths, Curve, DEPTH_STEP, SeenColours, deeper, depths};
 use super::tracked::TrackedSurface;
+use super::unit::Unit;
 use super::{Moment, MomentView, SeenMoment, robust_deviation};
 use crate::tuning::Tuning;
 
@@ -60,12 +61,12 @@ struct MomentColours<'a> {
 }
 
 impl<'a> MomentColours<'a> {
-    /// `error_px` is how far the moment's motion errs.
+    /// `error_px` is how far the moment's motion errs, `voxel_m` the side of the field's voxels.
     fn new(
         seen: &SeenMoment,
         (moment, pictures): (&'a Moment, &'a [ShadeFree]),
         error_px: f64,
-        half_voxel: f64,
+        voxel_m: f64,
         tuning: &Tuning,
     ) -> Self {
         let mesh = &seen.surface.mesh;
@@ -75,7 +76,7 @@ impl<'a> MomentColours<'a> {
             Coloured::new(view, &picture.picture, (error_px, noise), tuning)
         };
         let views: Vec<Coloured> = moment.views.iter().zip(pictures).map(coloured).collect();
-        let depths = views.iter().map(|view| view.depths(&mesh.vertices, 2.0 * half_voxel)).collect();
+        let depths = views.iter().map(|view| view.depths(&mesh.vertices, voxel_m)).collect();
         let places = mesh.vertices.iter().copied().zip(mesh.normals.iter().copied()).collect();
         let stretch = seen.surface.outward.iter().zip(&mesh.normals).map(|(out, normal)| out.dot(*normal)).collect();
         let inflation = seen.surface.deformation.iter().map(|deformation| {
@@ -101,26 +102,25 @@ impl<'a> MomentColours<'a> {
     }
 }
 
-/// How far outward each place wants to be by its colours, and with which weight, in `unit` [m]; the field's voxels are
-/// twice `half_voxel` [m].
+/// How far outward each place wants to be by its colours, and with which weight, in units.
 pub(super) fn wanted_by_colours(
     surface: &TrackedSurface,
     seen: &[SeenMoment],
     moments: &[Moment],
     pictures: &[Vec<ShadeFree>],
-    (unit, half_voxel, tuning): (f64, f64, &Tuning),
+    (unit, tuning): (&Unit, &Tuning),
 ) -> Vec<(f64, f64)> {
     let colours: Vec<MomentColours> = (seen.par_iter().zip(moments).zip(pictures))
         .map(|((seen, moment), pictures)| {
             // The surface may lie between two depths, half a step from either.
-            let error_px = seen.motion_error.hypot(0.5 * DEPTH_STEP * unit) / seen.pixel;
-            MomentColours::new(seen, (moment, pictures), error_px, half_voxel, tuning)
+            let error_px = seen.motion_error.hypot(0.5 * DEPTH_STEP * unit.m) / seen.pixel;
+            MomentColours::new(seen, (moment, pictures), error_px, unit.voxel_m(), tuning)
         })
         .collect();
-    let depths = depths(unit);
+    let depths = depths(unit.m);
     // What lies no deeper than places share in a move is seen as well as what is nearest.
     let visibility =
-        Visibility { depth: 2.0 * half_voxel * tuning.across_time.reach(), least_cosine: tuning.facing_cosine };
+        Visibility { depth: unit.voxel_m() * tuning.across_time.reach(), least_cosine: tuning.facing_cosine };
     let own = |vertex: usize| -> Curve {
         let all = colours.iter().flat_map(|moment| moment.of(vertex, &depths, &visibility));
         Curve::of(&all.collect::<Vec<SeenColours>>())
@@ -132,7 +132,7 @@ pub(super) fn wanted_by_colours(
     };
     let curves: Vec<Curve> = (0..own.len()).into_par_iter().map(around).collect();
     // A motion that errs makes colours differ, too. At the finest depths what is left lies within their reach.
-    let may_be_deeper = unit > half_voxel && moments.iter().all(|moment| moment.flies);
+    let may_be_deeper = !unit.is_finest() && moments.iter().all(|moment| moment.flies);
     let deeper = if may_be_deeper { deeper(&curves) } else { vec![0.0; curves.len()] };
     curves.par_iter().zip(deeper).map(|(curve, deeper)| curve.surface(deeper)).collect()
 }

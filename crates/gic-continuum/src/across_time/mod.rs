@@ -147,7 +147,7 @@ impl Filling {
                 return None;
             }
             let Some((surface, seen, gap_after_m)) = observed.look_at(self, &mut poses, false) else { break };
-            let wanted = observed.wanted(&surface, &seen, symmetry, (unit.m, 0.5 * first.spacing));
+            let wanted = observed.wanted(&surface, &seen, symmetry, &unit);
             pose::follow(&mut poses, moments, &seen);
             least_gap_m = gap_after_m.min(least_gap_m);
             let outline_error_m = OUTLINE_ERROR_PX * median(seen.iter().map(|seen| seen.pixel).collect())?;
@@ -231,19 +231,17 @@ impl<'a> Observed<'a> {
         Some((surface, seen, gap_m))
     }
 
-    /// How far outward each place of a surface wants to be, and with which weight, in `unit` [m]; the field's voxels
-    /// are twice `half_voxel` [m].
+    /// How far outward each place of a surface wants to be, and with which weight, in units.
     fn wanted(
         &self,
         surface: &TrackedSurface,
         seen: &[SeenMoment],
         symmetry: &Symmetry,
-        (unit, half_voxel): (f64, f64),
+        unit: &Unit,
     ) -> Vec<(f64, f64)> {
-        let scale = (unit, half_voxel, self.tuning);
-        let mut wanted = wanted_by_colours(surface, seen, self.moments, &self.pictures, scale);
-        wanted_by_outlines(&mut wanted, seen, (unit, &self.tuning.across_time));
-        share_with_images(&mut wanted, &surface.mesh.vertices, symmetry, 2.0 * half_voxel);
+        let mut wanted = wanted_by_colours(surface, seen, self.moments, &self.pictures, (unit, self.tuning));
+        wanted_by_outlines(&mut wanted, seen, (unit.m, &self.tuning.across_time));
+        share_with_images(&mut wanted, &surface.mesh.vertices, symmetry, unit.voxel_m());
         wanted
     }
 }

@@ -30,6 +30,11 @@ impl Unit {
         self.m <= self.finest_m
     }
 
+    /// Side of the field's voxels [m].
+    pub(super) fn voxel_m(&self) -> f64 {
+        2.0 * self.finest_m
+    }
+
     /// The finest unit over this one.
     pub(super) fn fineness(&self) -> f64 {
         self.finest_m / self.m
