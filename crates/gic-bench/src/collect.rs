@@ -9,30 +9,13 @@ use serde::Serialize;
 use crate::error::Result;
 use crate::evaluation::Evaluation;
 use crate::others::{OtherResult, read_others};
+use crate::outcome::TaskOutcome;
 use crate::page;
 use crate::plan::{Plan, Task};
-use crate::record::{Cost, Outcome, outcome};
+use crate::record::Cost;
 use crate::states::{self, SceneColumn, StateRow};
 use crate::tables::{Coverage, ParameterRow, parameter_rows};
 use crate::text::{csv, markdown, table_text};
-
-/// What became of a task.
-#[derive(Serialize)]
-pub(crate) struct TaskOutcome<'a> {
-    #[serde(skip)]
-    pub(crate) task: &'a Task,
-    scene: &'a str,
-    #[serde(skip_serializing_if = "str::is_empty")]
-    case: &'a str,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    seed: Option<u64>,
-    /// The evaluation, or why there is none.
-    #[serde(flatten)]
-    pub(crate) result: std::result::Result<Evaluation, String>,
-    /// Times and places do not belong to results.
-    #[serde(skip)]
-    pub(crate) cost: Option<Cost>,
-}
 
 /// The content of `results.json`.
 #[derive(Serialize)]
@@ -73,7 +56,7 @@ pub fn collect(out: &Path, others: &[PathBuf]) -> Result<Collected> {
     let plan = Plan::read(out)?;
     let mut outcomes = Vec::new();
     for task in &plan.tasks {
-        outcomes.push(task_outcome(task, out)?);
+        outcomes.push(TaskOutcome::read(task, out)?);
     }
     let others = read_others(&plan, others)?;
     let runs: Vec<(&Task, &Evaluation)> =
@@ -100,15 +83,6 @@ pub fn collect(out: &Path, others: &[PathBuf]) -> Result<Collected> {
         failures: outcomes.iter().filter_map(failed).collect(),
         tasks: outcomes.len(),
     })
-}
-
-fn task_outcome<'a>(task: &'a Task, out: &Path) -> Result<TaskOutcome<'a>> {
-    let (outcome, cost) = outcome(task, out)?;
-    let result = match outcome {
-        Outcome::Evaluation(evaluation) => Ok(evaluation),
-        Outcome::Failure(reason) => Err(reason),
-    };
-    Ok(TaskOutcome { task, scene: &task.scene, case: &task.case, seed: task.seed, result, cost })
 }
 
 fn column<'a>(label: &'a str, outcome: &'a TaskOutcome) -> SceneColumn<'a> {

@@ -10,6 +10,7 @@ mod error;
 mod evaluation;
 pub mod forecast;
 pub mod others;
+mod outcome;
 mod page;
 mod paper;
 pub mod plan;

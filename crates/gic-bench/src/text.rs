@@ -1,6 +1,6 @@
 //! The tables of a suite as Markdown, as CSV and for a terminal.
 
-use crate::collect::TaskOutcome;
+use crate::outcome::TaskOutcome;
 use crate::tables::{Coverage, ParameterRow};
 
 /// Columns that some tables do not need.

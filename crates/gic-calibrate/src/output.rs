@@ -6,10 +6,11 @@ use gic_twin::atomic;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use crate::calibrate::{BoardOn, CalibrateRequest, Motion, Solution};
 use crate::error::{CalibrateError, Result};
 use crate::lens::Lens;
+use crate::request::{BoardOn, CalibrateRequest, Motion};
 use crate::sightings::Sightings;
+use crate::solution::Solution;
 use crate::tuning::HIGH_RMS_PX;
 
 /// The schema of files with cameras.

@@ -7,11 +7,12 @@ use gic_film::FilmError;
 use gic_scene::Picture;
 use gic_twin::atomic;
 
-use crate::calibrate::{CalibrateRequest, Solution};
 use crate::error::Result;
 use crate::grey::Grey;
 use crate::output::{Calibrated, CalibratedCamera, file_name};
+use crate::request::CalibrateRequest;
 use crate::sightings::Sightings;
+use crate::solution::Solution;
 use crate::tuning::{ARROW_TIMES, DRAWING_WIDTH_PX};
 
 const TAG: [f32; 3] = [0.1, 0.8, 0.3];

@@ -6,10 +6,10 @@ use rayon::prelude::*;
 
 use crate::align::{align, shifted};
 use crate::board::Board;
-use crate::calibrate::{CalibrateRequest, Motion};
 use crate::detect::{Sighting, find_tags, other_family};
 use crate::error::{CalibrateError, Result};
 use crate::grey::Grey;
+use crate::request::{CalibrateRequest, Motion};
 use crate::rig::{Rig, View};
 use crate::tuning::{MOVING_MOMENTS, STILL_FRAMES, STILL_SHIFT_PX};
 

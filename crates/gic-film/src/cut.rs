@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::error::{FilmError, Result};
 use crate::film::Film;
 use crate::frames::Selection;
-use crate::import::ImportRequest;
+use crate::request::ImportRequest;
 use crate::tuning::SIMULTANEOUS_SHARE;
 
 /// A frame of a film in the scene.

@@ -22,60 +22,11 @@ use crate::cameras::KnownCameras;
 use crate::cut::Cut;
 use crate::error::{FilmError, Result};
 use crate::film::{Film, open_films};
+use crate::imported::{Imported, ImportedCamera};
+use crate::request::ImportRequest;
 use crate::scene_file::SceneFile;
 use crate::sheet::labelled;
 use crate::tuning::SHEET_COLUMNS;
-
-/// What to import.
-#[derive(Clone, Debug)]
-pub struct ImportRequest {
-    /// Films, or a folder of them; empty to give cameras to a scene that was imported before.
-    pub films: Vec<PathBuf>,
-    /// The scene's folder.
-    pub scene: PathBuf,
-    /// Where the cut begins [s], on the clock of the first film; by default where all films have begun.
-    pub start_s: Option<f64>,
-    /// Number of frames; by default all.
-    pub frames: Option<usize>,
-    /// Take every so many-th frame.
-    pub every: usize,
-    /// Frames per second of numbered pictures.
-    pub frame_rate_hz: Option<f64>,
-    /// Cameras: a file of `gic calibrate`, a `transforms.json`, or a scene.
-    pub calibration: Option<PathBuf>,
-    /// How to find the common clock.
-    pub align: Align,
-}
-
-/// What was imported.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Imported {
-    /// The cameras, in the order of the films.
-    pub cameras: Vec<ImportedCamera>,
-    /// By what the films were aligned.
-    pub aligned_by: Align,
-    /// Number of frames.
-    pub frames: usize,
-    /// Whether the cameras' places are known.
-    pub is_calibrated: bool,
-}
-
-/// A camera of an import.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct ImportedCamera {
-    /// Its name.
-    pub name: String,
-    /// Width and height [pixels].
-    pub size_px: [usize; 2],
-    /// Mean frames per second of the film.
-    pub frame_rate_hz: Option<f64>,
-    /// When the film begins on the clock of the first one [s].
-    pub offset_s: f64,
-    /// Pixels of the empty scene that no frame shows, filled from around; `None` where the picture was there already.
-    pub never_free_px: Option<usize>,
-    /// Pixels of resting objects and shadows that were taken out of it.
-    pub taken_out_px: Option<usize>,
-}
 
 /// What a folder was made from.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]

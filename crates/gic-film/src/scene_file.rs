@@ -9,7 +9,7 @@ use crate::cameras::{CAMERA_KEYS, KnownCameras};
 use crate::cut::Cut;
 use crate::error::{FilmError, Result};
 use crate::film::Film;
-use crate::import::Imported;
+use crate::imported::Imported;
 
 /// The list of pictures, with their times and cameras.
 pub(crate) struct SceneFile {

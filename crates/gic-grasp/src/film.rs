@@ -9,8 +9,8 @@ use glam::DVec3;
 
 use super::gripper_frame::GripperFrame;
 use super::pad_simulation::{GraspFrame, PadPose, Pads};
+use super::percentile::percentile;
 use super::report::GraspReport;
-use super::squeeze::percentile;
 use crate::error::{GraspError, Result};
 
 /// Particles whose outward normal is shorter lie so deep that no picture shows them.

@@ -14,6 +14,7 @@ mod gripper_frame;
 mod lift;
 mod pad_grid;
 mod pad_simulation;
+mod percentile;
 mod report;
 mod request;
 mod squeeze;

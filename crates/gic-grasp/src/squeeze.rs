@@ -8,6 +8,7 @@ use crate::contact::contact_patches;
 use crate::error::{GraspError, Result};
 use crate::grasp::Grasp;
 use crate::pad_simulation::{GraspFrame, GraspState, PadPose};
+use crate::percentile::percentile;
 use crate::report::Squeeze;
 
 /// Frames over which forces are averaged.
@@ -113,11 +114,4 @@ fn is_steady(forces: &[[f64; 2]]) -> bool {
         let (now, before) = (mean(forces.len(), side), mean(forces.len() - AVERAGING_FRAMES, side));
         (now - before).abs() <= STEADY_RELATIVE_CHANGE * now.abs()
     })
-}
-
-/// The value that a share of the values does not exceed; 0 of none.
-pub(crate) fn percentile(values: &[f32], share: f64) -> f64 {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f32::total_cmp);
-    sorted.get((share * sorted.len().saturating_sub(1) as f64) as usize).copied().map_or(0.0, f64::from)
 }

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use crate::MaterialError;
-use crate::forecast::{Budget, Forecast};
+use crate::budget::{Budget, Forecast};
 use crate::options::Precision;
 
 /// Why a simulation could not be set up or continued.

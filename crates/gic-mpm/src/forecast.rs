@@ -3,6 +3,7 @@
 use glam::DVec3;
 
 use crate::World;
+use crate::budget::{Budget, Forecast};
 use crate::error::SimulationError;
 use crate::rollouts::timestep_bound::planned_substeps;
 use crate::substep::prepared_world::MAX_GRID_NODES;
@@ -19,37 +20,6 @@ const LEAST_PARTICLES: f64 = 100.0;
 const BYTES_PER_PARTICLE: f64 = 600.0;
 /// Bytes for each node: the grid and the slabs that threads scatter into.
 const BYTES_PER_NODE: f64 = 64.0;
-
-/// What a simulation may take at most.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Budget {
-    /// Memory [bytes].
-    pub memory_bytes: f64,
-    /// Time [s], as a [`Forecast`] estimates it.
-    pub seconds: f64,
-}
-
-impl Default for Budget {
-    /// 16 GiB and a day.
-    fn default() -> Self {
-        Self { memory_bytes: (1u64 << 34) as f64, seconds: 86_400.0 }
-    }
-}
-
-/// What a simulation will take, from the world at its start.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Forecast {
-    /// Particles.
-    pub particles: usize,
-    /// Frames, the initial state included.
-    pub frames: usize,
-    /// Substeps of the first frame.
-    pub substeps_per_frame: usize,
-    /// Memory [bytes], to a factor of about two.
-    pub memory_bytes: f64,
-    /// Time on one core [s], to a factor of about three; what happens on the way can change it.
-    pub seconds: f64,
-}
 
 impl Forecast {
     /// Of `frames` frames of a world, the initial state included.

@@ -9,6 +9,7 @@
 //! | `rollouts` | frames from substeps; gradients of rollouts, and their check |
 //! | `math` | 3x3 matrices and their eigenvectors over any number |
 
+mod budget;
 mod colliders;
 mod doubt;
 mod error;
@@ -21,13 +22,13 @@ mod substep;
 mod validate;
 mod world;
 
+pub use budget::{Budget, Forecast};
 pub use colliders::collider::Collider;
 pub use colliders::contact::Contact;
 pub use colliders::path::ColliderPath;
 pub use colliders::shape::Primitive;
 pub use doubt::Doubt;
 pub use error::{LossGradientError, SimulationError, StateMismatch};
-pub use forecast::{Budget, Forecast};
 pub use gic_simd::Level;
 pub use laws::kind::MaterialKind;
 pub use laws::law::Rules;
@@ -35,9 +36,9 @@ pub use laws::material::{Material, MaterialError};
 pub use options::{Options, Precision};
 pub use rollouts::frame::{ContactForce, Deformation, Frame};
 pub use rollouts::gradcheck::{GRADCHECK_TOLERANCE, GradcheckRow, gradcheck, gradcheck_materials, gradcheck_world};
-pub use rollouts::gradient::{BodyGradient, FrameAdjoint, Gradient, gradient};
+pub use rollouts::gradient::{BodyGradient, FrameAdjoint, Gradient};
 pub use rollouts::jacobian::{Tangent, jacobian};
-pub use rollouts::recording::Recording;
+pub use rollouts::recording::{Recording, gradient};
 pub use rollouts::simulator::{Simulator, rollout};
 pub use rollouts::snapshot::Snapshot;
 pub use rollouts::unknown::Unknown;

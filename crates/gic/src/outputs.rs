@@ -5,7 +5,7 @@ use std::path::{Component, Path, PathBuf};
 use gic_files::resolved;
 
 use crate::error::{Error, Result};
-use crate::pipeline::{Stage, is_result_name};
+use crate::pipeline::stage::{Stage, is_result_name};
 
 /// What of a run folder its stages and commands keep in it, besides the outputs of the stages.
 const KEPT_IN_RUNS: [&str; 7] =

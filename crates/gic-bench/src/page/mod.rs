@@ -11,9 +11,9 @@ use gic_view::template::{self, Template};
 use image::ImageFormat;
 use serde::Serialize;
 
-use crate::collect::TaskOutcome;
 use crate::error::Result;
 use crate::evaluation::{Evaluation, ParameterError};
+use crate::outcome::TaskOutcome;
 use crate::tables::{Coverage, ParameterRow, error_over_half_width, median};
 use crate::text::coverage_text;
 

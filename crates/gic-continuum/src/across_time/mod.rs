@@ -6,7 +6,7 @@
 //! moments is taken away first. Then, round by round:
 //!
 //! 1. [`tracked`] carries the surface through the motion, each place with the affine map of the particles around it.
-//! 2. [`pose`] lays the body of each moment after the flight into its outlines, for its turn is what errs most.
+//! 2. [`pose_fit`] lays the body of each moment after the flight into its outlines, for its turn is what errs most.
 //! 3. [`contour`] finds the places that make the silhouettes' edges: the mask tells how far each lies off.
 //! 4. [`colours`] tries each place at several depths: at the right one, all moments see the same colour there. What the
 //!    [`curve`] of their differences says of the depth is its weight.
@@ -31,6 +31,7 @@ mod curve;
 mod displacement;
 mod hull;
 mod pose;
+mod pose_fit;
 mod share;
 mod silhouette;
 #[cfg(test)]
@@ -148,7 +149,7 @@ impl Filling {
             }
             let Some((surface, seen, gap_after_m)) = observed.look_at(self, &mut poses, false) else { break };
             let wanted = observed.wanted(&surface, &seen, symmetry, &unit);
-            pose::follow(&mut poses, moments, &seen);
+            pose_fit::follow(&mut poses, moments, &seen);
             least_gap_m = gap_after_m.min(least_gap_m);
             let outline_error_m = OUTLINE_ERROR_PX * median(seen.iter().map(|seen| seen.pixel).collect())?;
             if gap_after_m <= least_gap_m.hypot(outline_error_m) {
@@ -221,7 +222,7 @@ impl<'a> Observed<'a> {
         let carried: Vec<CarriedSurface> =
             self.moments.par_iter().map(|moment| surface.carried(&moment.positions)).collect();
         if is_first {
-            pose::first(poses, &carried, self.moments, &self.outlines);
+            pose_fit::first(poses, &carried, self.moments, &self.outlines);
         }
         let all = carried.par_iter().zip(poses).zip(&self.outlines);
         let mut seen: Vec<SeenMoment> =

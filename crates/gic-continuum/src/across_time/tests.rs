@@ -253,7 +253,7 @@ fn poses_undo_what_the_motion_errs() {
     let surface = TrackedSurface::new(body.surface_mesh(), &particles, SPACING);
     let mut poses = vec![Pose::default(); moments.len()];
     let carried: Vec<CarriedSurface> = moments.iter().map(|moment| surface.carried(&moment.positions)).collect();
-    pose::first(&mut poses, &carried, &moments, &outlines);
+    pose_fit::first(&mut poses, &carried, &moments, &outlines);
     for (k, pose) in poses.iter().enumerate() {
         let behind = DMat3::from_quat(DQuat::from_axis_angle(DVec3::new(0.0, 0.8, 0.6), -0.05 * k as f64));
         let left = DQuat::from_mat3(&(pose.turn * behind)).to_scaled_axis().length();

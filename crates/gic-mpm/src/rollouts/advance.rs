@@ -2,7 +2,8 @@
 
 use super::frame::{Frame, report};
 use super::invariants::{self, Momentum};
-use super::timestep_bound::{Timing, more_substeps, substeps_of_frame};
+use super::timestep_bound::{more_substeps, substeps_of_frame};
+use super::timing::Timing;
 use crate::error::SimulationError;
 use crate::substep::engine::{Engine, Segment};
 use crate::substep::grid_update::Impulse;

@@ -2,7 +2,8 @@
 
 use glam::{DQuat, DVec3};
 
-use super::gradient::{BodyGradient, FrameAdjoint, gradient};
+use super::gradient::{BodyGradient, FrameAdjoint};
+use super::recording::gradient;
 use super::simulator::rollout;
 use super::unknown::Unknown;
 use crate::error::SimulationError;

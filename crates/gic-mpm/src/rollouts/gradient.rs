@@ -3,13 +3,8 @@
 use gic_simd::Scalar;
 use glam::DVec3;
 
-use super::frame::Frame;
-use super::recording::Recording;
-use crate::World;
 use crate::colliders::grid_frame::GridFrame;
-use crate::error::SimulationError;
 use crate::laws::law::Coefficients;
-use crate::options::Options;
 use crate::substep::engine::BodyBars;
 use crate::substep::prepared_world::PreparedBody;
 use crate::substep::state::{State, double};
@@ -68,24 +63,6 @@ impl BodyGradient {
 pub struct Gradient {
     /// One per body.
     pub bodies: Vec<BodyGradient>,
-}
-
-/// Simulates `frames` frames (frame 0 included) and differentiates a loss.
-///
-/// `loss` is called once per frame in ascending order and returns the derivative of the loss with respect to that
-/// frame; a loss on positions alone may return an `Option` of their derivative [per m], shape [n].
-///
-/// # Errors
-/// As [`Recording::new`] and [`Recording::gradient`].
-pub fn gradient<A: Into<FrameAdjoint>>(
-    world: &World,
-    options: &Options,
-    frames: usize,
-    mut loss: impl FnMut(&Frame) -> A,
-) -> Result<Gradient, SimulationError> {
-    let mut adjoints = Vec::with_capacity(frames);
-    let recording = Recording::new(world, options, frames, &mut |frame| adjoints.push(loss(&frame).into()))?;
-    recording.gradient(&adjoints)
 }
 
 /// From the adjoint of the initial state to the derivatives with respect to what a body starts with.

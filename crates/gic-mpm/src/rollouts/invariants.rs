@@ -5,7 +5,7 @@
 use gic_simd::Scalar;
 use glam::DVec3;
 
-use super::timestep_bound::Timing;
+use super::timing::Timing;
 use crate::error::SimulationError;
 use crate::substep::grid_update::Impulse;
 use crate::substep::prepared_world::PreparedWorld;

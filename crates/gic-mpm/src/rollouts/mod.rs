@@ -11,5 +11,6 @@ pub(crate) mod recording;
 pub(crate) mod simulator;
 pub(crate) mod snapshot;
 pub(crate) mod timestep_bound;
+mod timing;
 pub(crate) mod unknown;
 mod wall_speed;

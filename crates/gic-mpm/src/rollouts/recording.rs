@@ -12,7 +12,7 @@ use super::advance::Rollout;
 use super::checkpoints::Checkpoints;
 use super::frame::Frame;
 use super::gradient::{FrameAdjoint, Gradient, body_gradient};
-use super::timestep_bound::Timing;
+use super::timing::Timing;
 use crate::colliders::grid_frame::GridFrame;
 use crate::error::{LossGradientError, SimulationError};
 use crate::options::Options;
@@ -53,6 +53,24 @@ impl Recording {
     pub fn gradient(&self, adjoints: &[FrameAdjoint]) -> Result<Gradient, SimulationError> {
         self.0.gradient(adjoints)
     }
+}
+
+/// Simulates `frames` frames (frame 0 included) and differentiates a loss.
+///
+/// `loss` is called once per frame in ascending order and returns the derivative of the loss with respect to that
+/// frame; a loss on positions alone may return an `Option` of their derivative [per m], shape [n].
+///
+/// # Errors
+/// As [`Recording::new`] and [`Recording::gradient`].
+pub fn gradient<A: Into<FrameAdjoint>>(
+    world: &World,
+    options: &Options,
+    frames: usize,
+    mut loss: impl FnMut(&Frame) -> A,
+) -> Result<Gradient, SimulationError> {
+    let mut adjoints = Vec::with_capacity(frames);
+    let recording = Recording::new(world, options, frames, &mut |frame| adjoints.push(loss(&frame).into()))?;
+    recording.gradient(&adjoints)
 }
 
 /// A recording whose engine is hidden.

@@ -3,7 +3,7 @@
 use super::advance::{Advanced, Rollout};
 use super::frame::{Deformation, Frame, deformation};
 use super::snapshot::Snapshot;
-use super::timestep_bound::Timing;
+use super::timing::Timing;
 use crate::error::{SimulationError, StateMismatch};
 use crate::options::{Options, Precision};
 use crate::substep::engine::Engine;

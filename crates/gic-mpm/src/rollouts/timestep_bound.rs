@@ -13,6 +13,7 @@
 
 use gic_simd::Scalar;
 
+use super::timing::Timing;
 use super::wall_speed::fastest_wall;
 use crate::error::SimulationError;
 use crate::substep::prepared_world::{PreparedBody, PreparedWorld};
@@ -24,18 +25,6 @@ use crate::{Rules, Stepping, World};
 pub(crate) const MAX_SUBSTEPS: usize = 200_000;
 /// A frame is redone with at most this many times the planned substeps: if that does not help, the cause is another.
 const MAX_REFINEMENT: usize = 64;
-/// What of the world the frames need beside its bodies.
-#[derive(Clone, Copy)]
-pub(crate) struct Timing {
-    pub(super) frame_seconds: f64,
-    pub(super) stepping: Stepping,
-}
-
-impl Timing {
-    pub(crate) fn of(world: &World) -> Self {
-        Self { frame_seconds: 1.0 / world.frame_rate_hz, stepping: world.stepping }
-    }
-}
 
 /// Substeps of frame `frame`, which begins with `state`, the more of those wanted and those that stability asks for.
 ///

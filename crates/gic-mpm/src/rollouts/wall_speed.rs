@@ -3,7 +3,7 @@
 use gic_simd::Scalar;
 use glam::DVec3;
 
-use super::timestep_bound::Timing;
+use super::timing::Timing;
 use crate::Collider;
 use crate::substep::prepared_world::PreparedWorld;
 use crate::substep::state::State;

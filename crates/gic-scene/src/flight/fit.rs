@@ -6,10 +6,11 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::FreeFlight;
-use super::outline::{Cone, Outline};
+use super::moment::{FlightView, Moment};
+use super::outline::Cone;
 use super::tangency::tangency;
 use super::unknowns::{Sought, Unknowns, VELOCITIES};
-use crate::{Camera, Hull, HullSettings, HullView, Mask};
+use crate::{Hull, HullSettings, HullView};
 
 /// Outlines of another frame may be so many times further from common tangents than those of one frame are, whose
 /// misses no motion explains. Fitted on: five bodies, three cameras, with 1.2 at most in flight and 1.8 and more in the
@@ -35,34 +36,6 @@ pub struct Seek {
     pub delays: bool,
     /// Errors of their calibration.
     pub errors: bool,
-}
-
-/// What a camera shows of the body in a frame.
-#[derive(Clone, Debug)]
-pub struct FlightView {
-    /// Index of the camera.
-    pub index: usize,
-    /// The camera.
-    pub camera: Camera,
-    /// By how much its picture is known to be later than the frame's time [s].
-    pub lag_s: f64,
-    /// The body's mask.
-    pub mask: Mask,
-}
-
-/// An outline in a frame, by its camera's index.
-pub(super) struct Moment {
-    frame: usize,
-    pub(super) camera: usize,
-    lag_s: f64,
-    pub(super) outline: Outline,
-}
-
-impl Moment {
-    fn new(frame: usize, view: &FlightView) -> Option<Moment> {
-        let outline = Outline::new(&view.camera, &view.mask)?;
-        Some(Moment { frame, camera: view.index, lag_s: view.lag_s, outline })
-    }
 }
 
 /// What has been seen of the body so far.
@@ -239,11 +212,6 @@ impl FreeFlight {
         let without =
             |less: Sought| self.times.iter().fold(start.clone(), |flight, time| flight.longer(*time, seen, less));
         less.into_iter().map(without).find(|flight| flight.spread_px <= enough).unwrap_or(self)
-    }
-
-    /// Mean time between frames [s].
-    pub fn frame_seconds(&self) -> f64 {
-        self.times.last().copied().unwrap_or_default() / (self.times.len() - 1).max(1) as f64
     }
 
     /// How far pairs of outlines, moved to the first frame, are from common tangents [pixels]; exactly zero where they

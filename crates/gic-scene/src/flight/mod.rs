@@ -15,6 +15,7 @@
 
 mod calibration_error;
 mod fit;
+mod moment;
 mod outline;
 mod tangency;
 #[cfg(test)]
@@ -26,7 +27,8 @@ use nalgebra::Matrix6;
 
 use crate::Camera;
 pub use calibration_error::CalibrationError;
-pub use fit::{FlightView, Seek};
+pub use fit::Seek;
+pub use moment::FlightView;
 
 /// The motion of a rigid body in its first frames.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -59,6 +61,11 @@ impl FreeFlight {
     /// Frames in which the body is rigid and flies.
     pub fn frames(&self) -> usize {
         self.times.len()
+    }
+
+    /// Mean time between frames [s].
+    pub fn frame_seconds(&self) -> f64 {
+        self.times.last().copied().unwrap_or_default() / (self.times.len() - 1).max(1) as f64
     }
 
     /// Turn and shift [m] about [`FreeFlight::about`] since the first frame, after `time` [s].

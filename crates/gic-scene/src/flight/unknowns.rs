@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::FreeFlight;
 use super::calibration_error::{CalibrationError, NUMBERS};
-use super::fit::Moment;
+use super::moment::Moment;
 
 /// Velocity and angular velocity, which come first.
 pub(super) const VELOCITIES: usize = 6;

@@ -9,10 +9,8 @@ use glam::DVec3;
 
 use super::Run;
 use super::fill_summary::FillSummary;
+use super::stage::REFINED;
 use crate::error::{Error, Result};
-
-/// Folder of the body as refined, inside the run.
-pub(super) const REFINED: &str = "refined";
 
 /// The Gaussian-informed continuum at the first frame, and the surface in every frame.
 pub struct Continuum {

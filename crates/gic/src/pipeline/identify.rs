@@ -17,14 +17,11 @@ use glam::DVec3;
 
 use super::identify_record::{IdentifyRecord, record, stage_name};
 use super::predict::simulated_frame;
+use super::stage::TWIN_MATTER;
 use super::stamp::Recipe;
 use super::surroundings::as_fitted;
 use super::{Continuum, Run, Stage};
 use crate::error::{Error, Result};
-
-/// Name of the file, beside `twin.json`, of the twin's particles at time 0: the continuum as the fit moved and reshaped
-/// it.
-pub(crate) const TWIN_MATTER: &str = "twin.ply";
 
 impl Run<'_> {
     pub(super) fn identify(&self, recipe: &Recipe) -> Result<()> {

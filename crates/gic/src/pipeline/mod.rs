@@ -24,6 +24,7 @@ mod register;
 mod results;
 mod scene;
 mod select;
+pub(crate) mod stage;
 mod stamp;
 mod surroundings;
 
@@ -37,7 +38,6 @@ use gic_twin::Interrupt;
 use gic_twin::ResourceMeter;
 use gic_twin::atomic;
 use gic_twin::events::{Event, Events};
-use gic_view::skinned_gaussians::FILES as APPEARANCE_FILES;
 
 use crate::config::{Config, Layer};
 use crate::error::{Error, Result};
@@ -47,79 +47,17 @@ pub(crate) use continuum::filling_file;
 pub(crate) use continuum::surface_file;
 pub use continuum::{Continuum, Surface};
 pub use fill_summary::{FillSummary, FrameFilling};
-pub(crate) use identify::TWIN_MATTER;
 pub use identify_record::{EstimateRecord, GroundRecord, IdentifyRecord, StepRecord};
 pub(crate) use predict::{moment_file, prediction_file};
 pub(crate) use refine::summary_of_body;
 pub use register::{PlacementRecord, RegistrationRecord};
-pub(crate) use results::is_result_name;
 pub use results::{check_results, twin_file};
 pub(crate) use scene::config_of_run;
 pub use scene::{open_scene, scene_of_run};
 pub use select::{LawRecord, Selection};
+pub use stage::Stage;
+pub(crate) use stage::TWIN_MATTER;
 use stamp::{Hashes, Recipe, Stamp};
-
-/// The stages, in the order of the data.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Stage {
-    /// Pictures to moving Gaussians.
-    Reconstruct,
-    /// Where the scan lies in the video; only for scenes with photographs of the object at rest.
-    Register,
-    /// Gaussians to matter.
-    Fill,
-    /// Which law the matter follows; only where the material is `auto`.
-    Select,
-    /// The body of the first frame by the pictures of all frames.
-    Refine,
-    /// Matter to material: the twin.
-    Identify,
-    /// The twin's motion, over the frames of the video.
-    Predict,
-    /// The twin's colours.
-    Appearance,
-}
-
-impl Stage {
-    pub(crate) const ALL: [Self; 8] = [
-        Self::Reconstruct,
-        Self::Register,
-        Self::Fill,
-        Self::Select,
-        Self::Refine,
-        Self::Identify,
-        Self::Predict,
-        Self::Appearance,
-    ];
-
-    /// Its name in events, messages and files.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Reconstruct => "reconstruct",
-            Self::Register => "register",
-            Self::Fill => "fill",
-            Self::Select => "select",
-            Self::Refine => "refine",
-            Self::Identify => "identify",
-            Self::Predict => "predict",
-            Self::Appearance => "appearance",
-        }
-    }
-
-    /// Files that it leaves; a folder stands for the particles and tensors in it.
-    pub(crate) fn outputs(self) -> &'static [&'static str] {
-        match self {
-            Self::Reconstruct => &["gaussians"],
-            Self::Register => &["registration.json"],
-            Self::Fill => &["continuum.ply", "fill.json", "surface", "filling"],
-            Self::Select => &["selection.json"],
-            Self::Refine => &[continuum::REFINED],
-            Self::Identify => &["twin.json", TWIN_MATTER, "identify.json"],
-            Self::Predict => &["prediction"],
-            Self::Appearance => &APPEARANCE_FILES,
-        }
-    }
-}
 
 /// What a command does with a run folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -21,9 +21,9 @@ use gic_twin::matter::{read_particles, write_particles};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::continuum::REFINED;
 use super::fill::{mean_overlap, overlaps, thin_share, write_body};
 use super::identify::{motion_of, of_everything, only_masks};
+use super::stage::REFINED;
 use super::stamp::Recipe;
 use super::surroundings::Surroundings;
 use super::{Continuum, FillSummary, Run, Stage};

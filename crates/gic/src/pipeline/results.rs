@@ -7,18 +7,9 @@ use std::path::{Path, PathBuf};
 use gic_files::FileError;
 use sha2::{Digest, Sha256};
 
-use super::Stage;
+use super::stage::{Stage, is_result_name};
 use super::stamp::{Hashes, Stamp};
 use crate::error::{Error, Result};
-
-/// Endings of the files that a stage leaves in a folder of its own. Other files there are notes for going on, or what
-/// somebody made of the results.
-const RESULT_ENDINGS: [&str; 3] = ["ply", "safetensors", "json"];
-
-/// Whether a file in the folder of a stage is one of its results.
-pub(crate) fn is_result_name(name: &Path) -> bool {
-    name.extension().is_some_and(|ending| RESULT_ENDINGS.iter().any(|result| ending == *result))
-}
 
 /// Where the stamp of a stage is.
 pub(super) fn stamp_file(run: &Path, stage: Stage) -> PathBuf {
