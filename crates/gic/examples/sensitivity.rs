@@ -1,7 +1,7 @@
 //! Which tuned numbers move the result: each is halved and doubled, one at a time, on finished runs of several scenes.
 //!
 //! ```text
-//! cargo run --release -p gic --example sensitivity -- [--identify] [--only PREFIX]... -o OUT RUN...
+//! cargo run --release -p gic --example sensitivity -- [--flight | --identify] [--only PREFIX]... -o OUT RUN...
 //! ```
 //!
 //! Every RUN keeps its reconstruction; what follows is made anew with today's numbers, and then, as far as it depends
@@ -11,16 +11,18 @@
 //! scatter to compare with is what other seeds move, reconstruction included. A number that moves a scene by more than
 //! [`CLEARLY`] scatters is not varied further.
 //!
-//! `--identify` keeps the body that refinement left and fits it anew: a number that moves this fit is in use, and one
-//! that does not may still move refinement. `--only` takes the numbers whose keys begin with a PREFIX. A line per
-//! change is appended to `OUT/effects.jsonl`; what stands there already is not measured again, and several of these
-//! programs may share it.
+//! `--flight` ends with the body that the free flight settles, for the numbers of filling: a number that moves it is in
+//! use, and one that does not may still move the fits that follow. `--identify` keeps the body that refinement left and
+//! fits it anew, for those of identification: one that does not move this fit may still move refinement. `--only` takes
+//! the numbers whose keys begin with a PREFIX. A line per change is appended to `OUT/effects.jsonl`; what stands there
+//! already is not measured again, and several of these programs may share it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
 use std::fs;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use gic::config::Layer;
 use gic::pipeline::{Access, Run, Stage};
@@ -51,9 +53,9 @@ fn main() -> Result<()> {
         if !reference.exists() {
             copy_reconstruction(run, &reference)?;
         }
-        let base = measure(&reference, &[])?;
+        let base = measure(&reference, &[], options.part)?;
         for (key, change) in changes(options.part, &options.only) {
-            let part = if key == SEED { Part::All } else { options.part };
+            let part = if key == SEED && options.part == Part::Identify { Part::All } else { options.part };
             let known = effects(&log)?;
             if known.iter().any(|e| e.scene == scene && e.change == change && e.part == part)
                 || moves(&known).get(key.as_str()).is_some_and(|most| most.scatters > CLEARLY)
@@ -65,7 +67,7 @@ fn main() -> Result<()> {
             if part == Part::Identify {
                 keep_refined(&scratch, &change)?;
             }
-            let moved = match measure(&scratch, std::slice::from_ref(&change)) {
+            let moved = match measure(&scratch, std::slice::from_ref(&change), part) {
                 Ok(found) => found.against(&base),
                 Err(error) => BTreeMap::from([(format!("error: {error}"), f64::MAX)]),
             };
@@ -82,10 +84,13 @@ fn main() -> Result<()> {
 /// Every change that is measured, by the key of what changes: other seeds first, then each number halved and doubled.
 fn changes(part: Part, only: &[String]) -> Vec<(String, String)> {
     let seeds = SEEDS.iter().map(|seed| (SEED.to_owned(), format!("{SEED}={seed}")));
-    let asked = |key: &str| {
-        (part == Part::All || key.starts_with("identify."))
-            && (only.is_empty() || only.iter().any(|prefix| key.starts_with(prefix)))
+    let of_part = match part {
+        Part::Flight => "fill.",
+        Part::Identify => "identify.",
+        Part::All => "",
     };
+    let asked =
+        |key: &str| key.starts_with(of_part) && (only.is_empty() || only.iter().any(|prefix| key.starts_with(prefix)));
     let numbers = numbers().into_iter().filter(|(key, _)| asked(key));
     let varied = numbers.flat_map(|(key, value)| varied(&value).map(move |v| (key.clone(), format!("{key}={v}"))));
     seeds.chain(varied).collect()
@@ -104,6 +109,8 @@ fn effects(log: &Path) -> Result<Vec<Effect>> {
 #[derive(Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum Part {
+    /// What follows the reconstruction, up to the body that the free flight settles.
+    Flight,
     /// The last fit alone.
     Identify,
     /// All that follows the reconstruction.
@@ -124,6 +131,7 @@ impl Options {
         let mut arguments = std::env::args().skip(1);
         while let Some(argument) = arguments.next() {
             match argument.as_str() {
+                "--flight" => options.part = Part::Flight,
                 "--identify" => options.part = Part::Identify,
                 "--only" => options.only.push(arguments.next().ok_or("--only needs a prefix")?),
                 "-o" => options.out = arguments.next().ok_or("-o needs a folder")?.into(),
@@ -236,15 +244,22 @@ fn keep_refined(folder: &Path, change: &str) -> Result<()> {
 }
 
 /// Makes the stages of the run in `folder` anew that `changes` touch, and reads their results.
-fn measure(folder: &Path, changes: &[String]) -> Result<Results> {
+fn measure(folder: &Path, changes: &[String], part: Part) -> Result<Results> {
     let layers = vec![Layer::from_assignments(changes.iter().map(String::as_str))?];
     let (events, interrupt) = (Events::default(), Interrupt::default());
     let run = Run::open(folder, Access::GoOn, layers, &events, &interrupt)?;
-    run.bring_up_to_date(Stage::Predict)?;
+    if part == Part::Flight {
+        settle_in_flight(&run, &interrupt)?;
+    } else {
+        run.bring_up_to_date(Stage::Predict)?;
+    }
     let body = run.body_summary()?;
     let first = body.frames.first().ok_or("no frame was filled")?;
     let mut numbers = BTreeMap::from([("volume_m3".to_owned(), first.volume_m3)]);
     numbers.extend(first.mask_iou.map(|overlap| ("mask_iou".to_owned(), overlap)));
+    if part == Part::Flight {
+        return Ok(Results { numbers, path: Vec::new() });
+    }
     let found = run.identified()?;
     for estimate in &found.estimates {
         let is_logarithmic = !matches!(estimate.name.as_str(), "poisson_ratio" | "friction_angle_deg");
@@ -264,6 +279,27 @@ fn measure(folder: &Path, changes: &[String]) -> Result<Results> {
     numbers.retain(|_, number| number.is_finite());
     let trajectory: Trajectory = read(&folder.join("prediction/trajectory.json"))?;
     Ok(Results { numbers, path: trajectory.frames.iter().map(|f| f.centre_of_mass_m).collect() })
+}
+
+/// Brings the run up to the first body that refinement leaves, which is the one that the free flight settles.
+fn settle_in_flight(run: &Run, interrupt: &Interrupt) -> Result<()> {
+    let settled = run.folder().join("refined/refine.json");
+    if settled.exists() {
+        fs::remove_file(&settled)?;
+    }
+    let mut result = Ok(());
+    std::thread::scope(|scope| {
+        let working = scope.spawn(|| run.bring_up_to_date(Stage::Refine));
+        while !working.is_finished() && !settled.exists() {
+            std::thread::sleep(Duration::from_millis(100));
+        }
+        interrupt.request();
+        result = working.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+    });
+    match result {
+        Err(error) if !settled.exists() => Err(error.into()),
+        _ => Ok(()),
+    }
 }
 
 fn copy(from: &Path, to: &Path) -> Result<()> {
