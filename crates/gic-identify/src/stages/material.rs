@@ -1,15 +1,18 @@
 //! Stage 3: the material, with the motion of free flight.
 //!
-//! The cost has several local minima. A step from each start tells which are worth the rest; those that cost not much
-//! more than the best are fitted on. Then each parameter of the best fit is doubled and halved, the others
-//! following the quadratic model, and the fit starts again where that costs less than the model predicts. Of minima
-//! that cost about the same, sharper masks decide.
+//! The cost has several local minima. At first the material alone is fitted, in the world and on the cells that are
+//! given: far from the best fit, cells of another size make up for what the material lacks, and lead away. A step from
+//! each start tells which are worth the rest; those that cost not much more than the best are fitted on. The best goes
+//! on with everything that is sought. Then each parameter of it is doubled and halved, the others following the
+//! quadratic model, and the fit starts again where that costs less than the model predicts. Of minima that cost about
+//! the same, sharper masks decide.
 
 use crate::forward::simulation::Simulation;
 use crate::result::Stage;
 use crate::session::Session;
 use crate::settings::Optimizer;
 use crate::solve::levenberg_marquardt::{Fit, Iterate, Limits};
+use crate::solve::problem::Problem;
 use crate::stages::adam::adam;
 use crate::stages::candidates::{cheapest, same_minimum};
 use crate::stages::identification::Identification;
@@ -29,7 +32,8 @@ pub(crate) fn fit_material(
 ) -> Result<State, IdentifyError> {
     let count = starts.len();
     let tuning = &identification.tuning.material;
-    let stage = MaterialStage { identification, simulation: &identification.simulation(), tuning };
+    let iterations = identification.settings.iterations;
+    let stage = MaterialStage { identification, simulation: &identification.simulation(), tuning, iterations };
     let fitted = match identification.settings.optimizer {
         Optimizer::Adam => adam(identification, session, starts),
         Optimizer::LevenbergMarquardt => stage.fit(session, starts),
@@ -44,6 +48,8 @@ struct MaterialStage<'a> {
     identification: &'a Identification<'a>,
     simulation: &'a Simulation<'a>,
     tuning: &'a MaterialTuning,
+    /// Most steps of a fit to its end.
+    iterations: usize,
 }
 
 impl MaterialStage<'_> {
@@ -51,6 +57,7 @@ impl MaterialStage<'_> {
         self.first_steps(session, starts)?;
         let fits = session.checkpoint().fits.clone();
         let minima = self.local_minima(session, fits.into_iter().flatten().collect())?;
+        let minima = self.best_with_everything(session, minima)?;
         let minima = self.neighbouring_minima(session, minima)?;
         self.best_when_sharp(session, minima)
     }
@@ -59,9 +66,9 @@ impl MaterialStage<'_> {
     fn first_steps(&self, session: &mut Session, starts: Vec<State>) -> Result<(), FitError> {
         let done = session.checkpoint().fits.len();
         let mut failure = FitError::NoIteration;
-        let a_step = (self.identification.tuning.masks.blur_pooling, 1);
+        let problem = self.material_alone();
         for start in starts.into_iter().skip(done) {
-            let found = match self.fit_until(session, start, a_step, &|_| false) {
+            let found = match self.fit_until(session, (&problem, start), 1, &|_| false) {
                 Ok(fit) => Some((fit.cost, fit.state)),
                 Err(FitError::Interrupted) => return Err(FitError::Interrupted),
                 Err(reason) => {
@@ -78,14 +85,14 @@ impl MaterialStage<'_> {
     fn local_minima(&self, session: &mut Session, fits: Vec<(f64, State)>) -> Result<Vec<Fit>, FitError> {
         let mut minima: Vec<Fit> = Vec::new();
         let mut failure = FitError::NoIteration;
-        let space = self.identification.minimum_space();
+        let (problem, space) = (self.material_alone(), self.identification.minimum_space());
         for state in cheapest(&space, fits, self.tuning.most_cost_ratio) {
             // What comes down into a minimum that is known would end there.
             let is_known = |step: &Iterate| {
                 let same = |end: &Fit| end.cost <= step.cost && same_minimum(&space, &end.state, &step.state);
                 minima.iter().any(same)
             };
-            match self.fit_until(session, state, self.long(), &is_known) {
+            match self.fit_until(session, (&problem, state), self.iterations, &is_known) {
                 Ok(found) => minima.push(found),
                 Err(FitError::Interrupted) => return Err(FitError::Interrupted),
                 Err(reason) => failure = reason,
@@ -94,16 +101,31 @@ impl MaterialStage<'_> {
         if minima.is_empty() { Err(failure) } else { Ok(minima) }
     }
 
+    /// The same minima, cheapest first, of which the best has gone on with everything that is sought.
+    fn best_with_everything(&self, session: &mut Session, mut minima: Vec<Fit>) -> Result<Vec<Fit>, FitError> {
+        minima.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        let problem = self.everything(self.identification.tuning.masks.blur_pooling);
+        if problem.unknowns != self.material_alone().unknowns {
+            let best = minima[0].state.clone();
+            minima[0] = self.fit_until(session, (&problem, best), self.iterations, &|_| false)?;
+        }
+        Ok(minima)
+    }
+
     /// `minima` and those that fits from neighbours of the best find: at the long distance, and at the short one where
     /// that leads nowhere.
     fn neighbouring_minima(&self, session: &mut Session, mut minima: Vec<Fit>) -> Result<Vec<Fit>, FitError> {
+        let problem = self.everything(self.identification.tuning.masks.blur_pooling);
         let space = self.identification.minimum_space();
         let (long, short) = self.tuning.restart_distances;
         let (mut restarts, mut distances) = (0, [long, short].into_iter());
         while let Some(distance) = distances.next().filter(|_| restarts < self.tuning.most_restarts) {
             minima.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-            let Some(start) = self.neighbouring_start(session, &mut minima[0], distance)? else { continue };
-            let found = match self.fit_until(session, start, self.long(), &|_| false) {
+            // Each parameter of which there are several starts is moved.
+            let far = |unknown: &Unknown| self.identification.is_varied(unknown).then_some(distance);
+            let ratio = self.tuning.most_cost_ratio;
+            let Some(start) = neighbouring_start(session, &problem, &mut minima[0], &far, ratio)? else { continue };
+            let found = match self.fit_until(session, (&problem, start), self.iterations, &|_| false) {
                 Ok(found) => found,
                 Err(FitError::Interrupted) => return Err(FitError::Interrupted),
                 Err(_) => continue,
@@ -127,9 +149,10 @@ impl MaterialStage<'_> {
         if !self.identification.settings.target.masks() {
             return Ok(finalists.swap_remove(0));
         }
+        let problem = self.everything(1);
         let mut sharp: Vec<Fit> = Vec::new();
         for state in finalists {
-            sharp.push(self.fit_until(session, state, (1, self.identification.settings.iterations), &|_| false)?);
+            sharp.push(self.fit_until(session, (&problem, state), self.iterations, &|_| false)?);
         }
         let best = sharp.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
         best.map(|fit| fit.state).ok_or(FitError::NoIteration)
@@ -138,31 +161,23 @@ impl MaterialStage<'_> {
     fn fit_until(
         &self,
         session: &mut Session,
-        start: State,
-        (pooling, iterations): (usize, usize),
+        (problem, start): (&Problem, State),
+        iterations: usize,
         is_enough: &dyn Fn(&Iterate) -> bool,
     ) -> Result<Fit, FitError> {
-        let problem = self.identification.material_problem(self.simulation, pooling);
         let limits = Limits::rough(iterations, problem.descent);
-        session.minimise(Stage::Material, &problem, (start, None), limits, is_enough)
+        session.minimise(Stage::Material, problem, (start, None), limits, is_enough)
     }
 
-    /// Pooling and most steps of a fit to its end.
-    fn long(&self) -> (usize, usize) {
-        (self.identification.tuning.masks.blur_pooling, self.identification.settings.iterations)
+    /// The fit of everything that is sought, to masks of which so many pixels to a side are one.
+    fn everything(&self, pooling: usize) -> Problem<'_> {
+        self.identification.material_problem(self.simulation, pooling)
     }
 
-    /// Where a better minimum next to that of `fit` may begin: each parameter of which there are several starts is
-    /// moved by `distance`.
-    fn neighbouring_start(
-        &self,
-        session: &mut Session,
-        fit: &mut Fit,
-        distance: f64,
-    ) -> Result<Option<State>, FitError> {
-        let problem =
-            self.identification.material_problem(self.simulation, self.identification.tuning.masks.blur_pooling);
-        let far = |unknown: &Unknown| self.identification.is_varied(unknown).then_some(distance);
-        neighbouring_start(session, &problem, fit, &far, self.tuning.most_cost_ratio)
+    /// The fit of the material alone to blurred masks; of everything where no parameter of it is sought.
+    fn material_alone(&self) -> Problem<'_> {
+        let everything = self.everything(self.identification.tuning.masks.blur_pooling);
+        let unknowns = self.identification.free_materials();
+        if unknowns.is_empty() { everything } else { Problem { unknowns, ..everything } }
     }
 }
