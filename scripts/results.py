@@ -11,11 +11,9 @@ Needs Python 3.9 and nothing else. Files are shown in the order of their names. 
 
 with `"sources"`: [{"what", "command", "commit", "machine"}] where there are several, and one of
 
-    "columns" and "rows"      shown as they are
-    "scenes"                  errors of parameters as `--bench` writes them: a row for each scene, or, with "laws": true
-                              (of itself for more than twelve), one for each law and parameter, beside "paper" and
-                              "others"; "failures" are named, "costs" told as least, median and most
-    "means_of" and "paper"    mean absolute errors by law of the files in {"column title": "FILE.json"}
+    "columns" and "rows"          shown as they are
+    "bodies_of": {TITLE: FILE}    errors of parameters as `--bench` writes them, of several files, a row for each scene
+    "laws_of": {TITLE: FILE}      the same by law and parameter, mean and deviation, beside "paper"
 
 Errors of parameters are estimate less truth, times 100: log10 of moduli, viscosities and yield stresses, Poisson's
 ratio as it is, angles in radians. Velocities are mean absolute errors of the components in cm/s.
@@ -32,8 +30,8 @@ ROOT = Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "docs" / "results"
 OUTPUT = ROOT / "docs" / "results.md"
 WIDTH = 120
-# More scenes are told by law.
-MOST_SCENE_ROWS = 12
+# What `gic bench` says of a task that waits.
+NOT_BEGUN = "has not begun"
 SHORT = {"log10(E)": "E", "log10(mu)": "mu", "log10(kappa)": "kappa", "log10(tau_Y)": "tau_Y", "log10(eta)": "eta",
          "theta_fric": "angle"}
 
@@ -79,100 +77,92 @@ def parameter_text(parameter):
     return text if is_inside(parameter) else text + ", **outside**"
 
 
-def scene_rows(section):
-    extra = list(dict.fromkeys(key for scene in section["scenes"] for key in scene.get("more", {})))
-    columns = ["scene", "law", "errors x100 [95 % interval]", "velocity (inside)", *extra]
-    rows = []
-    for scene in section["scenes"]:
-        errors = "; ".join(map(parameter_text, scene["parameters"]))
-        velocity = f"{scene['velocity_cm_s']:.2f}"
-        if scene.get("velocity_inside") is not None:
-            velocity += f" ({scene['velocity_inside']} of 3)"
-        more = scene.get("more", {})
-        rows.append([scene["scene"], scene["law"], errors, velocity, *(more.get(key, "") for key in extra)])
-    return columns, rows
-
-
-def scene_summary(section):
-    parameters = [p for scene in section["scenes"] for p in scene["parameters"]]
-    named = [p for p in parameters if p["identifiable"]]
-    velocities = [s["velocity_inside"] for s in section["scenes"] if s.get("velocity_inside") is not None]
-    mean = sum(abs(p["error_x100"]) for p in parameters) / len(parameters)
-    ratios = [ratio for ratio in map(error_over_half_width, parameters) if ratio is not None]
-    if not parameters:
-        return "No scene has a result."
-    text = f"{sum(map(is_inside, parameters))} of {len(parameters)} parameters lie inside their intervals, "
-    text += f"{sum(map(is_inside, named))} of the {len(named)} identifiable ones"
-    text += f", {sum(velocities)} of {3 * len(velocities)} components of velocities. " if velocities else ". "
-    text += f"Mean absolute error of all parameters: {mean:.2f}."
-    if section.get("costs") and ratios:
-        text += f" The median error is {statistics.median(ratios):.2f} of half the interval's width."
-    return text
-
-
 def error_over_half_width(parameter):
     """Absolute error over half the interval's width, the sharpness of an interval; None where it has no width."""
     low, high = parameter["interval_x100"]
     return 2.0 * abs(parameter["error_x100"]) / (high - low) if high > low else None
 
 
-def shows_laws(section):
-    return section.get("laws", len(section["scenes"]) > MOST_SCENE_ROWS)
+def velocity_text(scene):
+    return f"{scene['velocity_cm_s']:.2f} ({scene['velocity_inside']} of 3)"
 
 
-def spread(values):
-    """Mean and standard deviation."""
-    return f"{statistics.fmean(values):.2f} ± {statistics.pstdev(values):.2f}" if values else "-"
+def sources(section, key):
+    return {title: read(FOLDER / name) for title, name in section[key].items()}
+
+
+def body_rows(section):
+    """A row for each scene: its errors, velocity and volume in each of the files."""
+    files = sources(section, "bodies_of")
+    columns = ["body", "law"]
+    for title in files:
+        columns += [f"{title}: errors x100 [95 % interval]", "velocity (inside)", "volume"]
+    found = {title: {scene["scene"]: scene for scene in file["scenes"]} for title, file in files.items()}
+    names = dict.fromkeys(name for scenes in found.values() for name in scenes)
+    rows = []
+    for name in names:
+        laws, cells = set(), []
+        for scenes in found.values():
+            scene = scenes.get(name)
+            if scene is None:
+                cells += [""] * 3
+                continue
+            laws.add(scene["law"])
+            errors = "; ".join(map(parameter_text, scene["parameters"]))
+            cells += [errors + scene.get("warned", ""), velocity_text(scene), scene.get("volume", "")]
+        rows.append([name, " ".join(laws), *cells])
+    return columns, rows
+
+
+def summary(title, file):
+    """Coverage and sharpness of the intervals of a file, failures by name, and what a run takes."""
+    scenes = file["scenes"]
+    parameters = [p for scene in scenes for p in scene["parameters"]]
+    if not parameters:
+        return f"{title}: no scene has a result."
+    named = [p for p in parameters if p["identifiable"]]
+    mean = statistics.fmean(abs(p["error_x100"]) for p in parameters)
+    ratios = [ratio for ratio in map(error_over_half_width, parameters) if ratio is not None]
+    text = (
+        f"{title[0].upper()}{title[1:]}: {sum(map(is_inside, parameters))} of {len(parameters)} parameters lie inside "
+        f"their intervals, {sum(map(is_inside, named))} of the {len(named)} determined ones, "
+        f"{sum(scene['velocity_inside'] for scene in scenes)} of {3 * len(scenes)} components of velocities; mean "
+        f"absolute error {mean:.2f}, median {statistics.median(ratios):.2f} of half-widths."
+    )
+    if file.get("failures"):
+        text += " Without a result: " + "; ".join(f"{f['scene']} ({f['reason']})" for f in file["failures"]) + "."
+    parts = [f"{what} {least:.0f} to {most:.0f} {unit}, median {middle:.0f}"
+             for what, unit, (least, middle, most) in file.get("costs", [])]
+    return text + (f" A run: {'; '.join(parts)}." if parts else "")
 
 
 def law_rows(section):
-    """The paper's table: mean and deviation by law and parameter, coverage, sharpness, other methods, the paper."""
-    others = section.get("others", {})
-    columns = ["law (scenes)", "parameter", "gic", "inside", "error / half-width", *others, "paper"]
-    rows = []
-    for law in dict.fromkeys(scene["law"] for scene in section["scenes"]):
-        scenes = [scene for scene in section["scenes"] if scene["law"] == law]
-        for name in [*dict.fromkeys(p["name"] for scene in scenes for p in scene["parameters"]), "v"]:
-            found = [p for scene in scenes for p in scene["parameters"] if p["name"] == name]
-            errors = [abs(p["error_x100"]) for p in found]
-            inside, of = sum(map(is_inside, found)), len(found)
-            if name == "v":
-                errors = [scene["velocity_cm_s"] for scene in scenes]
-                inside, of = sum(scene["velocity_inside"] for scene in scenes), 3 * len(scenes)
-            ratios = [ratio for ratio in map(error_over_half_width, found) if ratio is not None]
-            told = lambda figures: f"{figures[0]:.2f} ± {figures[1]:.2f}" if figures else "-"
-            rows.append([
-                f"{law} ({len(scenes)})", name, spread(errors), f"{inside} of {of}",
-                f"{statistics.median(ratios):.2f}" if ratios else "-",
-                *(told(figures.get(law, {}).get(name)) for figures in others.values()),
-                told(section.get("paper", {}).get(law, {}).get(name)),
-            ])
-    return columns, rows
-
-
-def suite_notes(section):
-    """Failures by name, and the distribution of time and memory."""
-    notes = []
-    if section.get("failures"):
-        notes.append("Without a result: " + "; ".join(f"{f['scene']} ({f['reason']})" for f in section["failures"]) + ".")
-    parts = [f"{what} {least:.0f} to {most:.0f} {unit}, median {middle:.0f}"
-             for what, unit, (least, middle, most) in section.get("costs", [])]
-    return notes + ([f"A run: {'; '.join(parts)}."] if parts else [])
-
-
-def mean_rows(section):
-    sources = {title: read(FOLDER / name) for title, name in section["means_of"].items()}
-    columns = ["law", "parameters", *(f"{title} (scenes)" for title in sources), "paper"]
+    """The paper's table: mean and deviation by law and parameter, coverage and sharpness, beside the paper."""
+    files = sources(section, "laws_of")
+    columns = ["law", "parameter"]
+    for title in files:
+        columns += [f"{title}: mean ± deviation (scenes)", "inside", "error / half-width"]
     rows = []
     for law, paper in section["paper"].items():
-        cells = []
-        for source in sources.values():
-            scenes = [s for s in source["scenes"] if s["law"] == law]
-            of = lambda name: [abs(p["error_x100"]) for s in scenes for p in s["parameters"] if p["name"] == name]
-            means = [of(name) if name != "v" else [s["velocity_cm_s"] for s in scenes] for name in paper]
-            cells.append(" / ".join(f"{sum(values) / len(values):.2f}" for values in means) + f" ({len(scenes)})")
-        rows.append([law, " / ".join(paper), *cells, " / ".join(str(value) for value in paper.values())])
-    return columns, rows
+        for name, figure in paper.items():
+            cells = []
+            for file in files.values():
+                cells += law_cells([scene for scene in file["scenes"] if scene["law"] == law], name)
+            rows.append([law, name, *cells, str(figure)])
+    return [*columns, "paper"], rows
+
+
+def law_cells(scenes, name):
+    """Mean and deviation of the absolute errors of a parameter or of velocities, how many lie inside, sharpness."""
+    found = [p for scene in scenes for p in scene["parameters"] if p["name"] == name]
+    errors = [abs(p["error_x100"]) for p in found]
+    inside, of = sum(map(is_inside, found)), len(found)
+    if name == "v":
+        errors = [scene["velocity_cm_s"] for scene in scenes]
+        inside, of = sum(scene["velocity_inside"] for scene in scenes), 3 * len(scenes)
+    ratios = [ratio for ratio in map(error_over_half_width, found) if ratio is not None]
+    mean = f"{statistics.fmean(errors):.2f} ± {statistics.pstdev(errors):.2f} ({len(scenes)})" if errors else ""
+    return [mean, f"{inside} of {of}", f"{statistics.median(ratios):.2f}" if ratios else ""]
 
 
 def section_lines(section):
@@ -182,14 +172,16 @@ def section_lines(section):
     for source in section.get("sources", []):
         lines += paragraph(f"- {source['what']}: {source_text(source)}", "  ")
     lines.append("")
-    if "scenes" in section:
-        lines += table(*(law_rows(section) if shows_laws(section) else scene_rows(section)))
-    elif "means_of" in section:
-        lines += table(*mean_rows(section))
+    notes = []
+    if "bodies_of" in section:
+        lines += table(*body_rows(section))
+        notes += [summary(*source) for source in sources(section, "bodies_of").items()]
+    elif "laws_of" in section:
+        lines += table(*law_rows(section))
+        notes += [summary(*source) for source in sources(section, "laws_of").items()]
     elif "columns" in section:
         lines += table(section["columns"], section["rows"])
-    summary = [scene_summary(section), *suite_notes(section)] if "scenes" in section else []
-    notes = [*summary, *section.get("notes", [])]
+    notes += section.get("notes", [])
     shown = [*lines, "", *paragraph(" ".join(notes))] if notes else lines
     return shown[:-1] if shown[-1] == "" else shown
 
@@ -221,7 +213,9 @@ def from_bench(bench, path):
         seed = f"seed {scene['seed']}" if scene.get("seed") is not None else None
         label = ", ".join(filter(None, [scene["scene"], scene.get("case"), seed]))
         if found is None:
-            section["failures"].append({"scene": label, "reason": scene.get("Err")})
+            # A suite may be run in batches.
+            if scene.get("Err") != NOT_BEGUN:
+                section["failures"].append({"scene": label, "reason": scene.get("Err")})
             continue
         parameters = [{
             "name": SHORT.get(p["paper_name"], p["paper_name"]),
@@ -233,15 +227,8 @@ def from_bench(bench, path):
         section["scenes"].append({
             "scene": label, "law": found["model"], "parameters": parameters,
             "velocity_cm_s": round(velocity["error_x100"], 2), "velocity_inside": velocity["inside"],
+            "volume": f"{100.0 * found['frames'][0]['volume_error']:+.1f} %",
         })
-    section["paper"], section["others"] = {}, {}
-    for row in results["table"]:
-        name = SHORT.get(row["parameter"], row["parameter"])
-        if row.get("paper"):
-            section["paper"].setdefault(row["model"], {})[name] = row["paper"]
-        for method, figures in row.get("others", {}).items():
-            rounded = [round(figure, 2) for figure in figures]
-            section["others"].setdefault(method, {}).setdefault(row["model"], {})[name] = rounded
     costs = bench.with_name("costs.json")
     section["costs"] = cost_ranges(read(costs)) if costs.exists() else []
     section = {key: value for key, value in section.items() if value != [] and value != {} or key == "scenes"}
