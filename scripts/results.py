@@ -5,7 +5,7 @@
     python3 scripts/results.py --check                             fail if it is not what would be written
     python3 scripts/results.py --bench OUT/results.json FILE.json  put the figures of `gic bench -o OUT` into FILE.json
 
-Needs Python 3.9 and nothing else. Files are shown in the order of their names. Each holds one section:
+Needs Python 3.9 and nothing else. Files whose names begin with a digit are shown in their order. Each holds one section:
 
     {"title": ..., "command": ..., "commit": ..., "machine": ..., "about": [lines], "notes": [lines]}
 
@@ -87,13 +87,8 @@ def velocity_text(scene):
     return f"{scene['velocity_cm_s']:.2f} ({scene['velocity_inside']} of 3)"
 
 
-def sources(section, key):
-    return {title: read(FOLDER / name) for title, name in section[key].items()}
-
-
-def body_rows(section):
+def body_rows(files):
     """A row for each scene: its errors, velocity and volume in each of the files."""
-    files = sources(section, "bodies_of")
     columns = ["body", "law"]
     for title in files:
         columns += [f"{title}: errors x100 [95 % interval]", "velocity (inside)", "volume"]
@@ -136,14 +131,13 @@ def summary(title, file):
     return text + (f" A run: {'; '.join(parts)}." if parts else "")
 
 
-def law_rows(section):
+def law_rows(files, paper_by_law):
     """The paper's table: mean and deviation by law and parameter, coverage and sharpness, beside the paper."""
-    files = sources(section, "laws_of")
     columns = ["law", "parameter"]
     for title in files:
         columns += [f"{title}: mean ± deviation (scenes)", "inside", "error / half-width"]
     rows = []
-    for law, paper in section["paper"].items():
+    for law, paper in paper_by_law.items():
         for name, figure in paper.items():
             cells = []
             for file in files.values():
@@ -172,16 +166,15 @@ def section_lines(section):
     for source in section.get("sources", []):
         lines += paragraph(f"- {source['what']}: {source_text(source)}", "  ")
     lines.append("")
-    notes = []
+    sources = section.get("bodies_of") or section.get("laws_of") or {}
+    files = {title: read(FOLDER / name) for title, name in sources.items()}
     if "bodies_of" in section:
-        lines += table(*body_rows(section))
-        notes += [summary(*source) for source in sources(section, "bodies_of").items()]
+        lines += table(*body_rows(files))
     elif "laws_of" in section:
-        lines += table(*law_rows(section))
-        notes += [summary(*source) for source in sources(section, "laws_of").items()]
+        lines += table(*law_rows(files, section["paper"]))
     elif "columns" in section:
         lines += table(section["columns"], section["rows"])
-    notes += section.get("notes", [])
+    notes = [*map(summary, files, files.values()), *section.get("notes", [])]
     shown = [*lines, "", *paragraph(" ".join(notes))] if notes else lines
     return shown[:-1] if shown[-1] == "" else shown
 

@@ -287,14 +287,13 @@ fn settle_in_flight(run: &Run, interrupt: &Interrupt) -> Result<()> {
     if settled.exists() {
         fs::remove_file(&settled)?;
     }
-    let mut result = Ok(());
-    std::thread::scope(|scope| {
+    let result = std::thread::scope(|scope| {
         let working = scope.spawn(|| run.bring_up_to_date(Stage::Refine));
         while !working.is_finished() && !settled.exists() {
             std::thread::sleep(Duration::from_millis(100));
         }
         interrupt.request();
-        result = working.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        working.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
     });
     match result {
         Err(error) if !settled.exists() => Err(error.into()),

@@ -104,7 +104,7 @@ impl MaterialStage<'_> {
     /// The same minima, cheapest first, of which the best has gone on with everything that is sought.
     fn best_with_everything(&self, session: &mut Session, mut minima: Vec<Fit>) -> Result<Vec<Fit>, FitError> {
         minima.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        let problem = self.everything(self.identification.tuning.masks.blur_pooling);
+        let problem = self.everything();
         if problem.unknowns != self.material_alone().unknowns {
             let best = minima[0].state.clone();
             minima[0] = self.fit_until(session, (&problem, best), self.iterations, &|_| false)?;
@@ -115,7 +115,7 @@ impl MaterialStage<'_> {
     /// `minima` and those that fits from neighbours of the best find: at the long distance, and at the short one where
     /// that leads nowhere.
     fn neighbouring_minima(&self, session: &mut Session, mut minima: Vec<Fit>) -> Result<Vec<Fit>, FitError> {
-        let problem = self.everything(self.identification.tuning.masks.blur_pooling);
+        let problem = self.everything();
         let space = self.identification.minimum_space();
         let (long, short) = self.tuning.restart_distances;
         let (mut restarts, mut distances) = (0, [long, short].into_iter());
@@ -149,7 +149,7 @@ impl MaterialStage<'_> {
         if !self.identification.settings.target.masks() {
             return Ok(finalists.swap_remove(0));
         }
-        let problem = self.everything(1);
+        let problem = self.identification.material_problem(self.simulation, 1);
         let mut sharp: Vec<Fit> = Vec::new();
         for state in finalists {
             sharp.push(self.fit_until(session, (&problem, state), self.iterations, &|_| false)?);
@@ -169,14 +169,14 @@ impl MaterialStage<'_> {
         session.minimise(Stage::Material, problem, (start, None), limits, is_enough)
     }
 
-    /// The fit of everything that is sought, to masks of which so many pixels to a side are one.
-    fn everything(&self, pooling: usize) -> Problem<'_> {
-        self.identification.material_problem(self.simulation, pooling)
+    /// The fit of everything that is sought to blurred masks.
+    fn everything(&self) -> Problem<'_> {
+        self.identification.material_problem(self.simulation, self.identification.tuning.masks.blur_pooling)
     }
 
-    /// The fit of the material alone to blurred masks; of everything where no parameter of it is sought.
+    /// The same of the material alone; of everything where no parameter of it is sought.
     fn material_alone(&self) -> Problem<'_> {
-        let everything = self.everything(self.identification.tuning.masks.blur_pooling);
+        let everything = self.everything();
         let unknowns = self.identification.free_materials();
         if unknowns.is_empty() { everything } else { Problem { unknowns, ..everything } }
     }
