@@ -41,7 +41,7 @@ const SEED: &str = "seed";
 const SEEDS: [u64; 3] = [1, 2, 3];
 
 /// A number that moves a result by more than so many scatters is in use.
-const CLEARLY: f64 = 3.0;
+const CLEARLY: f64 = 2.0;
 
 fn main() -> Result<()> {
     let options = Options::parse()?;
