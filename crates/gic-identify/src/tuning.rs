@@ -192,7 +192,9 @@ pub struct DescentTuning {
     /// Factor by which the damping falls after a step that it allowed, and rises where none is. Paper: Marquardt's.
     pub damping_factor: f64,
     /// A Jacobian that was carried along is measured anew when a step gains less than this share of what it predicted,
-    /// and the fit may still gain enough by this share of what it predicts. Fitted on: the nine scenes.
+    /// and the fit may still gain enough by this share of what it predicts. A state belongs to a minimum where its cost
+    /// rises by at least this share of what that one's quadratic model predicts, and by at most its inverse. Fitted on:
+    /// the nine scenes.
     pub trusted_gain_share: f64,
     /// A fit that only hands over a start ends when the cost falls by less than this share. Budget: the stage that
     /// follows goes on.
@@ -291,24 +293,17 @@ pub struct MaterialTuning {
     /// Fits that cost at most so many times the best go on, and so much may a neighbouring start cost. Fitted on: 30
     /// blocks of plasticine, of which two more are recovered than with 1.3.
     pub most_cost_ratio: f64,
-    /// States whose coordinates differ by less lie in the same minimum [decades]. Fitted on: the nine scenes.
-    pub same_minimum_distance: f64,
-    /// How far from a minimum a fit starts again [decades]: first a factor of two in a modulus. Where that leads
-    /// nowhere, one of 1.26: a stiff ring that comes down on its rim has minima that narrow. Fitted on:
-    /// non_newtonian_2, torus, plasticine_3.
-    pub restart_distances: (f64, f64),
+    /// Distances at which neighbours of a minimum are looked at: what changes the motion visibly, and each half of the
+    /// one before. Budget: two rollouts each for every parameter. The minima of plasticine that yields at .5 % of
+    /// strain lie a factor of 1.4 in Young's modulus apart.
+    pub neighbour_distances: usize,
     /// Fits from neighbouring starts. Budget: each costs as much as a long fit.
     pub most_restarts: usize,
 }
 
 impl Default for MaterialTuning {
     fn default() -> MaterialTuning {
-        MaterialTuning {
-            most_cost_ratio: 2.0,
-            same_minimum_distance: 0.2,
-            restart_distances: (0.3, 0.1),
-            most_restarts: 3,
-        }
+        MaterialTuning { most_cost_ratio: 2.0, neighbour_distances: 3, most_restarts: 3 }
     }
 }
 

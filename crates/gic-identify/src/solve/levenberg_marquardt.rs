@@ -60,6 +60,13 @@ pub(crate) struct Fit {
     pub linearisation: Linearisation,
 }
 
+impl Fit {
+    /// Where it ended, as a step.
+    pub(crate) fn end(&self) -> Iterate {
+        Iterate { state: self.state.clone(), cost: self.cost }
+    }
+}
+
 /// Minimises from `start`, around which `known` is known already.
 ///
 /// `accepted` hears of every step and may end the fit there.

@@ -16,7 +16,6 @@ use crate::solve::prior::Prior;
 use crate::solve::problem::Problem;
 use crate::solve::residual_block::{ResidualBlock, Weights};
 use crate::solve::surface_residuals::SurfaceComparison;
-use crate::stages::candidates::MinimumSpace;
 use crate::stages::free_flight::{FreeFlightFit, clearance, fit_free_flight, touching};
 use crate::stages::outline_flight::motion_by_outlines;
 use crate::tuning::NoiseTuning;
@@ -109,22 +108,12 @@ impl<'a> Identification<'a> {
         Coordinates { parameters: self.parameters(), tuning: &self.tuning.descent }
     }
 
-    /// When two states count as the same local minimum of the material.
-    pub(crate) fn minimum_space(&self) -> MinimumSpace<'_> {
-        MinimumSpace { parameters: self.parameters(), distance: self.tuning.material.same_minimum_distance }
-    }
-
     /// The material parameters that are sought.
     pub(crate) fn free_materials(&self) -> Vec<Unknown> {
         (0..self.parameters().len())
             .filter(|i| self.settings.fixed_value(&self.parameters()[*i]).is_none())
             .map(Unknown::Material)
             .collect()
-    }
-
-    /// Whether it is a parameter of which the grid of starts has several values.
-    pub(crate) fn is_varied(&self, unknown: &Unknown) -> bool {
-        matches!(unknown, Unknown::Material(i) if self.parameters()[*i].grid > 1)
     }
 
     /// All observations, compared as sharply as they are.

@@ -2,8 +2,7 @@
 //!
 //! Errors of free flight and of the shape then do not bias the material, and the intervals know of them. The noise of
 //! the frames after contact is known only once they are explained, so a short fit precedes the weights of the long one.
-//! With another shape another material may explain the video best: the fit starts again from its neighbours where these
-//! cost less than the quadratic model predicts.
+//! With another shape another material may explain the video best: the fit looks over the walls of its minimum again.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -13,14 +12,13 @@ use crate::forward::simulation::Simulation;
 use crate::result::Stage;
 use crate::session::Session;
 use crate::settings::Optimizer;
-use crate::solve::levenberg_marquardt::{Fit, Iterate, Limits};
+use crate::solve::levenberg_marquardt::Limits;
 use crate::solve::linearisation::Linearisation;
 use crate::solve::objective::Objective;
 use crate::solve::prior::Prior;
 use crate::solve::problem::Problem;
-use crate::stages::candidates::same_material;
 use crate::stages::identification::Identification;
-use crate::stages::neighbours::neighbouring_start;
+use crate::stages::neighbours::{Walls, of_material_alone};
 use crate::unknowns::state::{State, Unknown};
 
 /// Minima that were left for a better one, and those that a fit from a neighbour found, with how much more they cost.
@@ -72,51 +70,20 @@ fn fit(
         let limits = Limits { iterations, gain_tolerance: 0.0, least_gain, secants: true };
         let mut fit = session.minimise(Stage::Joint, &problem, (state, Some(here)), limits, &|_| false)?;
         if is_last {
-            (fit, others) = beyond_the_walls(identification, session, &problem, fit, limits)?;
+            let (best, left) = Walls {
+                stage: Stage::Joint,
+                everything: &problem,
+                limits,
+                material_alone: &of_material_alone(identification, &problem),
+                tuning: &identification.tuning.material,
+            }
+            .look_over(session, fit)?;
+            others = left.into_iter().map(|other| (other.cost - best.cost, other.state)).collect();
+            fit = best;
         }
         (state, known) = (fit.state, Some(fit.linearisation));
     }
     Ok((state, known.filter(Linearisation::is_fresh), others))
-}
-
-/// The best of `fit` and of fits from neighbours of it, by what changes the motion visibly in each parameter; and the
-/// others, with how much more they cost.
-fn beyond_the_walls(
-    identification: &Identification,
-    session: &mut Session,
-    problem: &Problem,
-    mut fit: Fit,
-    limits: Limits,
-) -> Result<(Fit, OtherMinima), FitError> {
-    let (tuning, space) = (&identification.tuning.material, identification.minimum_space());
-    let mut others = OtherMinima::new();
-    let far = |unknown: &Unknown| match unknown {
-        Unknown::Material(_) => Some(problem.coordinates.largest_step(*unknown)),
-        _ => None,
-    };
-    for _ in 0..tuning.most_restarts {
-        let start = neighbouring_start(session, problem, &mut fit, &far, tuning.most_cost_ratio)?;
-        let Some(start) = start else { break };
-        // What comes down into the minimum that was left would end there.
-        let returns = |step: &Iterate| fit.cost <= step.cost && same_material(&space, &fit.state, &step.state);
-        let found = match session.minimise(Stage::Joint, problem, (start, None), limits, &returns) {
-            Err(FitError::Interrupted) => return Err(FitError::Interrupted),
-            found => found.ok(),
-        };
-        let Some(mut other) = found else { break };
-        let is_better = other.cost < fit.cost;
-        let is_back = same_material(&space, &other.state, &fit.state);
-        if is_better {
-            std::mem::swap(&mut fit, &mut other);
-        }
-        others.push((other.cost, other.state));
-        // Back in the minimum that was left, if further down in it, there is nothing new around.
-        if !is_better || is_back {
-            break;
-        }
-    }
-    others.iter_mut().for_each(|(cost, _)| *cost -= fit.cost);
-    Ok((fit, others))
 }
 
 /// The joint stage's search, weighted by the noise of free flight.

@@ -77,8 +77,8 @@ fn held(identification: &Identification, fit: &State, uncertainty: &Uncertainty)
     (held, coordinates.moved(fit, &open, &moves))
 }
 
-/// Of the parameters whose interval reaches beyond their range, the one that this moves by the largest part of the
-/// range: its place, and the mean of what is left.
+/// Of the parameters whose interval reaches beyond their range, the one whose interval is the widest for its range: its
+/// place, and the mean of what is left.
 fn most_cut(
     identification: &Identification,
     open: &[Unknown],
@@ -91,10 +91,7 @@ fn most_cut(
         let (half_width, (low, high)) = (half_width(variance, &identification.tuning.noise), parameter.limits());
         let at = centre[k].clamp(low, high);
         let is_cut = at - half_width < low || at + half_width > high;
-        is_cut.then(|| {
-            let mean = parameter.mean_within_bounds(at, variance.sqrt());
-            (k, mean, (mean - at).abs() / (high - low))
-        })
+        is_cut.then(|| (k, parameter.mean_within_bounds(at, variance.sqrt()), half_width / (high - low)))
     };
     let most = open.iter().enumerate().filter_map(cut).max_by(|a, b| a.2.total_cmp(&b.2));
     most.map(|(k, mean, _)| (k, mean))

@@ -9,6 +9,7 @@
 //!    they explain it, and everything into one result.
 
 mod adam;
+mod basin;
 mod candidates;
 mod estimates;
 mod free_flight;

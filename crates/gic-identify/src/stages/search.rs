@@ -12,7 +12,7 @@ use crate::forward::trajectories::ForwardModel;
 use crate::result::Stage;
 use crate::session::Session;
 use crate::solve::objective::Objective;
-use crate::stages::candidates::{costs, distinct, ranked};
+use crate::stages::candidates::{costs, ranked};
 use crate::stages::identification::Identification;
 use crate::unknowns::state::State;
 use crate::{FitError, IdentifyError};
@@ -69,12 +69,11 @@ fn rank_on_full_grid(
     session: &mut Session,
     found: Vec<State>,
 ) -> Result<Vec<State>, FitError> {
-    let distinct = distinct(&identification.minimum_space(), found);
-    if distinct.len() == 1 {
-        return Ok(distinct);
+    if found.len() == 1 {
+        return Ok(found);
     }
     let compared = (&identification.simulation(), identification.objective());
-    cheapest_of(identification, session, compared, (&distinct, identification.tuning.search.starts))
+    cheapest_of(identification, session, compared, (&found, identification.tuning.search.starts))
 }
 
 /// Those of `states` that cost least as `simulation` has them, cheapest first, `most` at most.
