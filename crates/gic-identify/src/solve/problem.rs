@@ -22,7 +22,15 @@ pub(crate) struct Problem<'a> {
     pub prior: Option<&'a Prior>,
 }
 
-impl Problem<'_> {
+impl<'a> Problem<'a> {
+    /// The same with the material alone unknown; with everything where no parameter of it is.
+    pub(crate) fn of_material_alone(&self) -> Problem<'a> {
+        let is_material = |unknown: &&Unknown| matches!(unknown, Unknown::Material(_));
+        let materials: Vec<Unknown> = self.unknowns.iter().filter(is_material).copied().collect();
+        let unknowns = if materials.is_empty() { self.unknowns.clone() } else { materials };
+        Problem { unknowns, selection: self.selection.clone(), ..*self }
+    }
+
     /// Half the weighted sum of squares, that of the prior included.
     pub(crate) fn cost(&self, state: &State, trajectories: &Trajectories) -> f64 {
         let known = self.prior.map_or(0.0, |prior| {

@@ -18,7 +18,7 @@ use crate::solve::objective::Objective;
 use crate::solve::prior::Prior;
 use crate::solve::problem::Problem;
 use crate::stages::identification::Identification;
-use crate::stages::neighbours::{Walls, of_material_alone};
+use crate::stages::neighbours::Walls;
 use crate::unknowns::state::{State, Unknown};
 
 /// Minima that were left for a better one, and those that a fit from a neighbour found, with how much more they cost.
@@ -70,14 +70,9 @@ fn fit(
         let limits = Limits { iterations, gain_tolerance: 0.0, least_gain, secants: true };
         let mut fit = session.minimise(Stage::Joint, &problem, (state, Some(here)), limits, &|_| false)?;
         if is_last {
-            let (best, left) = Walls {
-                stage: Stage::Joint,
-                everything: &problem,
-                limits,
-                material_alone: &of_material_alone(identification, &problem),
-                tuning: &identification.tuning.material,
-            }
-            .look_over(session, fit)?;
+            let tuning = &identification.tuning.material;
+            let walls = Walls { stage: Stage::Joint, problem: &problem, limits, tuning };
+            let (best, left) = walls.look_over(session, fit)?;
             others = left.into_iter().map(|other| (other.cost - best.cost, other.state)).collect();
             fit = best;
         }

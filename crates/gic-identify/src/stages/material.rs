@@ -10,13 +10,13 @@ use crate::forward::simulation::Simulation;
 use crate::result::Stage;
 use crate::session::Session;
 use crate::settings::Optimizer;
-use crate::solve::levenberg_marquardt::{Fit, Iterate, Limits};
+use crate::solve::levenberg_marquardt::{Fit, Limits};
 use crate::solve::problem::Problem;
 use crate::stages::adam::adam;
-use crate::stages::basin::Basin;
+use crate::stages::basin::{Basin, fit_outside};
 use crate::stages::candidates::cheapest;
 use crate::stages::identification::Identification;
-use crate::stages::neighbours::{Walls, of_material_alone};
+use crate::stages::neighbours::Walls;
 use crate::tuning::MaterialTuning;
 use crate::unknowns::state::State;
 use crate::{FitError, IdentifyError};
@@ -36,7 +36,7 @@ pub(crate) fn fit_material(
     let stage = MaterialStage { identification, simulation: &identification.simulation(), tuning, iterations };
     let fitted = match identification.settings.optimizer {
         Optimizer::Adam => adam(identification, session, starts),
-        Optimizer::LevenbergMarquardt => stage.fit(session, starts),
+        Optimizer::LevenbergMarquardt => stage.best(session, starts),
     };
     let state = fitted.map_err(|error| error.of_stage(count))?;
     let reached = session.reach(Some(Stage::Material), |checkpoint| checkpoint.material = Some(state.clone()));
@@ -53,12 +53,11 @@ struct MaterialStage<'a> {
 }
 
 impl MaterialStage<'_> {
-    fn fit(&self, session: &mut Session, starts: Vec<State>) -> Result<State, FitError> {
+    fn best(&self, session: &mut Session, starts: Vec<State>) -> Result<State, FitError> {
         self.first_steps(session, starts)?;
         let fits = session.checkpoint().fits.clone();
         let minima = self.local_minima(session, &self.material_alone(), fits.into_iter().flatten().collect())?;
-        let minima = self.best_with_everything(session, minima)?;
-        let minima = self.and_neighbouring(session, minima)?;
+        let minima = self.around_the_best(session, minima)?;
         self.best_when_sharp(session, minima)
     }
 
@@ -68,7 +67,7 @@ impl MaterialStage<'_> {
         let mut failure = FitError::NoIteration;
         let problem = self.material_alone();
         for start in starts.into_iter().skip(done) {
-            let found = match self.fit_until(session, (&problem, start), 1, &|_| false) {
+            let found = match self.fit(session, (&problem, start), 1) {
                 Ok(fit) => Some((fit.cost, fit.state)),
                 Err(FitError::Interrupted) => return Err(FitError::Interrupted),
                 Err(reason) => {
@@ -92,11 +91,9 @@ impl MaterialStage<'_> {
         let mut failure = FitError::NoIteration;
         let mut known = Vec::new();
         for state in cheapest(fits, self.tuning.most_cost_ratio) {
-            // What comes down into a minimum that is known would end there.
-            let is_known = |step: &Iterate| known.iter().any(|basin: &Basin| basin.holds(step));
-            match self.fit_until(session, (problem, state), self.iterations, &is_known) {
-                Ok(found) if is_known(&found.end()) => (),
-                Ok(mut found) => {
+            match fit_outside(&known, session, (Stage::Material, problem, self.limits(self.iterations)), state) {
+                Ok(None) => (),
+                Ok(Some(mut found)) => {
                     known.push(Basin::of(problem, &mut found));
                     minima.push(found);
                 }
@@ -107,54 +104,43 @@ impl MaterialStage<'_> {
         if minima.is_empty() { Err(failure) } else { Ok(minima) }
     }
 
-    /// The same minima, cheapest first, of which the best has gone on with everything that is sought.
-    fn best_with_everything(&self, session: &mut Session, mut minima: Vec<Fit>) -> Result<Vec<Fit>, FitError> {
+    /// `minima`, of which the best has gone on with everything that is sought, and those around it.
+    fn around_the_best(&self, session: &mut Session, mut minima: Vec<Fit>) -> Result<Vec<Fit>, FitError> {
         minima.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        let mut best = minima.swap_remove(0);
         let problem = self.everything();
         if problem.unknowns != self.material_alone().unknowns {
-            let best = minima[0].state.clone();
-            minima[0] = self.fit_until(session, (&problem, best), self.iterations, &|_| false)?;
+            best = self.fit(session, (&problem, best.state), self.iterations)?;
         }
-        Ok(minima)
-    }
-
-    /// `minima` and those around the best.
-    fn and_neighbouring(&self, session: &mut Session, mut minima: Vec<Fit>) -> Result<Vec<Fit>, FitError> {
-        let problem = self.everything();
-        let (best, others) = Walls {
-            stage: Stage::Material,
-            everything: &problem,
-            limits: Limits::rough(self.iterations, problem.descent),
-            material_alone: &self.material_alone(),
-            tuning: self.tuning,
-        }
-        .look_over(session, minima.swap_remove(0))?;
+        let limits = self.limits(self.iterations);
+        let walls = Walls { stage: Stage::Material, problem: &problem, limits, tuning: self.tuning };
+        let (best, others) = walls.look_over(session, best)?;
         minima.push(best);
         minima.extend(others);
         Ok(minima)
     }
 
     /// Which of several minima that cost about the same is right shows in sharper masks.
-    fn best_when_sharp(&self, session: &mut Session, minima: Vec<Fit>) -> Result<State, FitError> {
-        let ends = minima.into_iter().map(|end| (end.cost, end.state)).collect();
-        if !self.identification.settings.target.masks() {
-            return cheapest(ends, 1.0).pop().ok_or(FitError::NoIteration);
+    fn best_when_sharp(&self, session: &mut Session, mut minima: Vec<Fit>) -> Result<State, FitError> {
+        if self.identification.settings.target.masks() {
+            let ends = minima.into_iter().map(|end| (end.cost, end.state)).collect();
+            minima = self.local_minima(session, &self.identification.material_problem(self.simulation, 1), ends)?;
         }
-        let problem = self.identification.material_problem(self.simulation, 1);
-        let sharp = self.local_minima(session, &problem, ends)?;
-        let best = sharp.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
+        let best = minima.into_iter().min_by(|a, b| a.cost.total_cmp(&b.cost));
         best.map(|fit| fit.state).ok_or(FitError::NoIteration)
     }
 
-    fn fit_until(
+    fn fit(
         &self,
         session: &mut Session,
         (problem, start): (&Problem, State),
         iterations: usize,
-        is_enough: &dyn Fn(&Iterate) -> bool,
     ) -> Result<Fit, FitError> {
-        let limits = Limits::rough(iterations, problem.descent);
-        session.minimise(Stage::Material, problem, (start, None), limits, is_enough)
+        session.minimise(Stage::Material, problem, (start, None), self.limits(iterations), &|_| false)
+    }
+
+    fn limits(&self, iterations: usize) -> Limits {
+        Limits::rough(iterations, &self.identification.tuning.descent)
     }
 
     /// The fit of everything that is sought to blurred masks.
@@ -164,6 +150,6 @@ impl MaterialStage<'_> {
 
     /// The same of the material alone; of everything where no parameter of it is sought.
     fn material_alone(&self) -> Problem<'_> {
-        of_material_alone(self.identification, &self.everything())
+        self.everything().of_material_alone()
     }
 }
