@@ -165,15 +165,14 @@ def section_lines(section):
     lines += paragraph(" ".join([*section.get("about", []), *single]))
     for source in section.get("sources", []):
         lines += paragraph(f"- {source['what']}: {source_text(source)}", "  ")
-    lines.append("")
     sources = section.get("bodies_of") or section.get("laws_of") or {}
     files = {title: read(FOLDER / name) for title, name in sources.items()}
     if "bodies_of" in section:
-        lines += table(*body_rows(files))
+        lines += ["", *table(*body_rows(files))]
     elif "laws_of" in section:
-        lines += table(*law_rows(files, section["paper"]))
+        lines += ["", *table(*law_rows(files, section["paper"]))]
     elif "columns" in section:
-        lines += table(section["columns"], section["rows"])
+        lines += ["", *table(section["columns"], section["rows"])]
     notes = [*map(summary, files, files.values()), *section.get("notes", [])]
     shown = [*lines, "", *paragraph(" ".join(notes))] if notes else lines
     return shown[:-1] if shown[-1] == "" else shown
