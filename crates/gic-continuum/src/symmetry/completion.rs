@@ -18,7 +18,7 @@ pub struct Completion {
     rest: Option<Symmetry>,
     /// What the first frame was completed by.
     first: Option<Symmetry>,
-    /// Whether it has changed its shape since.
+    /// Whether it has changed its shape since, or outlines show none of this symmetry.
     deformed: bool,
 }
 
@@ -31,11 +31,12 @@ impl Completion {
         let surface = KnownSurface::new(filling, &tuning.symmetry);
         let symmetry = surface.symmetry();
         let rest = self.rest.get_or_insert_with(|| symmetry.clone());
-        self.deformed = rest.planes.is_empty() || !symmetry.is_still(rest, tuning.symmetry.same_misfit);
-        if !self.deformed {
-            // Outlines are sharper than surfaces.
-            let sharper = symmetry.on_outlines(views, &tuning.symmetry).map(|sharper| surface.measured(sharper));
-            let symmetry = sharper.unwrap_or(symmetry);
+        let is_still = !rest.planes.is_empty() && symmetry.is_still(rest, tuning.symmetry.same_misfit);
+        // Outlines are sharper than surfaces, and show thin parts, which hardly count in a surface's mean.
+        let agreed = if is_still { symmetry.on_outlines(views, &tuning.symmetry) } else { None };
+        self.deformed = agreed.is_none();
+        if let Some(symmetry) = agreed {
+            let symmetry = surface.measured(symmetry);
             filling.complete(&symmetry, &surface);
             self.first.get_or_insert(symmetry);
         }

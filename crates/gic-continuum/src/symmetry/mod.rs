@@ -30,7 +30,7 @@ mod tests {
 
     use super::surface::KnownSurface;
     use super::*;
-    use crate::test_cross::{turned, upright_cross};
+    use crate::test_cross::{cameras, mask, turned, upright_cross, views};
     use crate::{Filling, Tuning};
 
     const VOXEL: f64 = 0.006;
@@ -66,6 +66,16 @@ mod tests {
             })
             .collect();
         filling
+    }
+
+    /// Whether the completion changes a body that three cameras see.
+    fn completes(completion: &mut Completion, body: &dyn Fn(DVec3) -> f64) -> bool {
+        let cameras = cameras();
+        let masks: Vec<Vec<f32>> = cameras.iter().map(|camera| mask(camera, body)).collect();
+        let mut filling = filled(body);
+        let before = filling.field.clone();
+        completion.next(&mut filling, &views(&cameras, &masks), &Tuning::default());
+        filling.field != before
     }
 
     #[test]
@@ -121,15 +131,24 @@ mod tests {
         let sheared =
             |p: DVec3, by: f64| upright_cross(turned().inverse() * (p - centre() - by * (p.y - centre().y) * DVec3::X));
         let mut completion = Completion::default();
-        let tuning = Tuning::default();
-        completion.next(&mut filled(|p| sheared(p, 0.0)), &[], &tuning);
-        for shear in [0.3, 0.0] {
-            let mut later = filled(|p| sheared(p, shear));
-            let before = later.field.clone();
-            completion.next(&mut later, &[], &tuning);
-            assert_eq!(later.field, before, "sheared by {shear}");
-        }
+        let completed = [0.0, 0.3, 0.0].map(|shear| completes(&mut completion, &|p| sheared(p, shear)));
+        assert_eq!(completed, [true, false, false]);
         assert_eq!(completion.first().map(|first| first.planes.len()), Some(3));
+    }
+
+    #[test]
+    fn a_thin_part_that_is_on_one_side_only_shows_in_the_outlines() {
+        let own = |p: DVec3| turned().inverse() * (p - centre());
+        let tail = |p: DVec3| {
+            let along = DVec3::new(0.6, 0.5, 0.624);
+            let t = p.dot(along).clamp(0.0, 0.22);
+            (p - t * along).length() - 0.008
+        };
+        let body = |p: DVec3| upright_cross(own(p)).min(tail(own(p)));
+        assert_eq!(KnownSurface::new(&filled(body), &Tuning::default().symmetry).symmetry().planes.len(), 3);
+        let mut completion = Completion::default();
+        assert!(!completes(&mut completion, &body));
+        assert_eq!(completion.first(), None);
     }
 
     proptest! {
