@@ -297,13 +297,11 @@ pub struct MaterialTuning {
     /// one before. Budget: two rollouts each for every parameter. The minima of plasticine that yields at .5 % of
     /// strain lie a factor of 1.4 in Young's modulus apart.
     pub neighbour_distances: usize,
-    /// Fits from neighbouring starts. Budget: each costs as much as a long fit.
-    pub most_restarts: usize,
 }
 
 impl Default for MaterialTuning {
     fn default() -> MaterialTuning {
-        MaterialTuning { most_cost_ratio: 2.0, neighbour_distances: 3, most_restarts: 3 }
+        MaterialTuning { most_cost_ratio: 2.0, neighbour_distances: 3 }
     }
 }
 

@@ -3,6 +3,7 @@
 //! Errors of free flight and of the shape then do not bias the material, and the intervals know of them. The noise of
 //! the frames after contact is known only once they are explained, so a short fit precedes the weights of the long one.
 //! With another shape another material may explain the video best: the fit looks over the walls of its minimum again.
+//! One that only carries a body's shape on, and is followed by no intervals, does not.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -69,7 +70,7 @@ fn fit(
         let least_gain = identification.tuning.joint.least_gain;
         let limits = Limits { iterations, gain_tolerance: 0.0, least_gain, secants: true };
         let mut fit = session.minimise(Stage::Joint, &problem, (state, Some(here)), limits, &|_| false)?;
-        if is_last {
+        if is_last && identification.settings.stages.contains(&Stage::Intervals) {
             let tuning = &identification.tuning.material;
             let walls = Walls { stage: Stage::Joint, problem: &problem, limits, tuning };
             let (best, left) = walls.look_over(session, fit)?;

@@ -24,7 +24,8 @@ pub(crate) struct Walls<'a> {
 }
 
 impl Walls<'_> {
-    /// The best of `fit` and of the minima around it, then of those around the better one; and the others.
+    /// The best of `fit` and of the minima around it, then of those around the better one, until the likeliest of these
+    /// is none better; and the others.
     ///
     /// # Errors
     /// Interruption.
@@ -32,17 +33,18 @@ impl Walls<'_> {
         let mut others = Vec::new();
         let mut known = vec![Basin::of(self.problem, &mut fit)];
         let mut starts = self.starts(session, &known)?.into_iter();
-        while let Some(start) = starts.next().filter(|_| known.len() <= self.tuning.most_restarts) {
+        while let Some(start) = starts.next() {
             let Some(mut found) = self.fit_from(session, self.problem, start, &known)? else { continue };
             known.push(Basin::of(self.problem, &mut found));
-            if found.cost < fit.cost {
-                // Further down in the same minimum there is nothing new around.
-                if !known[known.len() - 1].holds(&fit.end()) {
-                    starts = self.starts(session, &known)?.into_iter();
-                }
-                std::mem::swap(&mut fit, &mut found);
+            if found.cost >= fit.cost {
+                others.push(found);
+                break;
             }
-            others.push(found);
+            // Further down in the same minimum there is nothing new around.
+            if !known[known.len() - 1].holds(&fit.end()) {
+                starts = self.starts(session, &known)?.into_iter();
+            }
+            others.push(std::mem::replace(&mut fit, found));
         }
         Ok((fit, others))
     }
