@@ -158,8 +158,8 @@ pub struct Settings {
     /// The first and the last stage: [`Stage::Search`] to [`Stage::Intervals`] by default, as free flight always comes
     /// first. Without the search `start` is the only start, and without the material stage it is where such a fit has
     /// ended. Without the joint stage the answer is rough and costs about half, and without [`Stage::Intervals`] it has
-    /// none; the same checkpoint goes on to the whole answer. Where [`Stage::Velocity`] is the last, only the flight is
-    /// fitted.
+    /// none; the same checkpoint goes on to the whole answer. The joint stage alone looks for no other minimum than
+    /// that where it starts. Where [`Stage::Velocity`] is the last, only the flight is fitted.
     #[cfg_attr(feature = "cli", arg(skip = Settings::default().stages))]
     #[serde(skip)]
     pub stages: RangeInclusive<Stage>,

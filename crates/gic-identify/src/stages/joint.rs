@@ -3,7 +3,7 @@
 //! Errors of free flight and of the shape then do not bias the material, and the intervals know of them. The noise of
 //! the frames after contact is known only once they are explained, so a short fit precedes the weights of the long one.
 //! With another shape another material may explain the video best: the fit looks over the walls of its minimum again.
-//! One that only carries a body's shape on, and is followed by no intervals, does not.
+//! This stage alone does not: it carries the shape of a body on whose material is known.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -55,6 +55,7 @@ fn fit(
 ) -> Result<(State, Option<Linearisation>, OtherMinima), FitError> {
     let (simulation, prior) = (identification.simulation(), prior(identification));
     let most = identification.settings.iterations;
+    let is_alone = identification.settings.stages == (Stage::Joint..=Stage::Joint);
     let (mut state, mut known, mut others) = (start, None, Vec::new());
     for (iterations, is_last) in [(identification.tuning.descent.short_iterations.min(most), false), (most, true)] {
         let problem = problem(identification, &simulation, &prior);
@@ -70,7 +71,7 @@ fn fit(
         let least_gain = identification.tuning.joint.least_gain;
         let limits = Limits { iterations, gain_tolerance: 0.0, least_gain, secants: true };
         let mut fit = session.minimise(Stage::Joint, &problem, (state, Some(here)), limits, &|_| false)?;
-        if is_last && identification.settings.stages.contains(&Stage::Intervals) {
+        if is_last && !is_alone {
             let tuning = &identification.tuning.material;
             let walls = Walls { stage: Stage::Joint, problem: &problem, limits, tuning };
             let (best, left) = walls.look_over(session, fit)?;
