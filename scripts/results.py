@@ -168,14 +168,15 @@ def section_lines(section):
     sources = section.get("bodies_of") or section.get("laws_of") or {}
     files = {title: read(FOLDER / name) for title, name in sources.items()}
     if "bodies_of" in section:
-        lines += ["", *table(*body_rows(files))]
+        columns, rows = body_rows(files)
     elif "laws_of" in section:
-        lines += ["", *table(*law_rows(files, section["paper"]))]
-    elif "columns" in section:
-        lines += ["", *table(section["columns"], section["rows"])]
+        columns, rows = law_rows(files, section["paper"])
+    else:
+        columns, rows = section.get("columns"), section.get("rows")
+    if columns:
+        lines += ["", *table(columns, rows)]
     notes = [*map(summary, files, files.values()), *section.get("notes", [])]
-    shown = [*lines, "", *paragraph(" ".join(notes))] if notes else lines
-    return shown[:-1] if shown[-1] == "" else shown
+    return [*lines, "", *paragraph(" ".join(notes))] if notes else lines
 
 
 def document():

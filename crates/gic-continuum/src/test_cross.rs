@@ -59,10 +59,15 @@ pub(crate) fn hit(camera: &Camera, pixel: DVec2, distance: &dyn Fn(DVec3) -> f64
 }
 
 /// The mask of a body, by rays of four to a pixel.
-pub(crate) fn mask(camera: &Camera, distance: &dyn Fn(DVec3) -> f64) -> Vec<f32> {
+fn mask(camera: &Camera, distance: &dyn Fn(DVec3) -> f64) -> Vec<f32> {
     let corners = [DVec2::new(0.25, 0.25), DVec2::new(0.75, 0.25), DVec2::new(0.25, 0.75), DVec2::new(0.75, 0.75)];
     let covered = |pixel: DVec2| corners.iter().filter(|c| hit(camera, pixel + **c, distance).is_some()).count();
     (0..SIZE * SIZE).map(|i| covered(DVec2::new((i % SIZE) as f64, (i / SIZE) as f64)) as f32 / 4.0).collect()
+}
+
+/// A body's masks in all cameras.
+pub(crate) fn masks(cameras: &[Camera], distance: &dyn Fn(DVec3) -> f64) -> Vec<Vec<f32>> {
+    cameras.iter().map(|camera| mask(camera, distance)).collect()
 }
 
 /// Volume of the cross [m^3]: its three bars share the middle.

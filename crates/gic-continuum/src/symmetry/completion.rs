@@ -18,14 +18,15 @@ pub struct Completion {
     rest: Option<Symmetry>,
     /// What the first frame was completed by.
     first: Option<Symmetry>,
-    /// Whether it has changed its shape since, or outlines show none of this symmetry.
-    deformed: bool,
+    /// Whether no more frames are completed: the outlines do not agree with the symmetry, or the body has changed its
+    /// shape.
+    ended: bool,
 }
 
 impl Completion {
     /// Completes the next frame, which these views show, unless it has but one.
     pub fn next(&mut self, filling: &mut Filling, views: &[MaskedView], tuning: &Tuning) {
-        if self.deformed || filling.views_used < FEWEST_VIEWS {
+        if self.ended || filling.views_used < FEWEST_VIEWS {
             return;
         }
         let surface = KnownSurface::new(filling, &tuning.symmetry);
@@ -33,8 +34,8 @@ impl Completion {
         let rest = self.rest.get_or_insert_with(|| symmetry.clone());
         let is_still = !rest.planes.is_empty() && symmetry.is_still(rest, tuning.symmetry.same_misfit);
         // Outlines are sharper than surfaces, and show thin parts, which hardly count in a surface's mean.
-        let agreed = if is_still { symmetry.on_outlines(views, &tuning.symmetry) } else { None };
-        self.deformed = agreed.is_none();
+        let agreed = is_still.then(|| symmetry.on_outlines(views, &tuning.symmetry)).flatten();
+        self.ended = agreed.is_none();
         if let Some(symmetry) = agreed {
             let symmetry = surface.measured(symmetry);
             filling.complete(&symmetry, &surface);

@@ -2,8 +2,8 @@
 //!
 //! Most things that people make are mirror images of themselves. Where a body is, each place of it is looked at a
 //! second time, from the other side of the plane: the underside of an arm by the views of another arm's top. A plane is
-//! believed where the surface that is seen lies on its own mirror image, to a small part of the size; a body without
-//! such planes stays as it is.
+//! believed where the surface that is seen lies on its own mirror image, to a small part of the size, and the outlines
+//! agree; a body without such planes stays as it is.
 //!
 //! 1. [`surface`] finds up to three planes at right angles in the surface.
 //! 2. [`outline`] moves them to where the outlines agree with each other's mirror images, because outlines are sharper
@@ -30,7 +30,7 @@ mod tests {
 
     use super::surface::KnownSurface;
     use super::*;
-    use crate::test_cross::{cameras, mask, turned, upright_cross, views};
+    use crate::test_cross::{cameras, masks, turned, upright_cross, views};
     use crate::{Filling, Tuning};
 
     const VOXEL: f64 = 0.006;
@@ -71,7 +71,7 @@ mod tests {
     /// Whether the completion changes a body that three cameras see.
     fn completes(completion: &mut Completion, body: &dyn Fn(DVec3) -> f64) -> bool {
         let cameras = cameras();
-        let masks: Vec<Vec<f32>> = cameras.iter().map(|camera| mask(camera, body)).collect();
+        let masks = masks(&cameras, body);
         let mut filling = filled(body);
         let before = filling.field.clone();
         completion.next(&mut filling, &views(&cameras, &masks), &Tuning::default());

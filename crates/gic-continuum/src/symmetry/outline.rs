@@ -247,7 +247,7 @@ impl Symmetry {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::test_cross::{CENTRE, VOLUME, cameras, cross, gaussians, mask, turned, views};
+    use crate::test_cross::{CENTRE, VOLUME, cameras, cross, gaussians, masks, turned, views};
     use crate::{FillSettings, fill_outlines};
 
     fn of_outlines(views: &[MaskedView]) -> Symmetry {
@@ -269,7 +269,7 @@ mod tests {
     fn three_outlines_tell_three_planes() {
         let cameras = cameras();
         let at = |moved: DVec3| {
-            let masks: Vec<Vec<f32>> = cameras.iter().map(|c| mask(c, &|p| cross(p, moved))).collect();
+            let masks = masks(&cameras, &|p| cross(p, moved));
             of_outlines(&views(&cameras, &masks))
         };
         let symmetry = at(DVec3::ZERO);
@@ -289,7 +289,7 @@ mod tests {
             DVec3::AXES.into_iter().map(bar).fold(f64::INFINITY, f64::min)
         };
         let cameras = cameras();
-        let masks: Vec<Vec<f32>> = cameras.iter().map(|c| mask(c, &body)).collect();
+        let masks = masks(&cameras, &body);
         let symmetry = of_outlines(&views(&cameras, &masks));
         assert_eq!(symmetry.interchangeable_planes.len(), 1, "{symmetry:?}");
         // Along the interchangeable planes lie the two long bars, or what is between them.
@@ -302,7 +302,7 @@ mod tests {
     #[test]
     fn outlines_and_their_images_make_the_body() {
         let cameras = cameras();
-        let masks: Vec<Vec<f32>> = cameras.iter().map(|c| mask(c, &|p| cross(p, DVec3::ZERO))).collect();
+        let masks = masks(&cameras, &|p| cross(p, DVec3::ZERO));
         let (views, gaussians, settings) = (views(&cameras, &masks), gaussians(), FillSettings::for_size(0.3));
         let volume = |symmetry: &Symmetry| {
             let filling = fill_outlines(&gaussians, &views, symmetry, &settings).expect("a body");
@@ -324,7 +324,7 @@ mod tests {
         ];
         let body = |p: DVec3| balls.iter().map(|(c, r)| (p - CENTRE - *c).length() - r).fold(f64::INFINITY, f64::min);
         let cameras = cameras();
-        let masks: Vec<Vec<f32>> = cameras.iter().map(|c| mask(c, &body)).collect();
+        let masks = masks(&cameras, &body);
         assert_eq!(of_outlines(&views(&cameras, &masks)).planes, Vec::new());
         assert_eq!(of_outlines(&[]).planes, Vec::new());
     }
