@@ -122,13 +122,24 @@ def summary(title, file):
         f"{title[0].upper()}{title[1:]}: {sum(map(is_inside, parameters))} of {len(parameters)} parameters lie inside "
         f"their intervals, {sum(map(is_inside, named))} of the {len(named)} determined ones, "
         f"{sum(scene['velocity_inside'] for scene in scenes)} of {3 * len(scenes)} components of velocities; mean "
-        f"absolute error {mean:.2f}, median {statistics.median(ratios):.2f} of half-widths."
+        f"absolute error {mean:.2f}, median {statistics.median(ratios):.2f} of half-widths{biases(scenes)}."
     )
     if file.get("failures"):
         text += " Without a result: " + "; ".join(f"{f['scene']} ({f['reason']})" for f in file["failures"]) + "."
     parts = [f"{what} {least:.0f} to {most:.0f} {unit}, median {middle:.0f}"
              for what, unit, (least, middle, most) in file.get("costs", [])]
     return text + (f" A run: {'; '.join(parts)}." if parts else "")
+
+
+def biases(scenes):
+    """Mean signed errors of what may be off in one and the same way in all bodies."""
+    def mean(law, name):
+        errors = [p["error_x100"] for s in scenes if s["law"] == law for p in s["parameters"] if p["name"] == name]
+        return statistics.fmean(errors) if errors else None
+    modulus, angle = mean("elastic", "E"), mean("sand", "angle")
+    parts = [f"E of elastic bodies {modulus:+.2f}"] if modulus is not None else []
+    parts += [f"friction angles {math.degrees(angle / 100.0):+.2f} degrees"] if angle is not None else []
+    return f"; signed, {', '.join(parts)}" if parts else ""
 
 
 def law_rows(files, paper_by_law):

@@ -115,7 +115,7 @@ impl FlightStage<'_> {
     fn fit(&self, start: State, unknowns: &[Unknown], end: usize, pooling: usize) -> Result<Fit, FitError> {
         // Free flight is in closed form, and cheap: it is fitted as far as rounding lets it.
         let (iterations, gain_tolerance) = (self.settings.iterations, f64::from(f32::EPSILON));
-        let limits = Limits { iterations, gain_tolerance, least_gain: 0.0, secants: false };
+        let limits = Limits { gain_tolerance, secants: false, ..Limits::to_the_end(iterations, 0.0) };
         let problem = self.problem(unknowns, end, pooling);
         minimise(&problem, start, None, limits, &mut |_| Ok(ControlFlow::Continue(())))
     }

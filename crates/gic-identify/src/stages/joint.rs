@@ -69,7 +69,7 @@ fn fit(
         let problem = Problem { objective: Objective { weights: &weights, ..problem.objective }, ..problem };
         // The cost is in units of chi-squared: what matters is the absolute gain.
         let least_gain = identification.tuning.joint.least_gain;
-        let limits = Limits { iterations, gain_tolerance: 0.0, least_gain, secants: true };
+        let limits = Limits::to_the_end(iterations, least_gain);
         let mut fit = session.minimise(Stage::Joint, &problem, (state, Some(here)), limits, &|_| false)?;
         if is_last && !is_alone {
             let tuning = &identification.tuning.material;

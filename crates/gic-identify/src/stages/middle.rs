@@ -45,7 +45,7 @@ pub(crate) fn of_what_is_open(
     let objective = Objective { weights, ..problem.objective };
     let problem = Problem { objective, unknowns, ..problem };
     let (iterations, least_gain) = (identification.settings.iterations, identification.tuning.joint.least_gain);
-    let limits = Limits { iterations, gain_tolerance: 0.0, least_gain, secants: true };
+    let limits = Limits::to_the_end(iterations, least_gain);
     let working = &mut |_: &Iterate| session.pause().map(ControlFlow::Continue);
     let middle = match minimise(&problem, start, None, limits, working) {
         Err(FitError::Interrupted) => return Err(FitError::Interrupted),

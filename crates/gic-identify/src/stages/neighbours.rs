@@ -34,7 +34,8 @@ impl Walls<'_> {
         let mut known = vec![Basin::of(self.problem, &mut fit)];
         let mut starts = self.starts(session, &known)?.into_iter();
         while let Some(start) = starts.next() {
-            let Some(mut found) = self.fit_from(session, self.problem, start, &known)? else { continue };
+            let limits = Limits { to_beat: fit.cost, ..self.limits };
+            let Some(mut found) = self.fit_from(session, (self.problem, limits), start, &known)? else { continue };
             known.push(Basin::of(self.problem, &mut found));
             if found.cost >= fit.cost {
                 others.push(found);
@@ -55,7 +56,7 @@ impl Walls<'_> {
         let material_alone = self.problem.of_material_alone();
         let mut ends = Vec::new();
         for start in self.neighbours(session, &known[known.len() - 1])? {
-            ends.extend(self.fit_from(session, &material_alone, start, known)?);
+            ends.extend(self.fit_from(session, (&material_alone, self.limits), start, known)?);
         }
         ends.sort_by(|a, b| a.cost.total_cmp(&b.cost));
         Ok(ends.into_iter().map(|end| end.state).collect())
@@ -65,11 +66,11 @@ impl Walls<'_> {
     fn fit_from(
         &self,
         session: &mut Session,
-        problem: &Problem,
+        (problem, limits): (&Problem, Limits),
         start: State,
         known: &[Basin],
     ) -> Result<Option<Fit>, FitError> {
-        match fit_outside(known, session, (self.stage, problem, self.limits), start) {
+        match fit_outside(known, session, (self.stage, problem, limits), start) {
             Err(FitError::Interrupted) => Err(FitError::Interrupted),
             found => Ok(found.ok().flatten()),
         }
