@@ -116,7 +116,9 @@ impl Error {
             Self::Setting { section, .. } => Some(format!(
                 "change it by its flag (--help names them), by --set {section}.KEY=VALUE, or in the file of --config"
             )),
-            Self::Settings { .. } => Some("a run's config.toml names every setting".into()),
+            Self::Settings { .. } => {
+                Some("check the name and its value; `gic run --help` explains settings that have a flag".into())
+            }
             Self::Print { .. } => Some("send the output to a file or a terminal that can take it".into()),
             Self::Overwrite { .. } => Some("choose another place for the output".into()),
             Self::Stage { hint, .. } | Self::Usage { hint, .. } => hint.clone(),
