@@ -15,6 +15,8 @@ with `"sources"`: [{"what", "command", "commit", "machine"}] where there are sev
     "bodies_of": {TITLE: FILE}    errors of parameters as `--bench` writes them, of several files, a row for each scene
     "laws_of": {TITLE: FILE}      the same by law and parameter, mean and deviation, beside "paper"
 
+The names in `"fitted_on"` are counted apart.
+
 Errors of parameters are estimate less truth, times 100: log10 of moduli, viscosities and yield stresses, Poisson's
 ratio as it is, angles in radians. Velocities are mean absolute errors of the components in cm/s.
 """
@@ -109,21 +111,31 @@ def body_rows(files):
     return columns, rows
 
 
-def summary(title, file):
+def coverage(scenes):
+    """How many parameters, determined ones, and components of velocities lie inside their intervals."""
+    parameters = [p for scene in scenes for p in scene["parameters"]]
+    named = [p for p in parameters if p["identifiable"]]
+    return [f"{sum(map(is_inside, parameters))} of {len(parameters)}", f"{sum(map(is_inside, named))} of {len(named)}",
+            f"{sum(scene['velocity_inside'] for scene in scenes)} of {3 * len(scenes)}"]
+
+
+def summary(title, file, fitted_on):
     """Coverage and sharpness of the intervals of a file, failures by name, and what a run takes."""
     scenes = file["scenes"]
     parameters = [p for scene in scenes for p in scene["parameters"]]
     if not parameters:
         return f"{title}: no scene has a result."
-    named = [p for p in parameters if p["identifiable"]]
     mean = statistics.fmean(abs(p["error_x100"]) for p in parameters)
     ratios = [ratio for ratio in map(error_over_half_width, parameters) if ratio is not None]
+    of_all, of_determined, of_velocities = coverage(scenes)
     text = (
-        f"{title[0].upper()}{title[1:]}: {sum(map(is_inside, parameters))} of {len(parameters)} parameters lie inside "
-        f"their intervals, {sum(map(is_inside, named))} of the {len(named)} determined ones, "
-        f"{sum(scene['velocity_inside'] for scene in scenes)} of {3 * len(scenes)} components of velocities; mean "
-        f"absolute error {mean:.2f}, median {statistics.median(ratios):.2f} of half-widths{biases(scenes)}."
+        f"{title[0].upper()}{title[1:]}: {of_all} parameters lie inside, {of_determined} determined "
+        f"ones, {of_velocities} components of velocities; mean absolute error {mean:.2f}, median "
+        f"{statistics.median(ratios):.2f} of half-widths{biases(scenes)}."
     )
+    if fitted_on:
+        unseen = [scene for scene in scenes if scene["scene"] not in fitted_on]
+        text += f" Without the {len(scenes) - len(unseen)} that numbers were fitted on: {', '.join(coverage(unseen))}."
     if file.get("failures"):
         text += " Without a result: " + "; ".join(f"{f['scene']} ({f['reason']})" for f in file["failures"]) + "."
     parts = [f"{what} {least:.0f} to {most:.0f} {unit}, median {middle:.0f}"
@@ -186,7 +198,8 @@ def section_lines(section):
         columns, rows = section.get("columns"), section.get("rows")
     if columns:
         lines += ["", *table(columns, rows)]
-    notes = [*map(summary, files, files.values()), *section.get("notes", [])]
+    summaries = [summary(title, file, section.get("fitted_on", [])) for title, file in files.items()]
+    notes = [*summaries, *section.get("notes", [])]
     return [*lines, "", *paragraph(" ".join(notes))] if notes else lines
 
 
