@@ -1,7 +1,8 @@
 //! Which tuned numbers move the result: each is halved and doubled, one at a time, on finished runs of several scenes.
 //!
 //! ```text
-//! cargo run --release -p gic --example sensitivity -- [--flight | --identify] [--only PREFIX]... -o OUT RUN...
+//! cargo run --release -p gic --example sensitivity -- [--flight | --identify] [--only PREFIX]... [--change KEY=VALUE]...
+//!     -o OUT RUN...
 //! ```
 //!
 //! Every RUN keeps its reconstruction; what follows is made anew with today's numbers, and then, as far as it depends
@@ -14,7 +15,8 @@
 //! `--flight` ends with the body that the free flight settles, for the numbers of filling: a number that moves it is in
 //! use, and one that does not may still move the fits that follow. `--identify` keeps the body that refinement left and
 //! fits it anew, for those of identification: one that does not move this fit may still move refinement. `--only` takes
-//! the numbers whose keys begin with a PREFIX. A line per change is appended to `OUT/effects.jsonl`; what stands there
+//! the numbers whose keys begin with a PREFIX, `--change` a value of its own in place of both, such as one that switches
+//! a number's branch off. A line per change is appended to `OUT/effects.jsonl`; what stands there
 //! already is not measured again, and several of these programs may share it.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -54,7 +56,7 @@ fn main() -> Result<()> {
             copy_reconstruction(run, &reference)?;
         }
         let base = measure(&reference, &[], options.part)?;
-        for (key, change) in changes(options.part, &options.only) {
+        for (key, change) in changes(&options) {
             let part = if key == SEED && options.part == Part::Identify { Part::All } else { options.part };
             let known = effects(&log)?;
             if known.iter().any(|e| e.scene == scene && e.change == change && e.part == part)
@@ -81,9 +83,15 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// Every change that is measured, by the key of what changes: other seeds first, then each number halved and doubled.
-fn changes(part: Part, only: &[String]) -> Vec<(String, String)> {
+/// Every change that is measured, by the key of what changes: other seeds first, then those that were asked for, or each
+/// number halved and doubled.
+fn changes(options: &Options) -> Vec<(String, String)> {
+    let Options { part, only, .. } = options;
     let seeds = SEEDS.iter().map(|seed| (SEED.to_owned(), format!("{SEED}={seed}")));
+    if !options.changes.is_empty() {
+        let key = |change: &String| change.split('=').next().unwrap_or_default().to_owned();
+        return seeds.chain(options.changes.iter().map(|change| (key(change), change.clone()))).collect();
+    }
     let of_part = match part {
         Part::Flight => "fill.",
         Part::Identify => "identify.",
@@ -122,18 +130,21 @@ struct Options {
     runs: Vec<PathBuf>,
     out: PathBuf,
     only: Vec<String>,
+    changes: Vec<String>,
     part: Part,
 }
 
 impl Options {
     fn parse() -> Result<Self> {
-        let mut options = Self { runs: Vec::new(), out: PathBuf::new(), only: Vec::new(), part: Part::All };
+        let mut options =
+            Self { runs: Vec::new(), out: PathBuf::new(), only: Vec::new(), changes: Vec::new(), part: Part::All };
         let mut arguments = std::env::args().skip(1);
         while let Some(argument) = arguments.next() {
             match argument.as_str() {
                 "--flight" => options.part = Part::Flight,
                 "--identify" => options.part = Part::Identify,
                 "--only" => options.only.push(arguments.next().ok_or("--only needs a prefix")?),
+                "--change" => options.changes.push(arguments.next().ok_or("--change needs KEY=VALUE")?),
                 "-o" => options.out = arguments.next().ok_or("-o needs a folder")?.into(),
                 _ => options.runs.push(argument.into()),
             }
