@@ -1,8 +1,8 @@
 //! Which tuned numbers move the result: each is halved and doubled, one at a time, on finished runs of several scenes.
 //!
 //! ```text
-//! cargo run --release -p gic --example sensitivity -- [--flight | --identify] [--only PREFIX]... [--change KEY=VALUE]...
-//!     -o OUT RUN...
+//! cargo run --release -p gic --example sensitivity -- [--flight | --identify] [--only PREFIX]...
+//!     [--change KEY=VALUE]... -o OUT RUN...
 //! ```
 //!
 //! Every RUN keeps its reconstruction; what follows is made anew with today's numbers, and then, as far as it depends
@@ -12,12 +12,12 @@
 //! scatter to compare with is what other seeds move, reconstruction included. A number that moves a scene by more than
 //! [`CLEARLY`] scatters is not varied further.
 //!
-//! `--flight` ends with the body that the free flight settles, for the numbers of filling: a number that moves it is in
-//! use, and one that does not may still move the fits that follow. `--identify` keeps the body that refinement left and
-//! fits it anew, for those of identification: one that does not move this fit may still move refinement. `--only` takes
-//! the numbers whose keys begin with a PREFIX, `--change` a value of its own in place of both, such as one that switches
-//! a number's branch off. A line per change is appended to `OUT/effects.jsonl`; what stands there
-//! already is not measured again, and several of these programs may share it.
+//! `--flight` ends with the body that the free flight settles, for the numbers of filling: a number that moves it is
+//! in use, and one that does not may still move the fits that follow. `--identify` keeps the body that refinement left
+//! and fits it anew, for those of identification: one that does not move this fit may still move refinement. `--only`
+//! takes the numbers whose keys begin with a PREFIX, `--change` a value of its own in place of both, such as one that
+//! switches a number's branch off. A line per change is appended to `OUT/effects.jsonl`; what stands there already is
+//! not measured again, and several of these programs may share it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
@@ -83,8 +83,8 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// Every change that is measured, by the key of what changes: other seeds first, then those that were asked for, or each
-/// number halved and doubled.
+/// Every change that is measured, by the key of what changes: other seeds first, then those that were asked for, or
+/// each number halved and doubled.
 fn changes(options: &Options) -> Vec<(String, String)> {
     let Options { part, only, .. } = options;
     let seeds = SEEDS.iter().map(|seed| (SEED.to_owned(), format!("{SEED}={seed}")));
