@@ -193,8 +193,8 @@ pub struct DescentTuning {
     pub damping_factor: f64,
     /// A Jacobian that was carried along is measured anew when a step gains less than this share of what it predicted,
     /// and the fit may still gain enough by this share of what it predicts. A state belongs to a minimum where its cost
-    /// rises by at least this share of what that one's quadratic model predicts, and by at most its inverse. Fitted on:
-    /// the nine scenes.
+    /// rises by at least this share of what that one's quadratic model predicts, and by at most its inverse; a fit that
+    /// has another to beat ends where its own model times this inverse does not. Fitted on: the nine scenes.
     pub trusted_gain_share: f64,
     /// A fit that only hands over a start ends when the cost falls by less than this share. Budget: the stage that
     /// follows goes on.

@@ -59,9 +59,9 @@ fn main() -> Result<()> {
         for (key, change) in changes(&options) {
             let part = if key == SEED && options.part == Part::Identify { Part::All } else { options.part };
             let known = effects(&log)?;
-            if known.iter().any(|e| e.scene == scene && e.change == change && e.part == part)
-                || moves(&known).get(key.as_str()).is_some_and(|most| most.scatters > CLEARLY)
-            {
+            let is_known = known.iter().any(|e| e.scene == scene && e.change == change && e.part == part);
+            let is_in_use = moves(&known).get(key.as_str()).is_some_and(|most| most.scatters > CLEARLY);
+            if is_known || is_in_use && options.changes.is_empty() {
                 continue;
             }
             let scratch = options.out.join(&scene).join(format!("scratch-{}", std::process::id()));
@@ -92,13 +92,9 @@ fn changes(options: &Options) -> Vec<(String, String)> {
         let key = |change: &String| change.split('=').next().unwrap_or_default().to_owned();
         return seeds.chain(options.changes.iter().map(|change| (key(change), change.clone()))).collect();
     }
-    let of_part = match part {
-        Part::Flight => "fill.",
-        Part::Identify => "identify.",
-        Part::All => "",
+    let asked = |key: &str| {
+        key.starts_with(part.prefix()) && (only.is_empty() || only.iter().any(|prefix| key.starts_with(prefix)))
     };
-    let asked =
-        |key: &str| key.starts_with(of_part) && (only.is_empty() || only.iter().any(|prefix| key.starts_with(prefix)));
     let numbers = numbers().into_iter().filter(|(key, _)| asked(key));
     let varied = numbers.flat_map(|(key, value)| varied(&value).map(move |v| (key.clone(), format!("{key}={v}"))));
     seeds.chain(varied).collect()
@@ -123,6 +119,17 @@ enum Part {
     Identify,
     /// All that follows the reconstruction.
     All,
+}
+
+impl Part {
+    /// What the keys of the numbers that it depends on begin with.
+    fn prefix(self) -> &'static str {
+        match self {
+            Part::Flight => "fill.",
+            Part::Identify => "identify.tuning.",
+            Part::All => "",
+        }
+    }
 }
 
 /// What the command line asks for.
@@ -151,6 +158,9 @@ impl Options {
         }
         if options.runs.is_empty() || options.out.as_os_str().is_empty() {
             return Err("give -o OUT and the folders of finished runs".into());
+        }
+        if let Some(change) = options.changes.iter().find(|change| !change.starts_with(options.part.prefix())) {
+            return Err(format!("--change {change} is none of the numbers that this part depends on").into());
         }
         Ok(options)
     }

@@ -36,11 +36,11 @@ impl Walls<'_> {
         while let Some(start) = starts.next() {
             let limits = Limits { to_beat: fit.cost, ..self.limits };
             let Some(mut found) = self.fit_from(session, (self.problem, limits), start, &known)? else { continue };
-            known.push(Basin::of(self.problem, &mut found));
             if found.cost >= fit.cost {
                 others.push(found);
                 break;
             }
+            known.push(Basin::of(self.problem, &mut found));
             // Further down in the same minimum there is nothing new around.
             if !known[known.len() - 1].holds(&fit.end()) {
                 starts = self.starts(session, &known)?.into_iter();
