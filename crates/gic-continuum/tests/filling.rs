@@ -297,6 +297,24 @@ fn particles_share_the_volume_and_their_alpha_matches_the_masks() {
     assert!(sample_particles(&filling, 0.0, &ParticleTuning::default()).is_err());
 }
 
+/// Grains lie anywhere in their own cells, with their own volumes, and the same seed lays them the same.
+#[test]
+fn particles_without_order_fill_the_same_cells() {
+    let distance = |p: DVec3| p.abs().max_element() - 0.1;
+    let filling = Filling::of_body((DVec3::splat(-0.12), DVec3::splat(0.12)), 0.005, 0.01, distance).unwrap();
+    let ordered = sample_particles(&filling, 0.01, &ParticleTuning::default()).unwrap();
+    let laid = ordered.clone().without_order(3);
+    assert_eq!(laid, ordered.clone().without_order(3));
+    assert_eq!(laid.volume_factors, ordered.volume_factors);
+    let steps: Vec<DVec3> = laid.positions.iter().zip(&ordered.positions).map(|(a, b)| (*a - *b) / 0.01).collect();
+    assert!(steps.iter().all(|step| step.abs().max_element() <= 0.5));
+    let count = steps.len() as f64;
+    let mean = steps.iter().sum::<DVec3>() / count;
+    let square = steps.iter().map(|step| *step * *step).sum::<DVec3>() / count;
+    assert!(mean.abs().max_element() < 4.0 * (1.0 / 12.0 / count).sqrt(), "{mean}");
+    assert!((square * 12.0 - 1.0).abs().max_element() < 0.1, "evenly over the cell: {square}");
+}
+
 /// Mass and stiffness against bending of a plate, however many layers of particles fall inside.
 #[test]
 fn a_plate_of_broken_layers_has_its_mass_and_its_stiffness() {

@@ -2,6 +2,8 @@
 
 use gic_geometry::{GeometryError, KdTree, MAX_VOXELS};
 use glam::DVec3;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use crate::tuning::ParticleTuning;
@@ -25,6 +27,19 @@ pub struct Particles {
     pub doubts: Vec<f32>,
     /// Distance between neighbours on the lattice [m].
     pub spacing: f64,
+}
+
+impl Particles {
+    /// The same particles without order: each lies anywhere in its own cell of the lattice. Grains lie like this; those
+    /// of a lattice glide past each other in sheets, and a heap of them is neither as wide nor as high.
+    pub fn without_order(mut self, seed: u64) -> Particles {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        for position in &mut self.positions {
+            let within = DVec3::from_array(std::array::from_fn(|_| random.random::<f64>() - 0.5));
+            *position += self.spacing * within;
+        }
+        self
+    }
 }
 
 /// Fills the body with particles `spacing` metres apart. A point is inside where the interpolated field is at least

@@ -65,7 +65,7 @@ pub(crate) fn register(args: &RegisterArgs, context: &Context) -> anyhow::Result
 pub(crate) fn fill(args: &FillArgs, context: &Context) -> anyhow::Result<()> {
     let run = open(&args.run, Access::GoOn, &args.flags(), context)?;
     run.bring_up_to_date(Stage::Fill)?;
-    let summary = run.filled()?.summary;
+    let summary = run.fill_summary()?;
     let mean = summary.mask_iou.iter().sum::<f64>() / summary.mask_iou.len().max(1) as f64;
     context.print(format!(
         "{} particles {:.2} mm apart in {}; masks agree to {mean:.4} (mean IoU of {} cameras at the first frame)",

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use gic_continuum::{AcrossTime, Appearance, Drawing, Particles};
+use gic_mpm::MaterialKind;
 use gic_twin::atomic;
 use gic_twin::matter::read_particles;
 use glam::DVec3;
@@ -57,28 +58,37 @@ pub(crate) fn filling_file(frame: usize) -> PathBuf {
 }
 
 impl Run<'_> {
-    /// The body as well as it is known: as refined, where it is.
+    /// The body as well as it is known: as refined, where it is; of the scene's law.
     ///
     /// # Errors
-    /// Missing or damaged files.
+    /// Missing or damaged files; a law that is not known yet.
     pub fn continuum(&self) -> Result<Continuum> {
         if !self.refines() {
-            return self.filled();
+            return self.filled(self.model()?);
         }
         let record = self.refined()?;
-        let continuum = self.continuum_of(record.summary, &self.path(REFINED))?;
+        let continuum = self.continuum_of(record.summary, &self.path(REFINED), self.model()?)?;
         Ok(Continuum { refined: Some(record.settled), grid_spacing_m: record.grid_spacing_m, ..continuum })
     }
 
-    /// The result of filling.
+    /// The result of filling, of a law.
     ///
     /// # Errors
     /// Missing or damaged files.
-    pub(crate) fn filled(&self) -> Result<Continuum> {
-        self.continuum_of(atomic::read_json(&self.path("fill.json"))?, &self.folder)
+    pub(super) fn filled(&self, law: MaterialKind) -> Result<Continuum> {
+        self.continuum_of(self.fill_summary()?, &self.folder, law)
     }
 
-    fn continuum_of(&self, summary: FillSummary, folder: &Path) -> Result<Continuum> {
+    /// What filling found.
+    ///
+    /// # Errors
+    /// A missing or damaged file.
+    pub(crate) fn fill_summary(&self) -> Result<FillSummary> {
+        Ok(atomic::read_json(&self.path("fill.json"))?)
+    }
+
+    /// The body in a folder. Its particles lie in order, but grains do not.
+    fn continuum_of(&self, summary: FillSummary, folder: &Path, law: MaterialKind) -> Result<Continuum> {
         let ply = read_particles(&folder.join("continuum.ply"))?;
         let particles = Particles {
             positions: ply.positions,
@@ -89,6 +99,8 @@ impl Run<'_> {
             doubts: known_doubts(&ply.doubts),
             spacing: summary.particle_spacing_m,
         };
+        let particles =
+            if law == MaterialKind::Sand { particles.without_order(self.config.seed) } else { particles };
         let appearance = Appearance { scale: summary.splat_scale, opacity: summary.splat_opacity };
         let surfaces = summary
             .frames

@@ -28,6 +28,7 @@ impl Run<'_> {
         let model = self.model()?;
         let continuum = self.continuum()?;
         let surroundings = self.surroundings()?;
+        self.note_resolution(&continuum);
         let input = self.identify_input(&continuum, &surroundings)?;
         let (begun, checkpoint) = (self.path("stamps/identify.begun.json"), self.path("identify.checkpoint.json"));
         // Results of finished stages that belong to other settings or other matter must not be taken up.

@@ -24,9 +24,6 @@ impl Run<'_> {
         let particles = &continuum.particles;
         let (grid_spacing_m, substeps_per_frame) = config.resolution(continuum.grid_spacing_m);
         let scale = (continuum.appearance.scale * particles.spacing) as f32;
-        let grid = format!("grid {:.2} mm, {substeps_per_frame} substeps a frame", 1e3 * grid_spacing_m);
-        let known = std::iter::once(grid).chain(continuum.summary.remarks());
-        self.events.note(Stage::Identify.name(), known.collect::<Vec<_>>().join("; "));
         let mut cameras = self.scene.cameras.clone();
         let clock = Clock::of(&self.scene.moments().times, frame_rate_hz);
         let mut observations = Vec::new();
@@ -53,6 +50,14 @@ impl Run<'_> {
             grid_spacing_m,
             substeps_per_frame: clock.substeps(substeps_per_frame),
         })
+    }
+
+    /// Tells on which grid the body is simulated, and what of it no picture shows.
+    pub(super) fn note_resolution(&self, continuum: &Continuum) {
+        let (grid_spacing_m, substeps_per_frame) = self.config.identify.resolution(continuum.grid_spacing_m);
+        let grid = format!("grid {:.2} mm, {substeps_per_frame} substeps a frame", 1e3 * grid_spacing_m);
+        let known = std::iter::once(grid).chain(continuum.summary.remarks());
+        self.events.note(Stage::Identify.name(), known.collect::<Vec<_>>().join("; "));
     }
 
     /// What a frame shows: all at its time where its views can be taken as of one time, else each at its own.

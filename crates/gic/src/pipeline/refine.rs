@@ -94,7 +94,7 @@ impl Run<'_> {
         let mut settings = Settings { stages, target: only_masks(identify.target), ..identify.clone() };
         let flight = Settings { stages: IdentifyStage::Velocity..=IdentifyStage::Velocity, ..settings.clone() };
         let mut off_m = f64::INFINITY;
-        self.refine_once((&self.filled()?, &mut filling, off_m), &surroundings, &flight, &checkpoints[0])?;
+        self.refine_once((&self.filled(self.model()?)?, &mut filling, off_m), &surroundings, &flight, &checkpoints[0])?;
         let mut continuum = self.continuum()?;
         for checkpoint in &checkpoints[1..] {
             let body = (&continuum, &mut filling, off_m);
@@ -119,6 +119,7 @@ impl Run<'_> {
         settings: &Settings,
         checkpoint: &Path,
     ) -> Result<RefineRecord> {
+        self.note_resolution(continuum);
         let input = self.identify_input(continuum, surroundings)?;
         let model = self.model()?;
         let frames = self.identify_settings(&input).frames;

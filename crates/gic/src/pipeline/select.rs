@@ -129,10 +129,12 @@ impl Run<'_> {
         let touched = frames - self.scene.flight.as_ref().map_or(0, |flight| flight.frames().min(frames));
         let held_back = ((HELD_BACK_SHARE * touched as f64).round() as usize).max(1);
         let fitted = frames.saturating_sub(held_back);
-        let continuum = self.filled()?;
-        let input = self.identify_input(&continuum, &self.surroundings()?)?;
-        let drawing = self.drawing(&continuum)?;
-        let attempt = |model: MaterialKind, in_full: bool| self.fit_law(model, &input, &drawing, (fitted, in_full));
+        let surroundings = self.surroundings()?;
+        let attempt = |model: MaterialKind, in_full: bool| {
+            let body = self.filled(model)?;
+            let input = self.identify_input(&body, &surroundings)?;
+            self.fit_law(model, &input, &self.drawing(&body)?, (fitted, in_full))
+        };
         let mut rough = Vec::new();
         for model in MaterialKind::ALL {
             rough.push(attempt(model, false)?);
