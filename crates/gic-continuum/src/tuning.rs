@@ -114,13 +114,6 @@ tuned! {
         scan_photographs: usize = 12,
         /// Ranges of obliqueness (the sine between ray and normal) in which the bias of the depth is measured. Budget.
         obliqueness_bins: usize = 5,
-        /// Gaussians of more than this many median standard deviations are large: they draw flat faces that cameras
-        /// look at from the front. Fitted on: flat faces of four of the nine scenes.
-        large_from: f32 = 1.3,
-        /// How much deeper below the surface the centre of a large Gaussian lies [its standard deviations in excess of
-        /// that]. Fitted on: flat faces of four of the nine scenes, where centres lie 1.7 to 2 standard deviations
-        /// deep, whichever way they look.
-        large_inset: f32 = 1.4,
         /// Depths of neighbouring pixels are interpolated where they differ by no more than this [widths of a pixel at
         /// that depth]. Fitted on: the nine scenes.
         continuous_within: f32 = 4.0,

@@ -1,32 +1,17 @@
-//! Depth maps of the Gaussians, and what they tell of the surface: how obliquely it is seen, how large the Gaussians
-//! are that draw it, and where it may have gaps between them.
+//! Depth maps of the Gaussians, and what they tell of the surface: how obliquely it is seen, and where it may have gaps
+//! between the Gaussians that draw it.
 
 use gic_scene::Camera;
-use gic_splat::sh::C0;
 use gic_splat::{Gaussians, RenderSettings, render};
 
-/// The Gaussians with their standard deviations as colours, in units of the largest, which comes with them [m].
-pub(super) fn tinted_by_scale(gaussians: &Gaussians) -> (Gaussians, f32) {
-    let scales: Vec<f32> = (0..gaussians.len()).map(|i| gaussians.scale(i)).collect();
-    let unit = scales.iter().copied().fold(f32::MIN_POSITIVE, f32::max);
-    let constant = |colour: f32| [((f64::from(colour) - 0.5) / C0) as f32; 3];
-    let sh = scales.iter().map(|scale| constant(scale / unit)).collect();
-    (Gaussians { sh_degree: 0, sh, ..gaussians.clone() }, unit)
-}
-
-/// D / A [m] where the Gaussians are solid and the mask covers, else infinite, and the mean standard deviation of what
-/// is drawn there [m]; of Gaussians that are tinted by it in this unit.
-pub(super) fn depth_and_scale(tinted: &Gaussians, unit: f32, camera: &Camera, mask: &[f32]) -> (Vec<f32>, Vec<f32>) {
-    let rendered = render(tinted, camera, &RenderSettings::default());
-    let pixel = |i: usize| {
+/// D / A [m] where the Gaussians are solid and the mask covers, else infinite.
+pub(super) fn depth_map(gaussians: &Gaussians, camera: &Camera, mask: &[f32]) -> Vec<f32> {
+    let rendered = render(gaussians, camera, &RenderSettings::default());
+    let depth = |i: usize| {
         let alpha = rendered.alpha[i];
-        if alpha >= 0.5 && mask[i] > 0.0 {
-            (rendered.depth[i] / alpha, unit * rendered.color[i][0] / alpha)
-        } else {
-            (f32::INFINITY, 0.0)
-        }
+        if alpha >= 0.5 && mask[i] > 0.0 { rendered.depth[i] / alpha } else { f32::INFINITY }
     };
-    (0..mask.len()).map(pixel).unzip()
+    (0..mask.len()).map(depth).collect()
 }
 
 /// Pixels where the surface [m] lies behind its morphological opening by more than the Gaussians' median scale [m]. The

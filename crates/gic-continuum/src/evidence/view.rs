@@ -7,7 +7,7 @@ use gic_splat::Gaussians;
 use glam::{DVec2, DVec3};
 
 use super::depth_bias::DepthBias;
-use super::depth_map::{cosines, depth_and_scale, small_holes, tinted_by_scale};
+use super::depth_map::{cosines, depth_map, small_holes};
 use crate::ContinuumError;
 use crate::tuning::Tuning;
 
@@ -60,19 +60,17 @@ impl<'a> Evidence<'a> {
         gaussians: Option<(&Gaussians, f64)>,
         tuning: &Tuning,
     ) -> Result<Vec<Evidence<'a>>, ContinuumError> {
-        let tinted = gaussians.map(|(gaussians, _)| tinted_by_scale(gaussians));
-        let (mut gathered, mut sizes) = (Vec::new(), Vec::new());
+        let mut gathered = Vec::new();
         for (view, &MaskedView { camera, mask }) in views.iter().enumerate() {
             let Some(mask) = mask else { continue };
             let (width, height) = (camera.width, camera.height);
             if mask.len() != width * height {
                 return Err(ContinuumError::MaskSize { view, found: mask.len(), width, height });
             }
-            let (depth, size) = match &tinted {
-                Some((gaussians, unit)) => depth_and_scale(gaussians, *unit, camera, mask),
-                None => (vec![f32::INFINITY; mask.len()], Vec::new()),
+            let depth = match gaussians {
+                Some((gaussians, _)) => depth_map(gaussians, camera, mask),
+                None => vec![f32::INFINITY; mask.len()],
             };
-            sizes.push(size);
             let mut view = Evidence::with_depth(camera, mask, depth, tuning);
             if let Some((_, scale)) = gaussians {
                 view.hole = Arc::new(small_holes(&view.depth, camera, scale, tuning.gaussians.extent));
@@ -86,7 +84,6 @@ impl<'a> Evidence<'a> {
             let centres = gathered.iter().flat_map(|view| view.centres_behind(gaussians));
             let bias = DepthBias::measure(centres, scale, tuning);
             gathered.iter_mut().for_each(|view| view.bias = bias.clone());
-            gathered.iter_mut().zip(&sizes).for_each(|(view, sizes)| view.raise(sizes, scale as f32, tuning));
         }
         Ok(gathered)
     }
@@ -112,17 +109,6 @@ impl<'a> Evidence<'a> {
             let i = pixel_index(self.camera, pixel)?;
             Some((self.cosine[i], (z as f32 - self.depth[i]) * self.cosine[i]))
         })
-    }
-
-    /// Brings the surface nearer where it is drawn by Gaussians that are larger than most, with the standard deviations
-    /// `sizes` [m] of each pixel's: their centres lie deeper (see [`crate::DepthTuning::large_inset`]).
-    fn raise(&mut self, sizes: &[f32], median: f32, tuning: &Tuning) {
-        for ((depth, cosine), size) in Arc::make_mut(&mut self.depth).iter_mut().zip(self.cosine.iter()).zip(sizes) {
-            if depth.is_finite() {
-                let excess = (size - tuning.depth.large_from * median).max(0.0);
-                *depth -= tuning.depth.large_inset * excess / cosine.max(tuning.facing_cosine as f32);
-            }
-        }
     }
 
     /// Unit vector from a point [m] to the camera.
@@ -169,60 +155,4 @@ pub(crate) fn pixel_index(camera: &Camera, pixel: DVec2) -> Option<usize> {
     let (w, h) = (camera.width, camera.height);
     let inside = pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < w as f64 && pixel.y < h as f64;
     inside.then(|| pixel.y as usize * w + pixel.x as usize)
-}
-
-#[cfg(test)]
-mod tests {
-    use glam::DMat3;
-
-    use super::*;
-    use gic_splat::Shape;
-
-    const SIZE: usize = 60;
-
-    fn camera() -> Camera {
-        Camera {
-            width: SIZE,
-            height: SIZE,
-            focal: DVec2::splat(60.0),
-            principal: DVec2::splat(0.5 * SIZE as f64),
-            world_from_camera: DMat3::IDENTITY,
-            centre: DVec3::ZERO,
-        }
-    }
-
-    /// A wall of Gaussians a metre in front of the camera, 20 mm apart; those on the right are larger.
-    fn wall(left: f32, right: f32) -> Gaussians {
-        let place = |i: usize| [0.02 * (i % 60) as f32 - 0.59, 0.02 * (i / 60) as f32 - 0.59, 1.0];
-        let positions: Vec<[f32; 3]> = (0..3600).map(place).collect();
-        let scales = positions.iter().map(|p| if p[0] < 0.0 { left } else { right }).collect();
-        let n = positions.len();
-        Gaussians {
-            positions,
-            opacities: vec![0.9; n],
-            shape: Shape::Isotropic { scales },
-            sh_degree: 0,
-            sh: vec![[0.0; 3]; n],
-        }
-    }
-
-    #[test]
-    fn faces_of_large_gaussians_are_brought_nearer_and_others_stay() {
-        let (camera, mask) = (camera(), vec![1.0; SIZE * SIZE]);
-        let (small, large, tuning) = (0.012, 0.03, Tuning::default());
-        let (tinted, unit) = tinted_by_scale(&wall(small, large));
-        let (depth, sizes) = depth_and_scale(&tinted, unit, &camera, &mask);
-        let mut view = Evidence::with_depth(&camera, &mask, depth, &tuning);
-        let before = view.depth.clone();
-        view.raise(&sizes, small, &tuning);
-        let row = SIZE / 2 * SIZE;
-        let [left, right] = [row + 10, row + SIZE - 10];
-        assert!((sizes[left] / small - 1.0).abs() < 0.01 && (sizes[right] / large - 1.0).abs() < 0.01);
-        assert_eq!(view.depth[left], before[left]);
-        let raised = before[right] - view.depth[right];
-        assert!(
-            (raised / (tuning.depth.large_inset * (large - tuning.depth.large_from * small)) - 1.0).abs() < 0.02,
-            "{raised}"
-        );
-    }
 }

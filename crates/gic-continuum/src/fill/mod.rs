@@ -1,7 +1,7 @@
 //! Coarse-to-fine filling: Algorithm 1 of the paper, a function per group of lines.
 //!
 //! The structure is the paper's: internal particles are kept where every view's rendered depth lies in front of them
-//! and its mask covers them; a density field is upsampled, mean-filtered and reassigned level by level. Four things
+//! and its mask covers them; a density field is upsampled, mean-filtered and reassigned level by level. Three things
 //! differ, each because what is made of the body downstream (its mass, its contact time) needs its volume without bias:
 //!
 //! 1. *Densities are shares, not flags.* A voxel that holds any particle gets density 1 in the paper, which makes the
@@ -14,8 +14,6 @@
 //! 3. *Undersides.* What no view sees is filled, but not down to the last ray that grazes the body: the boundary that
 //!    no view sees is smooth, and the body keeps its volume (see [`crate::Unseen`]). A body that is its own mirror
 //!    image is then completed by it ([`crate::Completion`]).
-//! 4. *Depths know of the Gaussians' sizes.* Where a surface is drawn by large ones, it lies further in front of their
-//!    centres.
 
 mod coarse_to_fine;
 mod filling;
