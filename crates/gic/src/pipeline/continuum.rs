@@ -99,8 +99,7 @@ impl Run<'_> {
             doubts: known_doubts(&ply.doubts),
             spacing: summary.particle_spacing_m,
         };
-        let particles =
-            if law == MaterialKind::Sand { particles.without_order(self.config.seed) } else { particles };
+        let particles = if law == MaterialKind::Sand { particles.without_order(self.config.seed) } else { particles };
         let appearance = Appearance { scale: summary.splat_scale, opacity: summary.splat_opacity };
         let surfaces = summary
             .frames
