@@ -6,11 +6,11 @@
 //! ```
 //!
 //! Every RUN keeps its reconstruction; what follows is made anew with today's numbers, and then, as far as it depends
-//! on it, with one number changed. What moved is told against today's numbers: volume and overlap with the masks,
-//! parameters (log10 of moduli, viscosities and yield stresses) and velocity, the logarithms of their intervals'
-//! half-widths and of the number of rollouts, what is called determined, and the path of the centre of mass. The
-//! scatter to compare with is what other seeds move, reconstruction included. A number that moves a scene by more than
-//! [`CLEARLY`] scatters is not varied further.
+//! on it, with one number changed. What moved is told against today's numbers: volumes at the first frame and later,
+//! overlap with the masks, the share of the surface that pictures tell, parameters (log10 of moduli, viscosities and
+//! yield stresses) and velocity, the logarithms of their intervals' half-widths and of the number of rollouts, what is
+//! called determined, and the path of the centre of mass. The scatter to compare with is what other seeds move,
+//! reconstruction included. A number that moves a scene by more than [`CLEARLY`] scatters is not varied further.
 //!
 //! `--flight` ends with the body that the free flight settles, for the numbers of filling: a number that moves it is
 //! in use, and one that does not may still move the fits that follow. `--identify` keeps the body that refinement left
@@ -35,6 +35,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
+
+/// The mean volume of the frames after the first, as filling finds it.
+const LATER: &str = "later_volume_m3";
 
 /// The key of the seed.
 const SEED: &str = "seed";
@@ -217,7 +220,7 @@ fn varied(value: &Value) -> impl Iterator<Item = String> + use<> {
     found.into_iter().filter(move |v| *v != today)
 }
 
-/// Results by name: `volume_percent`, `mask_iou`, a parameter (log10 where it is a modulus), a component, a path [mm].
+/// Results by name: a volume, `mask_iou`, a parameter (log10 where it is a modulus), a component, a path [mm].
 struct Results {
     numbers: BTreeMap<String, f64>,
     /// Centre of mass in every frame [m].
@@ -231,9 +234,9 @@ impl Results {
             .iter()
             .filter_map(|(name, value)| Some((name.clone(), value - base.numbers.get(name)?)))
             .collect();
-        if let Some(volume) = base.numbers.get("volume_m3") {
-            let change = moved.remove("volume_m3").unwrap_or(0.0);
-            moved.insert("volume_percent".into(), 100.0 * change / volume);
+        for (volume, percent) in [("volume_m3", "volume_percent"), (LATER, "later_volume_percent")] {
+            let (change, whole) = (moved.remove(volume), base.numbers.get(volume));
+            moved.extend(change.zip(whole).map(|(change, whole)| (percent.to_owned(), 100.0 * change / whole)));
         }
         let apart = |(a, b): (&[f64; 3], &[f64; 3])| (0..3).map(|k| (a[k] - b[k]).powi(2)).sum::<f64>().sqrt();
         let farthest = self.path.iter().zip(&base.path).map(apart).fold(0.0, f64::max);
@@ -276,8 +279,11 @@ fn measure(folder: &Path, changes: &[String], part: Part) -> Result<Results> {
     }
     let body = run.body_summary()?;
     let first = body.frames.first().ok_or("no frame was filled")?;
-    let mut numbers = BTreeMap::from([("volume_m3".to_owned(), first.volume_m3)]);
+    let later = &body.frames[1..];
+    let mean = later.iter().map(|frame| frame.volume_m3).sum::<f64>() / later.len().max(1) as f64;
+    let mut numbers = BTreeMap::from([("volume_m3".to_owned(), first.volume_m3), (LATER.to_owned(), mean)]);
     numbers.extend(first.mask_iou.map(|overlap| ("mask_iou".to_owned(), overlap)));
+    numbers.extend(body.told_share.map(|share| ("told_share".to_owned(), share)));
     if part == Part::Flight {
         return Ok(Results { numbers, path: Vec::new() });
     }
