@@ -130,10 +130,15 @@ impl Run<'_> {
         let held_back = ((HELD_BACK_SHARE * touched as f64).round() as usize).max(1);
         let fitted = frames.saturating_sub(held_back);
         let surroundings = self.surroundings()?;
+        let body_of = |law: MaterialKind| -> Result<(Input, (Drawing, Appearance))> {
+            let body = self.filled(law)?;
+            Ok((self.identify_input(&body, &surroundings)?, self.drawing(&body)?))
+        };
+        // Grains lie otherwise than all else.
+        let (grains, others) = (body_of(MaterialKind::Sand)?, body_of(MaterialKind::Elastic)?);
         let attempt = |model: MaterialKind, in_full: bool| {
-            let body = self.filled(model)?;
-            let input = self.identify_input(&body, &surroundings)?;
-            self.fit_law(model, &input, &self.drawing(&body)?, (fitted, in_full))
+            let (input, drawing) = if model == MaterialKind::Sand { &grains } else { &others };
+            self.fit_law(model, input, drawing, (fitted, in_full))
         };
         let mut rough = Vec::new();
         for model in MaterialKind::ALL {
