@@ -15,7 +15,7 @@ with `"sources"`: [{"what", "command", "commit", "machine"}] where there are sev
     "bodies_of": {TITLE: FILE}    errors of parameters as `--bench` writes them, of several files, a row for each scene
     "laws_of": {TITLE: FILE}      the same by law and parameter, mean and deviation, beside "paper"
 
-The names in `"fitted_on"` are counted apart.
+The names in `"fitted_on"` are counted apart; `"alone": {TITLE: NAMES}` gives the mean error of some scenes.
 
 Errors of parameters are estimate less truth, times 100: log10 of moduli, viscosities and yield stresses, Poisson's
 ratio as it is, angles in radians. Velocities are mean absolute errors of the components in cm/s.
@@ -119,18 +119,23 @@ def coverage(scenes):
             f"{sum(scene['velocity_inside'] for scene in scenes)} of {3 * len(scenes)}"]
 
 
-def summary(title, file, fitted_on):
+def mean_error(scenes):
+    return statistics.fmean(abs(p["error_x100"]) for scene in scenes for p in scene["parameters"])
+
+
+def summary(title, file, section):
     """Coverage and sharpness of the intervals of a file, failures by name, and what a run takes."""
-    scenes = file["scenes"]
+    scenes, fitted_on = file["scenes"], section.get("fitted_on", [])
     parameters = [p for scene in scenes for p in scene["parameters"]]
     if not parameters:
         return f"{title}: no scene has a result."
-    mean = statistics.fmean(abs(p["error_x100"]) for p in parameters)
+    groups = section.get("alone", {}).items()
+    alone = "".join(f" ({name} {mean_error([s for s in scenes if s['scene'] in names]):.2f})" for name, names in groups)
     ratios = [ratio for ratio in map(error_over_half_width, parameters) if ratio is not None]
     of_all, of_determined, of_velocities = coverage(scenes)
     text = (
         f"{title[0].upper()}{title[1:]}: {of_all} parameters lie inside, {of_determined} determined "
-        f"ones, {of_velocities} components of velocities; mean absolute error {mean:.2f}, median "
+        f"ones, {of_velocities} components of velocities; mean absolute error {mean_error(scenes):.2f}{alone}, median "
         f"{statistics.median(ratios):.2f} of half-widths{biases(scenes)}."
     )
     if fitted_on:
@@ -198,7 +203,7 @@ def section_lines(section):
         columns, rows = section.get("columns"), section.get("rows")
     if columns:
         lines += ["", *table(columns, rows)]
-    summaries = [summary(title, file, section.get("fitted_on", [])) for title, file in files.items()]
+    summaries = [summary(title, file, section) for title, file in files.items()]
     notes = [*summaries, *section.get("notes", [])]
     return [*lines, "", *paragraph(" ".join(notes))] if notes else lines
 
