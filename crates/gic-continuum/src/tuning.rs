@@ -9,8 +9,9 @@
 //!   eleven cameras.
 //!
 //! [`Tuning`] can be written as a tree and read back, so that a program can vary each number. What stays outside of the
-//! table: voxels halve from level to level, levels of one half between empty and full, half a pixel and half a voxel,
-//! guards against division by zero, and the depths at which colours are compared, which size arrays.
+//! table: voxels halve from level to level, levels of one half between empty and full, half a pixel and half a voxel, a
+//! voxel within which a view sees matter, the two Gaussians of a fleck, guards against division by zero, and the depths
+//! at which colours are compared, which size arrays.
 
 use serde::{Deserialize, Serialize};
 
@@ -88,12 +89,9 @@ tuned! {
         /// Where a Gaussian ends [standard deviations]: so wide is the air around a body, and a hole between two of
         /// them; centres further from the rendered surface are hidden or stray. Derived: along an axis it holds 99.7 %.
         extent: f64 = 3.0,
-        /// A Gaussian with no more than this many Gaussians around it, itself included, is a fleck. Fitted on: the nine
-        /// scenes.
-        fleck_neighbours: usize = 2,
-        /// How far around a Gaussian others count as its neighbours [the object's sizes]: how far they lie apart does
-        /// not depend on the voxels. Fitted on: the nine scenes (with two voxels of the last of five levels, bodies
-        /// become hollow).
+        /// How far around a Gaussian others count as its neighbours [the object's sizes]; a fleck has none. How far
+        /// they lie apart does not depend on the voxels. Fitted on: the nine scenes (with two voxels of the last of
+        /// five levels, bodies become hollow).
         fleck_distance: f64 = 0.04,
     }
 }
@@ -112,8 +110,6 @@ tuned! {
         /// Fitted on: a scan, of whose fifty depth maps three are wrong nearly everywhere, so that the body shrank by 7
         /// %.
         scan_photographs: usize = 12,
-        /// Ranges of obliqueness (the sine between ray and normal) in which the bias of the depth is measured. Budget.
-        obliqueness_bins: usize = 5,
         /// Depths of neighbouring pixels are interpolated where they differ by no more than this [widths of a pixel at
         /// that depth]. Fitted on: the nine scenes.
         continuous_within: f32 = 4.0,
@@ -127,9 +123,6 @@ tuned! {
         /// 1/80 of it, half of a simulated particle's spacing, so that corners are not rounded off. Fitted on: the nine
         /// scenes (with 1/48 tips are cut).
         first_level_divisor: f64 = 10.0,
-        /// A view sees matter at a point that lies less than this behind its surface [voxels of the first level]; what
-        /// lies deeper may be hidden by something else. Fitted on: the nine scenes.
-        matter_within: f64 = 0.1,
         /// One of so many views must see in front of the surface at a point, at most four, before it is empty although
         /// another view sees matter there. A point that fewer views (but at least one) call empty is left to the
         /// density field: a hole between Gaussians in one view does not dig a tunnel. Where no view sees matter, one is
@@ -144,8 +137,6 @@ tuned! {
 tuned! {
     /// The boundary that no view sees.
     UnseenTuning {
-        /// Boundary within this distance of a rendered surface counts as seen [voxels]. Fitted on: the nine scenes.
-        seen_within: f64 = 1.5,
         /// If less than this share of the boundary is seen, too little is known to say anything about the rest. Budget:
         /// a guard.
         least_seen: f64 = 0.3,

@@ -1,6 +1,5 @@
 //! What the views' pixels say of a place: is it inside the mask, and is it in front of the rendered surface?
 
-mod depth_bias;
 mod depth_map;
 mod pyramid;
 mod view;

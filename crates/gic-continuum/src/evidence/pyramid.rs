@@ -202,11 +202,11 @@ impl<'a> EvidencePyramid<'a> {
         }
         let slack = ROUNDING * far;
         let cosine = f64::from(texel.cosine);
-        let [low_bias, high_bias] = self.view.bias.range().map(f64::from);
+        let bias = f64::from(self.view.bias);
         let scaled =
             |distance: f64, (ahead, behind): (f64, f64)| distance * if distance > 0.0 { behind } else { ahead };
-        let low = scaled(near - back, (1.0, cosine)) - high_bias - slack;
-        let high = scaled(far - front, (cosine, 1.0)) - low_bias + slack;
+        let low = scaled(near - back, (1.0, cosine)) - bias - slack;
+        let high = scaled(far - front, (cosine, 1.0)) - bias + slack;
         [low, if texel.hole { f64::INFINITY } else { high }]
     }
 }

@@ -6,7 +6,6 @@ use gic_scene::Camera;
 use gic_splat::Gaussians;
 use glam::{DVec2, DVec3};
 
-use super::depth_bias::DepthBias;
 use super::depth_map::{cosines, depth_map, small_holes};
 use crate::ContinuumError;
 use crate::tuning::Tuning;
@@ -33,7 +32,8 @@ pub(crate) struct Evidence<'a> {
     pub(crate) cosine: Arc<Vec<f32>>,
     /// Where the rendered surface has a hole no wider than a few Gaussians, through which something behind it is drawn.
     pub(crate) hole: Arc<Vec<bool>>,
-    pub(super) bias: DepthBias,
+    /// How far the Gaussians' centres lie behind the rendered surface [m].
+    pub(super) bias: f32,
     continuous_within: f32,
 }
 
@@ -82,8 +82,8 @@ impl<'a> Evidence<'a> {
         }
         if let Some((gaussians, scale)) = gaussians {
             let centres = gathered.iter().flat_map(|view| view.centres_behind(gaussians));
-            let bias = DepthBias::measure(centres, scale, tuning);
-            gathered.iter_mut().for_each(|view| view.bias = bias.clone());
+            let bias = depth_bias(centres, tuning.gaussians.extent * scale);
+            gathered.iter_mut().for_each(|view| view.bias = bias);
         }
         Ok(gathered)
     }
@@ -93,7 +93,7 @@ impl<'a> Evidence<'a> {
         let cosine = Arc::new(cosines(&depth, camera));
         let hole = Arc::new(vec![false; depth.len()]);
         let continuous_within = tuning.depth.continuous_within;
-        Evidence { camera, mask, depth: Arc::new(depth), cosine, hole, bias: DepthBias::none(), continuous_within }
+        Evidence { camera, mask, depth: Arc::new(depth), cosine, hole, bias: 0.0, continuous_within }
     }
 
     /// What another camera sees in the same pixels.
@@ -101,13 +101,12 @@ impl<'a> Evidence<'a> {
         Evidence { camera, ..self.clone() }
     }
 
-    /// The Gaussians' centres that are in the image: the cosine of the surface that is seen there, and how far behind
-    /// it they lie [m].
-    fn centres_behind<'b>(&'b self, gaussians: &'b Gaussians) -> impl Iterator<Item = (f32, f32)> + 'b {
+    /// How far the Gaussians' centres that are in the image lie behind the surface that is seen there [m].
+    fn centres_behind<'b>(&'b self, gaussians: &'b Gaussians) -> impl Iterator<Item = f32> + 'b {
         gaussians.positions.iter().filter_map(|p| {
             let (pixel, z) = self.camera.project(DVec3::from(p.map(f64::from)))?;
             let i = pixel_index(self.camera, pixel)?;
-            Some((self.cosine[i], (z as f32 - self.depth[i]) * self.cosine[i]))
+            Some((z as f32 - self.depth[i]) * self.cosine[i])
         })
     }
 
@@ -144,10 +143,21 @@ impl<'a> Evidence<'a> {
         if spread.is_finite() && spread * self.camera.focal.x as f32 <= self.continuous_within * depth {
             depth = corners.iter().zip(weights).map(|(&i, w)| self.depth[i] * w).sum();
         }
-        let behind = if depth.is_finite() { (z as f32 - depth) * cosine - self.bias.at(cosine) } else { f32::INFINITY };
+        let behind = if depth.is_finite() { (z as f32 - depth) * cosine - self.bias } else { f32::INFINITY };
         let through_hole = corners.iter().any(|&i| self.hole[i]);
         Some(Seen { coverage, behind, through_hole })
     }
+}
+
+/// How far the Gaussians' centres lie behind the rendered surface [m]: the median of those that are `behind` it by less
+/// than Gaussians reach [m]; the others are hidden or stray.
+///
+/// Accumulated depth is not that of the centres: of the Gaussians along a ray those that lie nearer to the camera are
+/// composited first and draw it towards the camera.
+fn depth_bias(behind: impl Iterator<Item = f32>, reach: f64) -> f32 {
+    let mut near: Vec<f32> = behind.filter(|distance| distance.abs() <= reach as f32).collect();
+    near.sort_by(f32::total_cmp);
+    near.get(near.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// The pixel that holds image coordinates; `None` outside the image.

@@ -90,16 +90,12 @@ struct Sampling<'a> {
     /// Views that must see in front of the surface where a point is certainly empty although another one sees matter
     /// there.
     votes_needed: usize,
-    /// Behind its surface by less than this a view sees matter [m].
-    matter_within: f64,
 }
 
 impl Sampling<'_> {
     fn new<'a>(grid: &'a DensityField, inset: f64, settings: &'a FillSettings, views: usize) -> Sampling<'a> {
-        let tuning = &settings.tuning.filling;
-        let votes_needed = views.div_ceil(tuning.views_per_vote).clamp(1, MOST_VOTES);
-        let matter_within = tuning.matter_within * settings.grid_spacing;
-        Sampling { grid, inset, settings, width: 0.5 * grid.spacing, votes_needed, matter_within }
+        let votes_needed = views.div_ceil(settings.tuning.filling.views_per_vote).clamp(1, MOST_VOTES);
+        Sampling { grid, inset, settings, width: 0.5 * grid.spacing, votes_needed }
     }
 
     /// Fills the voxels of a box, which `views` are undecided about; others said what is in `votes`.
@@ -151,14 +147,14 @@ impl Sampling<'_> {
     }
 
     /// Whether all particles between two distances behind the surface [m] are too deep for a view to see anything
-    /// there.
+    /// there: what lies a voxel deep may be hidden by something else.
     fn is_hidden(&self, behind: [f64; 2]) -> bool {
-        behind[0] + self.inset >= self.matter_within.max(0.5 * self.width)
+        behind[0] + self.inset >= self.grid.spacing
     }
 
     /// Whether a view sees matter at all particles between two distances behind the surface [m].
     fn is_matter(&self, behind: [f64; 2]) -> bool {
-        behind[0] + self.inset >= 0.5 * self.width && behind[1] + self.inset < self.matter_within
+        behind[0] + self.inset >= 0.5 * self.width && behind[1] + self.inset < self.grid.spacing
     }
 
     /// Whether all particles between two distances behind the surface [m] are empty.
@@ -208,7 +204,7 @@ impl Sampling<'_> {
             let Some(seen) = pyramid.view.evidence_at(point) else { continue };
             covered = covered.min(seen.coverage);
             let behind = f64::from(seen.behind) + self.inset;
-            matter |= behind > 0.0 && behind < self.matter_within;
+            matter |= behind > 0.0 && behind < self.grid.spacing;
             let mut empty = (0.5 - behind / self.width).clamp(0.0, 1.0) as f32;
             if !seen.through_hole {
                 clear = clear.max(empty);
@@ -306,11 +302,11 @@ mod tests {
         let camera = Camera { width: size, height: size, focal, principal, world_from_camera, centre: -DVec3::Z };
         let mask = vec![1.0; size * size];
         let wall = |depth: f32| Evidence::with_depth(&camera, &mask, vec![depth; size * size], &Tuning::default());
-        let settings = FillSettings { grid_spacing: 0.2, ..FillSettings::for_size(1.0) };
+        let settings = FillSettings::for_size(1.0);
         let grid = DensityField { origin: DVec3::splat(-0.005), spacing: 0.01, size: [1; 3], values: vec![0.0] };
         // The voxel is 1 m away. One view sees past it, the others a wall in front of it, so near that it may be this
         // wall or not.
-        for (other, inside, doubtful) in [(0.5, 0.0, 0.0), (0.9925, 0.0, 1.0)] {
+        for (other, inside, doubtful) in [(0.5, 0.0, 0.0), (0.994, 0.0, 1.0)] {
             let mut views: Vec<Evidence> = (0..6).map(|_| wall(0.5)).collect();
             views.push(wall(other));
             let without = internal_particles(&grid, &views, 0.0, &settings);

@@ -81,8 +81,8 @@ fn seen_boundary(
     inset: f64,
     settings: &FillSettings,
 ) -> (Vec<bool>, f64) {
-    let tuning = &settings.tuning.unseen;
-    let near = tuning.seen_within * field.spacing;
+    // So far the filters move it at most.
+    let near = settings.tuning.filling.filter_rounds as f64 * field.spacing;
     let on_ground = |point| settings.ground.is_some_and(|g| g.height(point) < near);
     let (seen, known): (Vec<bool>, Vec<Option<bool>>) = (0..body.len())
         .into_par_iter()
