@@ -53,13 +53,13 @@ impl clap::ValueEnum for MaterialChoice {
 #[cfg_attr(feature = "cli", derive(clap::ValueEnum))]
 #[serde(rename_all = "kebab-case")]
 pub enum Target {
-    /// Surfaces and masks.
+    /// Masks only.
     #[default]
-    Both,
+    Masks,
     /// Extracted surfaces only.
     Surfaces,
-    /// Masks only.
-    Masks,
+    /// Surfaces and masks.
+    Both,
 }
 
 impl Target {

@@ -115,6 +115,7 @@ fn a_real_capture_that_cannot_be_registered_is_refused_before_it_trains() {
     };
     refused(&["--cameras", "1"], "one view cannot tell its size from its distance");
     refused(&["--target", "surfaces"], "masks are used");
+    refused(&["--target", "both"], "masks are used");
     refused(&["--held-out", "0"], "leave --held-out out");
 }
 

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use gic_files::FileError;
 use gic_identify::{
     Checkpoint, Estimates, Event, IdentifyError, Input, MaterialChoice, Optimizer, Settings, Stage as IdentifyStage,
-    Step, Target, identify, sought,
+    Step, identify, sought,
 };
 use gic_mpm::{Body, MaterialKind, Options, Simulator, Stepping, World};
 use gic_twin::atomic;
@@ -39,7 +39,6 @@ impl Run<'_> {
         recipe.write(&begun)?;
         let mut settings = self.identify_settings(&input).among_laws(model);
         if self.refines() {
-            settings.target = only_masks(settings.target);
             settings.start = Some(self.refined()?.parameters);
             settings.stages = of_everything(settings.optimizer, IdentifyStage::Intervals);
         }
@@ -193,11 +192,6 @@ pub(super) fn of_everything(optimizer: Optimizer, last: IdentifyStage) -> RangeI
         Optimizer::Adam => IdentifyStage::Material,
     };
     first..=last
-}
-
-/// What a refined body is compared with: surfaces of frames are those of the bodies before.
-pub(super) fn only_masks(target: Target) -> Target {
-    if target == Target::Both { Target::Masks } else { target }
 }
 
 /// Particles in every frame up to `last` [m].

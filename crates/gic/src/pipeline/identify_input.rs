@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use gic_identify::{Input, Observation, Settings, Target, View};
+use gic_identify::{Input, Observation, Settings, View};
 use gic_scene::Camera;
 use gic_twin::twin::Obstacle;
 
@@ -111,9 +111,7 @@ impl Run<'_> {
     pub(super) fn identify_settings(&self, input: &Input) -> Settings {
         let config = &self.config.identify;
         let frames = config.frames.map(|frames| self.observations_of(frames, input));
-        // A scan shows the surface at rest only.
-        let target = if self.scan().is_some() { Target::Masks } else { config.target };
-        Settings { target, frames, ..config.clone() }
+        Settings { frames, ..config.clone() }
     }
 }
 

@@ -22,7 +22,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use super::fill::{mean_overlap, overlaps, thin_share, write_body};
-use super::identify::{motion_of, of_everything, only_masks};
+use super::identify::{motion_of, of_everything};
 use super::stage::REFINED;
 use super::stamp::Recipe;
 use super::surroundings::Surroundings;
@@ -91,7 +91,7 @@ impl Run<'_> {
         let (mut filling, surroundings) = (self.first_filling()?, self.surroundings()?);
         let stages = IdentifyStage::Search..=IdentifyStage::Material;
         let identify = &self.config.identify;
-        let mut settings = Settings { stages, target: only_masks(identify.target), ..identify.clone() };
+        let mut settings = Settings { stages, ..identify.clone() };
         let flight = Settings { stages: IdentifyStage::Velocity..=IdentifyStage::Velocity, ..settings.clone() };
         let mut off_m = f64::INFINITY;
         self.refine_once((&self.filled(self.model()?)?, &mut filling, off_m), &surroundings, &flight, &checkpoints[0])?;

@@ -109,7 +109,7 @@ impl Run<'_> {
     pub(super) fn check_scan(&self) -> Result<()> {
         let refused =
             |problem: &str, hint: &str| Err(Error::Usage { problem: problem.into(), hint: Some(hint.into()) });
-        if self.config.identify.target == gic_identify::Target::Surfaces {
+        if self.config.identify.target != gic_identify::Target::Masks {
             return refused(
                 "photographs of the object at rest show no surface in later frames to compare with",
                 "leave --target out: masks are used",

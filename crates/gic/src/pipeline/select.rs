@@ -192,7 +192,7 @@ impl Run<'_> {
     ) -> Result<LawRecord> {
         let settings = gic_identify::Settings {
             frames: Some(self.observations_of(fitted, input)),
-            stages: IdentifyStage::Search..=if in_full { IdentifyStage::Intervals } else { IdentifyStage::Material },
+            stages: IdentifyStage::Search..=if in_full { IdentifyStage::Joint } else { IdentifyStage::Material },
             ..self.identify_settings(input).among_laws(model)
         };
         let checkpoint = self.path(format!("selection/{}.checkpoint.json", model.name()));
