@@ -52,7 +52,7 @@ impl Limits {
     }
 
     /// The least gain that counts at a cost.
-    fn least_gain_at(&self, cost: f64) -> f64 {
+    pub(crate) fn least_gain_at(&self, cost: f64) -> f64 {
         self.least_gain.max(self.gain_tolerance * cost)
     }
 }

@@ -25,7 +25,7 @@ pub(crate) struct Walls<'a> {
 
 impl Walls<'_> {
     /// The best of `fit` and of the minima around it, then of those around the better one, until the likeliest of these
-    /// is none better; and the others.
+    /// is not better by what a fit goes on for; and the others.
     ///
     /// # Errors
     /// Interruption.
@@ -34,9 +34,10 @@ impl Walls<'_> {
         let mut known = vec![Basin::of(self.problem, &mut fit)];
         let mut starts = self.starts(session, &known)?.into_iter();
         while let Some(start) = starts.next() {
-            let limits = Limits { to_beat: fit.cost, ..self.limits };
+            let worth = fit.cost - self.limits.least_gain_at(fit.cost);
+            let limits = Limits { to_beat: worth, ..self.limits };
             let Some(mut found) = self.fit_from(session, (self.problem, limits), start, &known)? else { continue };
-            if found.cost >= fit.cost {
+            if found.cost >= worth {
                 others.push(found);
                 break;
             }
