@@ -8,9 +8,6 @@ use rayon::prelude::*;
 use crate::evidence::Evidence;
 use crate::{ContinuumError, FillSettings};
 
-/// A fleck is one Gaussian, or the two into which densification splits it.
-const LARGEST_FLECK: usize = 2;
-
 /// The Gaussians that count: finite, opaque enough, outside no mask, and no flecks.
 pub(super) fn usable_gaussians(
     gaussians: &Gaussians,
@@ -27,30 +24,30 @@ pub(super) fn usable_gaussians(
             && masks.iter().all(|view| view.evidence_at(point).is_none_or(|seen| seen.coverage >= 0.5))
     };
     let total = gaussians.positions.len();
-    let needed = LARGEST_FLECK + 1;
+    let needed = tuning.fleck_neighbours + 1;
     let enough = |kept: usize| {
         if kept >= needed { Ok(()) } else { Err(ContinuumError::TooFewGaussians { total, kept, needed }) }
     };
     let kept: Vec<usize> = (0..total).into_par_iter().filter(|&i| counts(i)).collect();
     enough(kept.len())?;
     let usable = select(gaussians, &kept);
-    let usable = drop_flecks(&usable, tuning.fleck_distance * settings.size);
+    let usable = drop_isolated(&usable, tuning.fleck_distance * settings.size, tuning.fleck_neighbours);
     enough(usable.positions.len())?;
     Ok(usable)
 }
 
-/// Without flecks: Gaussians that have hardly any others within `radius` [m]. One that hovers inside the hull agrees
-/// with every image, since each view that could call it empty draws the fleck itself; but matter has neighbours.
-fn drop_flecks(gaussians: &Gaussians, radius: f64) -> Gaussians {
+/// Without the Gaussians that have no more than `most` within `radius` [m] around them, themselves included. A fleck
+/// that hovers inside the hull agrees with every image, since each view that could call it empty draws the fleck
+/// itself; but matter has neighbours.
+fn drop_isolated(gaussians: &Gaussians, radius: f64, most: usize) -> Gaussians {
     let centres: Vec<DVec3> = gaussians.positions.iter().map(|p| centre(*p)).collect();
     let neighbours = Neighbours::new(&centres, radius);
-    // Each is within its own radius.
     let around = |point: DVec3| {
         let mut count = 0;
         neighbours.within(point, radius, |_, _, _| count += 1);
         count
     };
-    let kept: Vec<usize> = (0..centres.len()).into_par_iter().filter(|&i| around(centres[i]) > LARGEST_FLECK).collect();
+    let kept: Vec<usize> = (0..centres.len()).into_par_iter().filter(|&i| around(centres[i]) > most).collect();
     select(gaussians, &kept)
 }
 

@@ -34,10 +34,10 @@ impl Walls<'_> {
         let mut known = vec![Basin::of(self.problem, &mut fit)];
         let mut starts = self.starts(session, &known)?.into_iter();
         while let Some(start) = starts.next() {
-            let worth = fit.cost - self.limits.least_gain_at(fit.cost);
-            let limits = Limits { to_beat: worth, ..self.limits };
+            let to_beat = fit.cost - self.limits.least_gain_at(fit.cost);
+            let limits = Limits { to_beat, ..self.limits };
             let Some(mut found) = self.fit_from(session, (self.problem, limits), start, &known)? else { continue };
-            if found.cost >= worth {
+            if found.cost >= to_beat {
                 others.push(found);
                 break;
             }

@@ -53,7 +53,7 @@ pub struct LawRecord {
     pub fit_error: Option<f64>,
     /// The same for each camera over the frames that it predicts; empty where the law could not be fitted.
     pub prediction_errors: Vec<f64>,
-    /// Whether the fit went through all stages; a law that was far off after the material stage was left there.
+    /// Whether everything was fitted together; a law that was far off after the material stage was left there.
     pub in_full: bool,
     /// Rollouts that the fit took.
     pub rollouts: usize,
