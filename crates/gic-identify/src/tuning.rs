@@ -350,17 +350,11 @@ pub struct VerdictTuning {
     /// Overlap of a camera's first mask with the particles' outline below which it shows something else, and median
     /// overlap of all cameras below which none is known to be right. Budget: no right one is so wrong.
     pub wrong_overlap: f64,
-    /// The model explains the frames after contact while their misfit is at most so many times that in flight, and the
-    /// next; of surfaces, and the distance that counts as one. Fitted on: the nine scenes.
-    pub most_misfit_ratio: f64,
-    /// Pixels that may differ besides, as a share of the object's. Fitted on: the nine scenes, which differ in up to
-    /// 7.4 %.
-    pub mask_misfit: f64,
 }
 
 impl Default for VerdictTuning {
     fn default() -> VerdictTuning {
-        VerdictTuning { wrong_overlap: 0.5, most_misfit_ratio: 2.5, mask_misfit: 0.06 }
+        VerdictTuning { wrong_overlap: 0.5 }
     }
 }
 

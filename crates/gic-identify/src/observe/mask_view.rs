@@ -73,6 +73,14 @@ impl MaskView {
     }
 }
 
+/// Length of the outlines in a picture of coverage [pixels]: its total variation, which does not depend on how soft an
+/// edge is. What the picture's border cuts is no outline.
+pub(crate) fn outline_length(coverage: &[f32], width: usize, height: usize) -> f64 {
+    let slope = |ahead: usize, behind: usize| 0.5 * f64::from(coverage[ahead] - coverage[behind]);
+    let inner = (1..height.max(1) - 1).flat_map(|y| (1..width.max(1) - 1).map(move |x| y * width + x));
+    inner.map(|i| slope(i + 1, i - 1).hypot(slope(i + width, i - width))).sum()
+}
+
 fn pooled_camera(camera: &Camera, factor: usize) -> Camera {
     let f = factor as f64;
     Camera {
@@ -113,6 +121,16 @@ pub(crate) fn pixel_size(camera: &Camera, point: glam::DVec3) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_discs_outline_is_its_perimeter() {
+        let (size, radius) = (64, 20.0);
+        let distance = |i: usize| ((i % size) as f64 - 31.3).hypot((i / size) as f64 - 30.8);
+        let disc: Vec<f32> = (0..size * size).map(|i| (radius + 0.5 - distance(i)).clamp(0.0, 1.0) as f32).collect();
+        let length = outline_length(&disc, size, size);
+        let perimeter = std::f64::consts::TAU * radius;
+        assert!((length / perimeter - 1.0).abs() < 0.02, "{length} instead of {perimeter}");
+    }
 
     #[test]
     fn pooling_keeps_the_mean() {

@@ -2,12 +2,13 @@
 //! particles' positions.
 
 use gic_geometry::Neighbours;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use crate::Loss;
 use crate::forward::footprint::IsotropicGaussians;
 use crate::forward::silhouette::{coverage, coverage_backward};
 use crate::forward::trajectories::Trajectories;
+use crate::observe::mask_view::{outline_length, pixel_size};
 use crate::observe::video::{ObservedFrame, ObservedVideo};
 use crate::solve::surface_residuals::SurfaceComparison;
 
@@ -57,6 +58,23 @@ pub(crate) fn frame_loss(
     loss
 }
 
+/// Mean distance of the drawn outlines from the observed ones at the body's distance [m]: the area that differs over
+/// the mean length of both, of all views together. 0 where nothing is seen.
+pub(crate) fn outline_distance_m(observed: &ObservedFrame, gaussians: IsotropicGaussians) -> f64 {
+    let positions = gaussians.positions.iter().map(|p| Vec3::from_array(*p).as_dvec3());
+    let centre = positions.sum::<DVec3>() / gaussians.positions.len() as f64;
+    let (mut area_m2, mut length_m) = (0.0, 0.0);
+    for view in &observed.views {
+        let Some(pixel_m) = pixel_size(&view.camera, centre) else { continue };
+        let rendered = coverage(gaussians, &view.camera);
+        let differing: f64 = rendered.iter().zip(&view.mask).map(|(a, m)| f64::from((a - m).abs())).sum();
+        area_m2 += differing * pixel_m * pixel_m;
+        let length = |coverage| outline_length(coverage, view.camera.width, view.camera.height);
+        length_m += 0.5 * (length(&rendered) + length(&view.mask)) * pixel_m;
+    }
+    if length_m > 0.0 { area_m2 / length_m } else { 0.0 }
+}
+
 /// Mean unsquared nearest-neighbour distance, both directions added [m].
 fn chamfer(
     positions: &[[f32; 3]],
@@ -69,7 +87,7 @@ fn chamfer(
     if simulated.is_empty() || wanted.is_empty() {
         return 0.0;
     }
-    let point = |i: usize| glam::Vec3::from_array(positions[i]).as_dvec3();
+    let point = |i: usize| Vec3::from_array(positions[i]).as_dvec3();
     let points: Vec<DVec3> = simulated.iter().map(|i| point(*i)).collect();
     let (own, other) = (Neighbours::new(&points, cell), Neighbours::new(wanted, cell));
     let mut total = 0.0;

@@ -76,11 +76,6 @@ impl SurfaceComparison {
         self.margin
     }
 
-    /// Beyond this a residual is an outlier [m].
-    pub(crate) fn knee(&self) -> f64 {
-        self.knee
-    }
-
     /// Indices of the particles on the surface that touch nothing.
     pub(crate) fn surface_particles(&self, positions: &[[f32; 3]], time: f64) -> Vec<usize> {
         let memberships = memberships(positions, self.radius, &self.tuning);

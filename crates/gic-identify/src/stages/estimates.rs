@@ -74,8 +74,8 @@ fn is_explained(
 ) -> bool {
     let compared = (&identification.video, &identification.comparison);
     let drawn = (trajectories, identification.input.opacities.as_slice());
-    let (free, nearly_m) = (identification.flight.free, identification.comparison.knee());
-    let unexplained = verdicts::unexplained(compared, drawn, free, nearly_m, &identification.tuning.verdicts);
+    let (free, spacing_m) = (identification.flight.free, identification.input.particle_volume_m3.cbrt());
+    let unexplained = verdicts::unexplained(compared, drawn, free, spacing_m);
     let is_explained = unexplained.is_empty();
     session.warn(unexplained);
     session.warn(verdicts::at_limits(&identification.coordinates(), &identification.free_materials(), state));

@@ -2,50 +2,41 @@
 //! warning.
 
 use crate::forward::trajectories::Trajectories;
-use crate::observe::video::ObservedVideo;
-use crate::solve::loss::frame_loss;
+use crate::observe::video::{ObservedFrame, ObservedVideo};
+use crate::solve::loss::{frame_loss, outline_distance_m};
 use crate::solve::surface_residuals::SurfaceComparison;
-use crate::tuning::VerdictTuning;
 use crate::unknowns::coordinates::Coordinates;
 use crate::unknowns::state::{State, Unknown};
 
-/// Warns where the frames after contact, from the observation `free` on, are explained much worse than those before:
-/// the material, an obstacle or the body's shape is another. Surfaces may differ by `nearly_m` besides.
+/// Warns where the frames after contact, from the observation `free` on, are explained worse than those before by more
+/// than `resolved_m`, the finest that the model resolves: the material, an obstacle or the body's shape is another.
 pub(crate) fn unexplained(
     (video, comparison): (&ObservedVideo, &SurfaceComparison),
     (trajectories, opacities): (&Trajectories, &[f32]),
     free: usize,
-    nearly_m: f64,
-    tuning: &VerdictTuning,
+    resolved_m: f64,
 ) -> Vec<String> {
-    let misfit: Vec<(f64, f64)> = video
-        .frames
-        .iter()
-        .enumerate()
-        .map(|(o, observed)| {
-            let loss = frame_loss(observed, comparison, trajectories.gaussians(o, opacities), false);
-            (loss.chamfer_m, loss.mask_difference.0 / loss.mask_difference.1.max(1e-9))
-        })
-        .collect();
-    let worst =
-        |range: &[(f64, f64)]| range.iter().fold((0.0f64, 0.0f64), |worst, m| (worst.0.max(m.0), worst.1.max(m.1)));
-    let (flying, touched) = misfit.split_at(free.min(misfit.len()));
-    let (before, after) = (worst(flying), worst(touched));
-    let unexplained = |what: String| {
-        format!("the model does not explain the data: after contact {what}; the material or an obstacle may be another")
+    let misfit = |(o, observed): (usize, &ObservedFrame)| {
+        let gaussians = trajectories.gaussians(o, opacities);
+        let both_ways_m = frame_loss(observed, comparison, gaussians, false).chamfer_m;
+        [outline_distance_m(observed, gaussians), 0.5 * both_ways_m]
     };
-    let mut warnings = Vec::new();
-    let masks_explained = after.1 <= tuning.most_misfit_ratio * before.1 + tuning.mask_misfit;
-    if !masks_explained {
-        let (after, before) = (100.0 * after.1, 100.0 * before.1);
-        warnings.push(unexplained(format!("{after:.0} % of the object's pixels differ, before it {before:.0} %")));
-    }
-    let surfaces_explained = after.0 <= tuning.most_misfit_ratio * before.0 + nearly_m;
-    if !surfaces_explained {
-        let (after, before) = (1e3 * after.0, 1e3 * before.0);
-        warnings.push(unexplained(format!("the surfaces are {after:.1} mm apart, before it {before:.1} mm")));
-    }
-    warnings
+    let misfits: Vec<_> = video.frames.iter().enumerate().map(misfit).collect();
+    let (flying, touched) = misfits.split_at(free.min(misfits.len()));
+    let worst_m = |frames: &[[f64; 2]], kind: usize| frames.iter().map(|misfit| misfit[kind]).fold(0.0, f64::max);
+    let of_kind = |(kind, name): (usize, &str)| {
+        let (before, after) = (worst_m(flying, kind), worst_m(touched, kind));
+        (after > before + resolved_m).then(|| {
+            format!(
+                "the model does not explain the data: after contact the {name} are {:.1} mm apart, before it {:.1} mm, \
+                 and the model resolves {:.1} mm; the material or an obstacle may be another",
+                1e3 * after,
+                1e3 * before,
+                1e3 * resolved_m
+            )
+        })
+    };
+    ["outlines", "surfaces"].into_iter().enumerate().filter_map(of_kind).collect()
 }
 
 /// Warns of parameters that were found at the edge of what is admitted: a soft solid taken for a fluid, say, ends as
