@@ -220,12 +220,6 @@ impl Default for DescentTuning {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct NoiseTuning {
-    /// Error of a pixel's alpha, and of an extracted surface in cells, until the noise is known. Budget: free flight is
-    /// fitted well with it.
-    pub first_error: f64,
-    /// Least such errors. Derived: a thousandth of alpha is below what eight bits resolve, and of a cell below the
-    /// rounding of positions in f32.
-    pub least_error: f64,
     /// How many times larger the errors of surfaces are after contact than their scatter shows: an extracted surface is
     /// wrong in one and the same way in all frames that resemble each other. And bodies that are completed by their
     /// mirror planes are so in flight only: what surfaces show there says little of those after contact. Fitted on: six
@@ -241,13 +235,7 @@ pub struct NoiseTuning {
 
 impl Default for NoiseTuning {
     fn default() -> NoiseTuning {
-        NoiseTuning {
-            first_error: 0.1,
-            least_error: 1e-3,
-            surface_error_inflation: 3.0,
-            frames_per_lag: 4,
-            student_t: 2.2,
-        }
+        NoiseTuning { surface_error_inflation: 3.0, frames_per_lag: 4, student_t: 2.2 }
     }
 }
 

@@ -26,6 +26,10 @@ use crate::unknowns::parameter::sought;
 use crate::unknowns::state::{State, Unknown};
 use crate::{IdentifyError, Input, Parameter, Settings, Tuning, WorldDoubt};
 
+/// The standard deviation of alpha that is rounded to eight bits: an error is uniform over a step of 1/255, and the
+/// variance of that is a twelfth of the step's square. No mask tells more; a surface's share of a cell is rounded alike.
+const ROUNDED_ALPHA: f64 = 1.0 / (255.0 * 3.464_101_615_137_754);
+
 /// The observations, the body, the fit of free flight and the weights that it gives.
 pub(crate) struct Identification<'a> {
     pub input: &'a Input,
@@ -68,8 +72,8 @@ impl<'a> Identification<'a> {
         let splat_widths = SplatWidths::new(&input.positions, &input.scales, spacing, kind, &tuning.surfaces);
         let shape = ShapeModes::new(input, &tuning.shape, &tuning.surfaces);
         let count = video.frames.len();
-        // Until the data's own noise is known.
-        let weights = weights_of_error(tuning.noise.first_error, input, count);
+        // Until the data's own noise is known: its size is without effect where no prior acts.
+        let weights = weights_of_error(1.0, input, count);
         let objective = Objective {
             video: &video,
             opacities: &input.opacities,
@@ -81,7 +85,7 @@ impl<'a> Identification<'a> {
         let (start, outlines) = (start_of_flight(kind, settings), motion_by_outlines.as_ref());
         let flight =
             fit_free_flight(&flight, objective, start, outlines, settings).map_err(|error| error.of_stage(1))?;
-        let weights = flight_weights(&flight, &weights_of_error(tuning.noise.least_error, input, count), &tuning.noise);
+        let weights = flight_weights(&flight, &weights_of_error(ROUNDED_ALPHA, input, count), &tuning.noise);
         video.discount_unseen(input, flight.free);
         Ok(Identification {
             input,
@@ -184,7 +188,7 @@ impl<'a> Identification<'a> {
     /// The weights that the data's own noise gives at a fit.
     pub(crate) fn weights_at(&self, blocks: &[ResidualBlock], unknowns: usize) -> Weights {
         let noise = &self.tuning.noise;
-        let ceilings = weights_of_error(noise.least_error, self.input, self.video.frames.len());
+        let ceilings = weights_of_error(ROUNDED_ALPHA, self.input, self.video.frames.len());
         effective_weights(blocks, unknowns, self.flight.free, &ceilings, noise)
     }
 
