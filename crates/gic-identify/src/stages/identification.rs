@@ -26,8 +26,8 @@ use crate::unknowns::parameter::sought;
 use crate::unknowns::state::{State, Unknown};
 use crate::{IdentifyError, Input, Parameter, Settings, Tuning, WorldDoubt};
 
-/// Standard deviation of alpha that is rounded to eight bits, whose error is uniform over a step of 1/255: no mask tells
-/// more. Surfaces are not known better than to this share of a cell.
+/// Standard deviation of alpha that is rounded to eight bits: its error is uniform over a step of 1/255, which has a
+/// variance of a twelfth of the step's square. No mask tells more, and no surface more than this share of a cell.
 const ROUNDED_ALPHA: f64 = 1.0 / (255.0 * 3.464_101_615_137_754);
 
 /// The observations, the body, the fit of free flight and the weights that it gives.
