@@ -137,3 +137,37 @@ pub(crate) fn mean_loss(
     loss.mask_error = difference / covered.max(1e-9);
     loss
 }
+
+#[cfg(test)]
+mod tests {
+    use gic_scene::Camera;
+    use glam::{DMat3, DVec2};
+
+    use super::*;
+    use crate::observe::mask_view::MaskView;
+
+    /// Discs of radius r whose centres lie d apart differ by 4 r d, to first order, over an outline of 2 pi r.
+    #[test]
+    fn a_shifted_discs_outline_is_off_by_the_mean_of_the_shift_along_its_normals() {
+        let (spacing, shift) = (0.004f32, 0.012f32);
+        let on_ring = |k: i32, i: i32| (i as f32 / (6 * k) as f32 * std::f32::consts::TAU).sin_cos();
+        let ring = |k: i32| (0..6 * k).map(move |i| <[f32; 2]>::from(on_ring(k, i)).map(|x| k as f32 * spacing * x));
+        let disc: Vec<[f32; 3]> = (1..=30).flat_map(ring).map(|[x, y]| [x, y, 0.0]).collect();
+        let shifted: Vec<[f32; 3]> = disc.iter().map(|p| [p[0] + shift, p[1], p[2]]).collect();
+        let (opacities, scales) = (vec![0.9; disc.len()], vec![0.6 * spacing; disc.len()]);
+        let drawn = |positions| IsotropicGaussians { positions, opacities: &opacities, scales: &scales, factor: 1.0 };
+        let camera = Camera {
+            width: 160,
+            height: 160,
+            focal: DVec2::splat(400.0),
+            principal: DVec2::splat(80.0),
+            world_from_camera: DMat3::IDENTITY,
+            centre: DVec3::new(0.0, 0.0, -1.0),
+        };
+        let view = MaskView::new(0, &camera, &coverage(drawn(&shifted), &camera), 1);
+        let observed = ObservedFrame { simulated_frame: 0, time_s: 0.0, views: vec![view], surface: None };
+        let distance = outline_distance_m(&observed, drawn(&disc));
+        let expected = f64::from(shift) * std::f64::consts::FRAC_2_PI;
+        assert!((distance / expected - 1.0).abs() < 0.05, "{distance} instead of {expected}");
+    }
+}
