@@ -19,8 +19,9 @@ pub(crate) const NEAREST_SURFACE_POINTS: usize = 6;
 /// fixed when gic is built. Derived: an earlier end is a step that finite differences see.
 pub(crate) const CUTOFF_SIGMAS: f32 = 4.0;
 
-/// Blur of the pixel itself [pixels^2], added to the projected variance. Derived: the variance of a box of one pixel.
-pub(crate) const PIXEL_VARIANCE: f32 = 1.0 / 12.0;
+/// Variance of what is uniform over a step of one: the blur of the pixel itself [pixels^2], which is added to projected
+/// variances, and the error of what is rounded. Derived: that of a box.
+pub(crate) const STEP_VARIANCE: f32 = 1.0 / 12.0;
 
 /// Every tuned number of identification.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -3,7 +3,7 @@
 use gic_scene::Camera;
 use gic_simd::{Lanes, MAX_LANES};
 
-use crate::tuning::{CUTOFF_SIGMAS, PIXEL_VARIANCE};
+use crate::tuning::{CUTOFF_SIGMAS, STEP_VARIANCE};
 
 /// Particles as they are drawn.
 #[derive(Clone, Copy, Debug)]
@@ -91,7 +91,7 @@ impl Projection {
         ];
         let sigma = L::of(self.mean_focal) * sigma_m * per_depth;
         let squared = sigma * sigma;
-        let variance = squared + L::of(PIXEL_VARIANCE);
+        let variance = squared + L::of(STEP_VARIANCE);
         let radius = L::of(CUTOFF_SIGMAS) * variance.sqrt();
         // The low pass widens the Gaussian; its peak falls so that its integral stays.
         let peak = L::load_partial(&gaussians.opacities[first..end], 0.0) * squared / variance;

@@ -15,7 +15,7 @@ use gic_scene::Camera;
 use gic_simd::{Kernel, Lanes, Level, MAX_LANES, dispatch};
 
 use crate::forward::footprint::{IsotropicGaussians, Projection};
-use crate::tuning::PIXEL_VARIANCE;
+use crate::tuning::STEP_VARIANCE;
 
 /// Coverage of the pixels of `camera` by the particles, row-major, shape [height * width].
 pub(crate) fn coverage(gaussians: IsotropicGaussians, camera: &Camera) -> Vec<f32> {
@@ -140,7 +140,7 @@ impl Kernel for DrawBackward<'_> {
                 let variance = f64::from(footprint.variance);
                 let (dx, dy) = (along_x.sum_lanes() / variance, along_y.sum_lanes() / variance);
                 // own = o s2/(s2 + b) exp(-d2 / 2(s2 + b)); by log sigma: 2 b/(s2 + b) + d2 s2/(s2 + b)^2.
-                let blur = f64::from(PIXEL_VARIANCE);
+                let blur = f64::from(STEP_VARIANCE);
                 let spread = sum.sum_lanes() * 2.0 * blur / variance
                     + squared.sum_lanes() * (variance - blur) / variance.powi(2);
                 let (c, focal) = (footprint.camera.as_dvec3(), projection.focal.as_dvec2());
@@ -242,7 +242,7 @@ mod tests {
             let centre = camera.focal * p.truncate() / p.z + camera.principal;
             let sigma =
                 (camera.focal.x * camera.focal.y).sqrt() * f64::from(gaussians.scales[i] * gaussians.factor) / p.z;
-            let variance = sigma * sigma + f64::from(PIXEL_VARIANCE);
+            let variance = sigma * sigma + f64::from(STEP_VARIANCE);
             for (k, t) in transmittance.iter_mut().enumerate() {
                 let d = DVec2::new((k % camera.width) as f64 + 0.5, (k / camera.width) as f64 + 0.5) - centre;
                 if p.z > 0.0 && d.abs().max_element() <= 4.0 * variance.sqrt() {

@@ -29,24 +29,14 @@ pub(crate) fn frame_loss(
     with_gradient: bool,
 ) -> FrameLoss {
     let positions = gaussians.positions;
-    let mut loss = FrameLoss {
-        chamfer_m: 0.0,
-        mask_l1: 0.0,
-        mask_difference: (0.0, 0.0),
-        gradient: if with_gradient { vec![DVec3::ZERO; positions.len()] } else { Vec::new() },
-    };
-    if let Some(surface) = &observed.surface {
-        let simulated = comparison.surface_particles(positions, observed.time_s);
-        let wanted: Vec<DVec3> =
-            surface.points.iter().copied().filter(|p| !comparison.in_contact(*p, observed.time_s)).collect();
-        loss.chamfer_m =
-            chamfer(positions, &simulated, &wanted, comparison.margin(), with_gradient, &mut loss.gradient);
-    }
+    let mut gradient = if with_gradient { vec![DVec3::ZERO; positions.len()] } else { Vec::new() };
+    let chamfer_m = surface_distance_m(observed, comparison, positions, &mut gradient);
+    let mut loss = FrameLoss { chamfer_m, mask_l1: 0.0, mask_difference: (0.0, 0.0), gradient };
     let views = observed.views.len().max(1) as f64;
     for view in &observed.views {
         let rendered = coverage(gaussians, &view.camera);
         let share = 1.0 / (rendered.len() as f64 * views);
-        let difference: f64 = rendered.iter().zip(&view.mask).map(|(a, m)| f64::from((a - m).abs())).sum();
+        let difference = total_difference(&rendered, &view.mask);
         loss.mask_l1 += difference * share;
         loss.mask_difference.0 += difference;
         loss.mask_difference.1 += view.mask.iter().map(|m| f64::from(*m)).sum::<f64>();
@@ -58,6 +48,26 @@ pub(crate) fn frame_loss(
     loss
 }
 
+/// Sum of |alpha - mask| [pixels].
+fn total_difference(rendered: &[f32], mask: &[f32]) -> f64 {
+    rendered.iter().zip(mask).map(|(a, m)| f64::from((a - m).abs())).sum()
+}
+
+/// Chamfer distance of one observed frame [m], 0 where no surface is compared. Its derivative is added to `gradient`,
+/// shape [n], unless that is empty.
+pub(crate) fn surface_distance_m(
+    observed: &ObservedFrame,
+    comparison: &SurfaceComparison,
+    positions: &[[f32; 3]],
+    gradient: &mut [DVec3],
+) -> f64 {
+    let Some(surface) = &observed.surface else { return 0.0 };
+    let simulated = comparison.surface_particles(positions, observed.time_s);
+    let is_clear = |p: &DVec3| !comparison.in_contact(*p, observed.time_s);
+    let wanted: Vec<DVec3> = surface.points.iter().copied().filter(is_clear).collect();
+    chamfer(positions, &simulated, &wanted, comparison.margin(), gradient)
+}
+
 /// Mean distance of the drawn outlines from the observed ones at the body's distance [m]: the area that differs over
 /// the mean length of both, of all views together. 0 where nothing is seen.
 pub(crate) fn outline_distance_m(observed: &ObservedFrame, gaussians: IsotropicGaussians) -> f64 {
@@ -67,8 +77,7 @@ pub(crate) fn outline_distance_m(observed: &ObservedFrame, gaussians: IsotropicG
     for view in &observed.views {
         let Some(pixel_m) = pixel_size(&view.camera, centre) else { continue };
         let rendered = coverage(gaussians, &view.camera);
-        let differing: f64 = rendered.iter().zip(&view.mask).map(|(a, m)| f64::from((a - m).abs())).sum();
-        area_m2 += differing * pixel_m * pixel_m;
+        area_m2 += total_difference(&rendered, &view.mask) * pixel_m * pixel_m;
         let length = |coverage| outline_length(coverage, view.camera.width, view.camera.height);
         length_m += 0.5 * (length(&rendered) + length(&view.mask)) * pixel_m;
     }
@@ -76,14 +85,7 @@ pub(crate) fn outline_distance_m(observed: &ObservedFrame, gaussians: IsotropicG
 }
 
 /// Mean unsquared nearest-neighbour distance, both directions added [m].
-fn chamfer(
-    positions: &[[f32; 3]],
-    simulated: &[usize],
-    wanted: &[DVec3],
-    cell: f64,
-    with_gradient: bool,
-    gradient: &mut [DVec3],
-) -> f64 {
+fn chamfer(positions: &[[f32; 3]], simulated: &[usize], wanted: &[DVec3], cell: f64, gradient: &mut [DVec3]) -> f64 {
     if simulated.is_empty() || wanted.is_empty() {
         return 0.0;
     }
@@ -95,7 +97,7 @@ fn chamfer(
         let offset = point(i) - from;
         let distance = offset.length();
         total += distance * share;
-        if with_gradient && distance > 1e-9 {
+        if !gradient.is_empty() && distance > 1e-9 {
             gradient[i] += offset / distance * share;
         }
     };

@@ -18,17 +18,13 @@ use crate::solve::residual_block::{ResidualBlock, Weights};
 use crate::solve::surface_residuals::SurfaceComparison;
 use crate::stages::free_flight::{FreeFlightFit, clearance, fit_free_flight, touching};
 use crate::stages::outline_flight::motion_by_outlines;
-use crate::tuning::NoiseTuning;
+use crate::tuning::{NoiseTuning, STEP_VARIANCE};
 use crate::uncertainty::input_checks;
 use crate::uncertainty::noise::effective_weights;
 use crate::unknowns::coordinates::Coordinates;
 use crate::unknowns::parameter::sought;
 use crate::unknowns::state::{State, Unknown};
 use crate::{IdentifyError, Input, Parameter, Settings, Tuning, WorldDoubt};
-
-/// Standard deviation of alpha that is rounded to eight bits: its error is uniform over a step of 1/255, which has a
-/// variance of a twelfth of the step's square. No mask tells more, and no surface more than this share of a cell.
-const ROUNDED_ALPHA: f64 = 1.0 / (255.0 * 3.464_101_615_137_754);
 
 /// The observations, the body, the fit of free flight and the weights that it gives.
 pub(crate) struct Identification<'a> {
@@ -73,7 +69,7 @@ impl<'a> Identification<'a> {
         let shape = ShapeModes::new(input, &tuning.shape, &tuning.surfaces);
         let count = video.frames.len();
         // Until the data's own noise is known: its size is without effect where no prior acts.
-        let weights = weights_of_error(1.0, input, count);
+        let weights = weights_of_variance(1.0, input, count);
         let objective = Objective {
             video: &video,
             opacities: &input.opacities,
@@ -85,7 +81,7 @@ impl<'a> Identification<'a> {
         let (start, outlines) = (start_of_flight(kind, settings), motion_by_outlines.as_ref());
         let flight =
             fit_free_flight(&flight, objective, start, outlines, settings).map_err(|error| error.of_stage(1))?;
-        let weights = flight_weights(&flight, &weights_of_error(ROUNDED_ALPHA, input, count), &tuning.noise);
+        let weights = flight_weights(&flight, &largest_weights(input, count), &tuning.noise);
         video.discount_unseen(input, flight.free);
         Ok(Identification {
             input,
@@ -187,9 +183,8 @@ impl<'a> Identification<'a> {
 
     /// The weights that the data's own noise gives at a fit.
     pub(crate) fn weights_at(&self, blocks: &[ResidualBlock], unknowns: usize) -> Weights {
-        let noise = &self.tuning.noise;
-        let ceilings = weights_of_error(ROUNDED_ALPHA, self.input, self.video.frames.len());
-        effective_weights(blocks, unknowns, self.flight.free, &ceilings, noise)
+        let ceilings = largest_weights(self.input, self.video.frames.len());
+        effective_weights(blocks, unknowns, self.flight.free, &ceilings, &self.tuning.noise)
     }
 
     /// Whether anything is touched in the observed frames, between them or shortly after.
@@ -225,9 +220,14 @@ fn start_of_flight(kind: MaterialKind, settings: &Settings) -> State {
     start
 }
 
-/// Inverse squares of an error of alpha, and of surfaces in cells.
-fn weights_of_error(error: f64, input: &Input, frames: usize) -> Weights {
-    Weights::uniform(error.powi(-2), (error * input.grid_spacing_m).powi(-2), frames)
+/// Weights of a variance of alpha, and of surfaces in squares of cells.
+fn weights_of_variance(variance: f64, input: &Input, frames: usize) -> Weights {
+    Weights::uniform(variance.recip(), (variance * input.grid_spacing_m.powi(2)).recip(), frames)
+}
+
+/// Of alpha that is rounded to eight bits: no mask tells more, and no surface more than this share of a cell.
+fn largest_weights(input: &Input, frames: usize) -> Weights {
+    weights_of_variance(f64::from(STEP_VARIANCE) / f64::from(u8::MAX).powi(2), input, frames)
 }
 
 /// The noise of free flight as that of all frames.

@@ -3,7 +3,7 @@
 
 use crate::forward::trajectories::Trajectories;
 use crate::observe::video::{ObservedFrame, ObservedVideo};
-use crate::solve::loss::{frame_loss, outline_distance_m};
+use crate::solve::loss::{outline_distance_m, surface_distance_m};
 use crate::solve::surface_residuals::SurfaceComparison;
 use crate::unknowns::coordinates::Coordinates;
 use crate::unknowns::state::{State, Unknown};
@@ -16,27 +16,28 @@ pub(crate) fn unexplained(
     free: usize,
     resolved_m: f64,
 ) -> Vec<String> {
-    let misfit = |(o, observed): (usize, &ObservedFrame)| {
-        let gaussians = trajectories.gaussians(o, opacities);
-        let both_ways_m = frame_loss(observed, comparison, gaussians, false).chamfer_m;
-        [outline_distance_m(observed, gaussians), 0.5 * both_ways_m]
+    let of_frames = |distance_m: &dyn Fn(usize, &ObservedFrame) -> f64| -> Vec<f64> {
+        video.frames.iter().enumerate().map(|(o, observed)| distance_m(o, observed)).collect()
     };
-    let misfits: Vec<_> = video.frames.iter().enumerate().map(misfit).collect();
-    let (flying, touched) = misfits.split_at(free.min(misfits.len()));
-    let worst_m = |frames: &[[f64; 2]], kind: usize| frames.iter().map(|misfit| misfit[kind]).fold(0.0, f64::max);
-    let of_kind = |(kind, name): (usize, &str)| {
-        let (before, after) = (worst_m(flying, kind), worst_m(touched, kind));
-        (after > before + resolved_m).then(|| {
+    let outlines_m = of_frames(&|o, observed| outline_distance_m(observed, trajectories.gaussians(o, opacities)));
+    let surfaces_m = of_frames(&|o, observed| {
+        let positions = trajectories.gaussians(o, opacities).positions;
+        // The mean of both directions, which the chamfer distance adds.
+        0.5 * surface_distance_m(observed, comparison, positions, &mut [])
+    });
+    let worst_mm = |frames_m: &[f64]| 1e3 * frames_m.iter().copied().fold(0.0, f64::max);
+    let unexplained = |name: &str, frames_m: Vec<f64>| {
+        let (flying_m, touched_m) = frames_m.split_at(free.min(frames_m.len()));
+        let (before, after, resolved) = (worst_mm(flying_m), worst_mm(touched_m), 1e3 * resolved_m);
+        (after > before + resolved).then(|| {
             format!(
-                "the model does not explain the data: after contact the {name} are {:.1} mm apart, before it {:.1} mm, \
-                 and the model resolves {:.1} mm; the material or an obstacle may be another",
-                1e3 * after,
-                1e3 * before,
-                1e3 * resolved_m
+                "the model does not explain the data: after contact the {name} are {after:.1} mm apart, before it \
+                 {before:.1} mm, and the model resolves {resolved:.1} mm; the material or an obstacle may be another"
             )
         })
     };
-    ["outlines", "surfaces"].into_iter().enumerate().filter_map(of_kind).collect()
+    let warnings = [unexplained("outlines", outlines_m), unexplained("surfaces", surfaces_m)];
+    warnings.into_iter().flatten().collect()
 }
 
 /// Warns of parameters that were found at the edge of what is admitted: a soft solid taken for a fluid, say, ends as
