@@ -7,7 +7,7 @@
 //! over lenses, camera rotations R_c and centres o_c, board poses B_m and pages' places, which give p_i. Weights w are
 //! Cauchy's, the noise s is measured; both settle in rounds. Priors q hold what pictures do not tell.
 
-use gic_optimize::damped_step;
+use gic_optimize::{DAMPING_FACTOR, FIRST_DAMPING, damped_step};
 use nalgebra::{DMatrix, DVector, Matrix2x3, Point3, UnitQuaternion, Vector2, Vector3};
 
 use crate::lens::LENS_UNKNOWNS;
@@ -111,12 +111,12 @@ impl<'a> Bundle<'a> {
 
     /// Steps with fixed weights and noise until they gain no more.
     fn descend(&mut self, weights: &[f64]) {
-        let mut damping = 1e-3;
+        let mut damping = FIRST_DAMPING;
         let mut cost = self.cost(weights);
         for _ in 0..MOST_STEPS {
             let (hessian, gradient) = self.normal_equations(weights);
             let Some(step) = damped_step(&hessian, &gradient, |own| damping * own + 1e-12) else {
-                damping *= 10.0;
+                damping *= DAMPING_FACTOR;
                 continue;
             };
             let there = self.rig.clone();
@@ -124,13 +124,13 @@ impl<'a> Bundle<'a> {
             let new = self.cost(weights);
             if new < cost {
                 let gain = (cost - new) / cost;
-                (cost, damping) = (new, (damping / 10.0).max(1e-9));
+                (cost, damping) = (new, (damping / DAMPING_FACTOR).max(1e-9));
                 if gain < CONVERGED_GAIN {
                     break;
                 }
             } else {
                 self.rig = there;
-                damping *= 10.0;
+                damping *= DAMPING_FACTOR;
                 if damping >= 1e9 {
                     break;
                 }

@@ -188,10 +188,6 @@ pub struct DescentTuning {
     /// costs Gauss-Newton a fraction of an iteration and does not move its fixed point to first order. Derived: about
     /// 1 % of what matters.
     pub difference: f64,
-    /// Damping of the first step. Paper: Marquardt's is of this order.
-    pub first_damping: f64,
-    /// Factor by which the damping falls after a step that it allowed, and rises where none is. Paper: Marquardt's.
-    pub damping_factor: f64,
     /// A Jacobian that was carried along is measured anew when a step gains less than this share of what it predicted,
     /// and the fit may still gain enough by this share of what it predicts. A state belongs to a minimum where its cost
     /// rises by at least this share of what that one's quadratic model predicts, and by at most its inverse; a fit that
@@ -206,14 +202,7 @@ pub struct DescentTuning {
 
 impl Default for DescentTuning {
     fn default() -> DescentTuning {
-        DescentTuning {
-            difference: 0.01,
-            first_damping: 1e-3,
-            damping_factor: 10.0,
-            trusted_gain_share: 0.5,
-            gain_tolerance: 0.01,
-            short_iterations: 5,
-        }
+        DescentTuning { difference: 0.01, trusted_gain_share: 0.5, gain_tolerance: 0.01, short_iterations: 5 }
     }
 }
 

@@ -2,6 +2,12 @@
 
 use nalgebra::{DMatrix, DVector};
 
+/// Share of the curvature that damps a fit's first step. Marquardt's is of this order.
+pub const FIRST_DAMPING: f64 = 1e-3;
+
+/// Factor by which the damping falls after a step that it allowed, and rises where none is: Marquardt's.
+pub const DAMPING_FACTOR: f64 = 10.0;
+
 /// The step -(H + D)^-1 g of Levenberg (1944) and Marquardt (1963) that lessens a sum of squares with gradient g, shape
 /// [n], and approximate Hessian H = J^T J, shape [n, n]. D is diagonal: `damping` gives each of its elements from that
 /// of H. `None` where H + D is not positive definite.

@@ -2,11 +2,8 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::damped_step;
+use crate::damped_step::{DAMPING_FACTOR, FIRST_DAMPING, damped_step};
 
-/// Share of the curvature that damps the first step; it falls or rises by [`DAMPING_FACTOR`].
-const FIRST_DAMPING: f64 = 1e-3;
-const DAMPING_FACTOR: f64 = 10.0;
 /// Steps of one round that may lose before the fit ends: by then a step is next to nothing.
 const STEPS_TRIED: usize = 8;
 /// A fit ends with a round that gains less than this share of the cost.

@@ -8,6 +8,7 @@
 
 use std::ops::ControlFlow;
 
+use gic_optimize::{DAMPING_FACTOR, FIRST_DAMPING};
 use rayon::prelude::*;
 
 use crate::FitError;
@@ -100,7 +101,7 @@ pub(crate) fn minimise(
     let cost = problem.cost(&start, &linearisation.trajectories);
     let mut fit = Fit { state: start, cost, linearisation };
     let tuning = problem.descent;
-    let (mut damping, mut steps) = (tuning.first_damping, 0);
+    let (mut damping, mut steps) = (FIRST_DAMPING, 0);
     while steps < limits.iterations {
         let normal = problem.normal(fit.linearisation.blocks(problem), &fit.state);
         let lowest = problem.step(&normal, &fit.state, 0.0, Vec::new());
@@ -120,7 +121,7 @@ pub(crate) fn minimise(
         };
         steps += 1;
         let (cost, gain) = (fit.cost, fit.cost - trial.cost);
-        damping = if trial.damping > damping { trial.damping } else { damping / tuning.damping_factor };
+        damping = if trial.damping > damping { trial.damping } else { damping / DAMPING_FACTOR };
         let answer = accepted(&Iterate { state: trial.state.clone(), cost: trial.cost })?;
         let trusted = was_fresh || gain >= tuning.trusted_gain_share * trial.predicted_decrease;
         fit = trial.accept(problem, fit, limits.secants)?;
@@ -169,10 +170,9 @@ fn find_decrease(
     normal: &Normal,
     (damping, least_gain): (&mut f64, f64),
 ) -> Option<Trial> {
-    let factor = problem.descent.damping_factor;
     loop {
         // Two dampings at once: the second core would idle otherwise.
-        let trials: Vec<Option<Trial>> = [*damping, *damping * factor]
+        let trials: Vec<Option<Trial>> = [*damping, *damping * DAMPING_FACTOR]
             .into_par_iter()
             .map(|damping| try_step(problem, &fit.state, normal, damping))
             .collect();
@@ -183,7 +183,7 @@ fn find_decrease(
         if !fit.linearisation.is_fresh() {
             return None;
         }
-        *damping *= factor * factor;
+        *damping *= DAMPING_FACTOR * DAMPING_FACTOR;
         let step = problem.step(normal, &fit.state, *damping, Vec::new())?;
         if normal.predicted_decrease(step.as_slice()) < least_gain {
             return None;
