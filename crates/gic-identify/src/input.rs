@@ -70,9 +70,8 @@ pub struct Input {
     /// How much the surface at each particle is in doubt, in [0, 1], shape [n]: 1 where no picture tells where it is;
     /// empty where none is.
     pub doubts: Vec<f32>,
-    /// How far the surface is off where it is not in doubt, as a standard deviation [m]; `None` where nothing has
-    /// measured that.
-    pub surface_error_m: Option<f64>,
+    /// How far the surface is off where it is not in doubt, as a standard deviation [m].
+    pub surface_error_m: f64,
     /// Cameras of the views.
     pub cameras: Vec<Camera>,
     /// Frames, ascending in time; the first is at time 0.
@@ -121,8 +120,9 @@ impl Input {
             ));
         }
         validate_doubts(&self.doubts, (n, "particles"), "doubts".into())?;
-        if let Some(error) = self.surface_error_m.filter(|error| !(*error > 0.0 && error.is_finite())) {
-            return Err(IdentifyError::input("surface_error_m", format!("is {error}"), "it must be positive"));
+        if !(self.surface_error_m > 0.0 && self.surface_error_m.is_finite()) {
+            let problem = format!("is {}", self.surface_error_m);
+            return Err(IdentifyError::input("surface_error_m", problem, "it must be positive"));
         }
         if let Some(i) = self.volume_factors.iter().position(|f| !(*f > 0.0 && f.is_finite())) {
             let problem = format!("that of particle {i} is {}", self.volume_factors[i]);

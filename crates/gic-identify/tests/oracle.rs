@@ -103,7 +103,7 @@ fn observed_on(floor: Collider, material: Material, velocity: DVec3, frames: usi
         particle_volume_m3: volume,
         volume_factors: Vec::new(),
         doubts: Vec::new(),
-        surface_error_m: None,
+        surface_error_m: 0.5 * volume.cbrt(),
         opacities: vec![0.9; n],
         scales: vec![0.5 * 0.01; n],
         cameras: Vec::new(),

@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::Architecture;
 
-/// A moment has a visual hull of its own from this many views on.
-pub(crate) const MIN_SYNCHRONOUS: usize = 3;
+/// A moment has a visual hull of its own from this many views on. Derived: two rays meet in a point.
+pub(crate) const MIN_SYNCHRONOUS: usize = 2;
 
 /// How to train; lengths are relative to the object, so that one set of defaults serves every scene that several
 /// cameras filmed. Fields with `arg(skip)` have no flag and are changed in a file.

@@ -114,7 +114,7 @@ pub(crate) fn input(scene: &Path, positions: Vec<DVec3>, volume: f64) -> Input {
         particle_volume_m3: volume,
         volume_factors: Vec::new(),
         doubts: Vec::new(),
-        surface_error_m: None,
+        surface_error_m: 0.5 * volume.cbrt(),
         opacities: vec![0.9; n],
         scales: vec![0.006; n],
         cameras: cameras.into_iter().map(|c| c.expect("camera")).collect(),

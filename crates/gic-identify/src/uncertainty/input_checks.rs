@@ -111,7 +111,7 @@ mod tests {
             particle_volume_m3: 0.02f64.powi(3),
             volume_factors: Vec::new(),
             doubts: Vec::new(),
-            surface_error_m: None,
+            surface_error_m: 0.01,
             opacities: vec![0.95; n],
             scales: vec![0.01; n],
             cameras,

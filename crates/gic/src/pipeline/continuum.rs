@@ -31,10 +31,11 @@ pub struct Continuum {
 }
 
 impl Continuum {
-    /// How far the surface is off where it is not in doubt, as a standard deviation [m]; `None` where nothing has
-    /// measured it.
-    pub(super) fn surface_error_m(&self) -> Option<f64> {
-        self.refined.map(|settled| settled.gap_after_m).filter(|gap_m| *gap_m > 0.0)
+    /// How far the surface is off where it is not in doubt, as a standard deviation [m]: as refinement measured it, or
+    /// half the distance of particles, which is what filling resolves.
+    pub(super) fn surface_error_m(&self) -> f64 {
+        let measured = self.refined.map(|settled| settled.gap_after_m).filter(|gap_m| *gap_m > 0.0);
+        measured.unwrap_or(0.5 * self.particles.spacing)
     }
 }
 

@@ -53,12 +53,8 @@ pub(crate) struct Scale<'a> {
 impl Scale<'_> {
     pub(crate) fn of<'a>(input: &Input, tuning: &'a ShapeTuning) -> Scale<'a> {
         let spacing = input.particle_volume_m3.cbrt();
-        let unmeasured_m = tuning.unmeasured_deviation_spacings * spacing;
-        let (error_m, common_error_m) = match input.surface_error_m {
-            Some(error_m) => (error_m, error_m / (input.camera_count().max(1) as f64).sqrt()),
-            None => (unmeasured_m, unmeasured_m),
-        };
-        Scale { spacing, error_m, common_error_m, tuning }
+        let common_error_m = input.surface_error_m / (input.camera_count().max(1) as f64).sqrt();
+        Scale { spacing, error_m: input.surface_error_m, common_error_m, tuning }
     }
 }
 
@@ -178,7 +174,7 @@ mod tests {
             volume_factors: Vec::new(),
             opacities: vec![0.9; n],
             scales: vec![0.005; n],
-            surface_error_m: Some(0.2 * SPACING),
+            surface_error_m: 0.2 * SPACING,
             cameras: Vec::new(),
             observations: Vec::new(),
             frame_rate_hz: 24.0,
@@ -237,7 +233,7 @@ mod tests {
         // Of four cameras that move, each has an index of its own in each of three frames.
         let frame =
             |o: usize| Observation { views: (4 * o..4 * (o + 1)).map(view).collect(), ..Observation::default() };
-        let mut input = Input { observations: (0..3).map(frame).collect(), ..ball() };
+        let input = Input { observations: (0..3).map(frame).collect(), ..ball() };
         let tuning = ShapeTuning { rounding_deviation_spacings: 0.0, ..ShapeTuning::default() };
         let common = |input: &Input| {
             let anchors = anchors_of(input);
@@ -245,8 +241,6 @@ mod tests {
             covariance(&anchors, Scale::of(input, &tuning))[(left, right)].sqrt()
         };
         assert!((common(&input) / (0.2 * SPACING / 2.0) - 1.0).abs() < 1e-6);
-        input.surface_error_m = None;
-        assert!((common(&input) / (0.5 * SPACING) - 1.0).abs() < 1e-6, "nothing has measured it");
     }
 
     /// The anchor that lies furthest in a direction.
