@@ -278,6 +278,16 @@ fn one_moving_camera_is_told_from_several() {
     assert!(model.motion.unwrap().base.is_none());
 }
 
+/// Two rays meet in a point: two cameras at each moment follow the object as more do.
+#[test]
+fn two_cameras_at_a_moment_are_several() {
+    let (_folder, scene) = scene();
+    let two = scene.with_cameras(&[0, 2]).unwrap();
+    assert_eq!(TrainSettings::for_scene(&two), TrainSettings::default());
+    let settings = TrainSettings { held_out: Vec::new(), ..settings(12) };
+    assert!(run(&two, &settings, None, 0).motion.unwrap().base.is_some());
+}
+
 #[test]
 fn settings_without_meaning_are_named() {
     let (_folder, scene) = scene();
