@@ -139,7 +139,11 @@ impl FreeFlight {
         if let Some((velocity, acceleration)) = parabola(&self.times, &seen.middles, known) {
             (self.velocity, self.acceleration) = (velocity, acceleration);
         }
-        self.fitted(seen, sought)
+        // Few outlines leave several minima along the spin, and one more frame does not lead out of a wrong one.
+        let still = FreeFlight { angular_velocity: DVec3::ZERO, ..self.clone() };
+        let starts = if self.angular_velocity == DVec3::ZERO { vec![self] } else { vec![still, self] };
+        let fits = starts.iter().map(|start| start.fitted(seen, sought));
+        fits.min_by(|a, b| a.miss_px.total_cmp(&b.miss_px)).expect("a start")
     }
 
     /// The flight with the unknowns that the outlines agree with best.
