@@ -120,10 +120,6 @@ impl Input {
             ));
         }
         validate_doubts(&self.doubts, (n, "particles"), "doubts".into())?;
-        if !(self.surface_error_m > 0.0 && self.surface_error_m.is_finite()) {
-            let problem = format!("is {}", self.surface_error_m);
-            return Err(IdentifyError::input("surface_error_m", problem, "it must be positive"));
-        }
         if let Some(i) = self.volume_factors.iter().position(|f| !(*f > 0.0 && f.is_finite())) {
             let problem = format!("that of particle {i} is {}", self.volume_factors[i]);
             return Err(IdentifyError::input("volume_factors", problem, "they must be positive"));
@@ -133,6 +129,7 @@ impl Input {
         }
         for (field, value) in [
             ("particle_volume_m3", self.particle_volume_m3),
+            ("surface_error_m", self.surface_error_m),
             ("density_kg_m3", self.density_kg_m3),
             ("grid_spacing_m", self.grid_spacing_m),
             ("frame_rate_hz", self.frame_rate_hz),

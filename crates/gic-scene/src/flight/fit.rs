@@ -139,11 +139,14 @@ impl FreeFlight {
         if let Some((velocity, acceleration)) = parabola(&self.times, &seen.middles, known) {
             (self.velocity, self.acceleration) = (velocity, acceleration);
         }
+        let carried = self.fitted(seen, sought);
+        if self.angular_velocity == DVec3::ZERO {
+            return carried;
+        }
         // Few outlines leave several minima along the spin, and one more frame does not lead out of a wrong one.
-        let still = FreeFlight { angular_velocity: DVec3::ZERO, ..self.clone() };
-        let starts = if self.angular_velocity == DVec3::ZERO { vec![self] } else { vec![still, self] };
-        let fits = starts.iter().map(|start| start.fitted(seen, sought));
-        fits.min_by(|a, b| a.miss_px.total_cmp(&b.miss_px)).expect("a start")
+        self.angular_velocity = DVec3::ZERO;
+        let from_no_spin = self.fitted(seen, sought);
+        if carried.miss_px.total_cmp(&from_no_spin.miss_px).is_lt() { carried } else { from_no_spin }
     }
 
     /// The flight with the unknowns that the outlines agree with best.
