@@ -21,7 +21,7 @@ def example(monkeypatch):
 
 
 def test_video_to_twin(example, tmp_path, capsys):
-    run = example("video_to_twin").main(DEMO, tmp_path / "twin", cameras=[0, 4, 8], fit_frames=4, steps=30,
+    run = example("video_to_twin").main(DEMO, tmp_path / "twin", cameras=[0, 4, 6], fit_frames=4, steps=30,
                                         no_appearance=True, progress=False)
     assert run.twin.model == "elastic" and "on the Moon" in capsys.readouterr().out
 

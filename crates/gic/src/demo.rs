@@ -7,7 +7,8 @@ use include_dir::{Dir, include_dir};
 
 use crate::error::Result;
 
-/// A soft elastic cat, 11 cameras x 14 frames, 300x300, with its ground truth.
+/// A soft elastic cat, eight cameras x eleven frames, 300x300, with its ground truth;
+/// `scripts/make_demo.py` makes it.
 static SCENE: Dir = include_dir!("$CARGO_MANIFEST_DIR/demo");
 
 /// Writes the scene into a folder, where it is not there yet.
@@ -42,7 +43,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         unpack(folder.path()).unwrap();
         let scene = gic_scene::Scene::open(folder.path()).unwrap();
-        assert_eq!((scene.cameras.len(), scene.times.len(), scene.views.len()), (11, 14, 154));
+        assert_eq!((scene.cameras.len(), scene.times.len(), scene.views.len()), (8, 11, 88));
         assert!(folder.path().join("gt/params.json").exists());
     }
 }

@@ -15,7 +15,7 @@ use tempfile::TempDir;
 /// The bundled scene.
 const DEMO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/demo");
 /// Arguments with which a run ends within seconds, because it has not learned enough.
-const SHORT: [&str; 5] = ["--steps", "1", "--cameras", "0,4,8", "--no-appearance"];
+const SHORT: [&str; 5] = ["--steps", "1", "--cameras", "0,4,6", "--no-appearance"];
 
 /// A folder with a suite of two scenes, which are the same.
 fn suite() -> (TempDir, String, PathBuf) {
@@ -63,13 +63,13 @@ fn failures_are_named_and_tables_are_made_of_what_is_there() {
 #[test]
 fn a_forecast_starts_nothing_and_sweeps_have_a_folder_for_each_case() {
     let (_folder, suite, out) = suite();
-    let flags = ["--forecast", "--matrix", "identify.target=masks,surfaces", "--cameras", "0,4,8;all", "--repeat", "2"];
+    let flags = ["--forecast", "--matrix", "identify.target=masks,surfaces", "--cameras", "0,4,6;all", "--repeat", "2"];
     let told = bench(&suite, &out, &flags, &[]);
     assert!(text(&told.stdout).contains("16 tasks to run, 0 finished"), "{told:?}");
     assert!(text(&told.stdout).contains("By rule"), "{told:?}");
     let tasks = json(out.join("suite.json"))["tasks"].as_array().unwrap().clone();
     assert_eq!(tasks.len(), 16);
-    assert_eq!(tasks[0]["folder"], "cat_0/identify.target=masks+cameras=0,4,8+seed=0");
+    assert_eq!(tasks[0]["folder"], "cat_0/identify.target=masks+cameras=0,4,6+seed=0");
     assert!(!out.join("cat_0").exists());
 }
 
@@ -120,13 +120,47 @@ fn engines_get_scripts_and_orders_with_the_tasks_that_are_not_finished() {
     assert_eq!((&order["engine"], &order["threads"], &order["memory_gb"]), (&"ray".into(), &3.into(), &2.0.into()));
 }
 
+/// The bundled scene in `folder`, its last picture standing still until there are `frames` frames.
+fn lengthened(folder: &Path, frames: usize) {
+    fs::create_dir_all(folder.join("data")).unwrap();
+    symlink(Path::new(DEMO).join("gt"), folder.join("gt")).unwrap();
+    for entry in fs::read_dir(Path::new(DEMO).join("data")).unwrap().map(Result::unwrap) {
+        symlink(entry.path(), folder.join("data").join(entry.file_name())).unwrap();
+    }
+    let mut entries = json(Path::new(DEMO).join("all_data.json"));
+    let last: Vec<Value> = entries.as_array().unwrap().iter().filter(|entry| is_of(entry, 10)).cloned().collect();
+    for (frame, last) in (11..frames).flat_map(|frame| last.iter().map(move |last| (frame, last))) {
+        let file = last["file_path"].as_str().unwrap();
+        let (same, new) = (file.to_owned(), file.replace("_10.", &format!("_{frame}.")));
+        for kind in ["r_", "a_"] {
+            let [from, to] = [&same, &new].map(|file| folder.join(file.replace("r_", kind)));
+            symlink(fs::canonicalize(from).unwrap(), to).unwrap();
+        }
+        let mut entry = last.clone();
+        (entry["file_path"], entry["time"]) = (new.into(), (frame as f64 / 24.0).into());
+        entries.as_array_mut().unwrap().push(entry);
+    }
+    fs::write(folder.join("all_data.json"), entries.to_string()).unwrap();
+}
+
+fn is_of(entry: &Value, frame: usize) -> bool {
+    entry["file_path"].as_str().unwrap().ends_with(&format!("_{frame}.png"))
+}
+
 #[test]
 fn suites_are_written_for_the_code_of_other_methods() {
-    let (folder, suite, _) = suite();
-    let out = folder.path().join("export");
-    let words =
-        ["bench", &suite, "-o", out.to_str().unwrap(), "--export-suite", "projo4d", "--cameras", "4", "--filter", "_0"];
-    let written = gic(&words);
+    let folder = tempfile::tempdir().unwrap();
+    let (suite, out) = (folder.path().join("suite"), folder.path().join("export"));
+    fs::create_dir(&suite).unwrap();
+    symlink(DEMO, suite.join("short_0")).unwrap();
+    lengthened(&suite.join("cat_0"), 14);
+    let export = |scene: &str| {
+        let words = ["bench", suite.to_str().unwrap(), "-o", out.to_str().unwrap(), "--export-suite", "projo4d"];
+        gic(&[&words[..], &["--cameras", "4", "--filter", scene]].concat())
+    };
+    let refused = export("short_0");
+    assert!(text(&refused.stderr).contains("has 11 frames, and ProJo4D asks for 14"), "{refused:?}");
+    let written = export("cat_0");
     assert!(written.status.success(), "{written:?}");
     let scene = out.join("data/pacnerf/elastic/cat_0");
     let entries = json(scene.join("all_data.json"));
