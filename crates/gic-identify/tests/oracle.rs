@@ -3,13 +3,14 @@
 use std::ops::ControlFlow;
 
 use gic_identify::{
-    Checkpoint, Estimates, Event, IdentifyError, Input, Observation, Settings, Stage, Target, WorldDoubt, identify,
-    sought, sought_values,
+    Checkpoint, Estimates, Event, IdentifyError, Input, Observation, Settings, Stage, Target, View, WorldDoubt,
+    identify, sought, sought_values,
 };
 use gic_mpm::{
     Body, Collider, ColliderPath, Contact, Material, MaterialKind, Options, Primitive, Stepping, World, rollout,
 };
-use glam::{DQuat, DVec3};
+use gic_scene::Camera;
+use glam::{DMat3, DQuat, DVec2, DVec3};
 use rand::{RngExt, SeedableRng};
 
 fn run(input: &Input, kind: MaterialKind, settings: &Settings) -> Result<Estimates, IdentifyError> {
@@ -60,13 +61,46 @@ fn outer(points: &[DVec3]) -> Vec<DVec3> {
     points.iter().copied().filter(lopsided).collect()
 }
 
-/// What a perfect reconstruction would see of the block made of `material`.
-fn observed(material: Material, velocity: DVec3, frames: usize) -> Input {
-    observed_on(ground(), material, velocity, frames)
+/// Three cameras around the block, which look down on it.
+fn cameras() -> Vec<Camera> {
+    let around = |k: f64| {
+        let centre = DQuat::from_rotation_y(2.1 * k) * DVec3::new(0.0, 0.7, 0.9);
+        let z = (DVec3::new(0.0, 0.05, 0.0) - centre).normalize();
+        let x = z.cross(DVec3::Y).normalize();
+        Camera {
+            width: 120,
+            height: 120,
+            focal: DVec2::splat(260.0),
+            principal: DVec2::splat(60.0),
+            world_from_camera: DMat3::from_cols(x, z.cross(x), z),
+            centre,
+        }
+    };
+    (0..3).map(|k| around(f64::from(k))).collect()
 }
 
-/// The same on another floor.
-fn observed_on(floor: Collider, material: Material, velocity: DVec3, frames: usize) -> Input {
+/// What a camera sees of particles: balls as wide as they lie apart.
+fn mask(camera: &Camera, particles: &[DVec3]) -> Vec<f32> {
+    let discs: Vec<(DVec2, f64)> = particles
+        .iter()
+        .filter_map(|p| camera.project(*p))
+        .map(|(pixel, depth)| (pixel, 0.5 * SPACING * camera.focal.x / depth))
+        .collect();
+    let coverage = |i: usize| {
+        let pixel = DVec2::new((i % camera.width) as f64 + 0.5, (i / camera.width) as f64 + 0.5);
+        let covered = |(middle, radius): &(DVec2, f64)| (0.5 + radius - middle.distance(pixel)).clamp(0.0, 1.0);
+        discs.iter().map(covered).fold(0.0, f64::max) as f32
+    };
+    (0..camera.width * camera.height).map(coverage).collect()
+}
+
+/// What a perfect reconstruction would see of the block made of `material`.
+fn observed(material: Material, velocity: DVec3, frames: usize) -> Input {
+    observed_on(ground(), Vec::new(), material, velocity, frames)
+}
+
+/// The same on another floor, and with the masks of `cameras`.
+fn observed_on(floor: Collider, cameras: Vec<Camera>, material: Material, velocity: DVec3, frames: usize) -> Input {
     let positions = block();
     let volume = (0.5 * SPACING).powi(3);
     let world = World {
@@ -93,7 +127,11 @@ fn observed_on(floor: Collider, material: Material, velocity: DVec3, frames: usi
             time_s: frame.index as f64 / RATE,
             surface,
             surface_doubts: Vec::new(),
-            views: Vec::new(),
+            views: cameras
+                .iter()
+                .enumerate()
+                .map(|(camera, c)| View { camera, mask: mask(c, &frame.positions) })
+                .collect(),
         });
     })
     .expect("the truth can be simulated");
@@ -106,7 +144,7 @@ fn observed_on(floor: Collider, material: Material, velocity: DVec3, frames: usi
         surface_error_m: 0.5 * volume.cbrt(),
         opacities: vec![0.9; n],
         scales: vec![0.5 * 0.01; n],
-        cameras: Vec::new(),
+        cameras,
         observations,
         frame_rate_hz: RATE,
         gravity_m_s2: GRAVITY,
@@ -141,7 +179,7 @@ fn a_ground_that_is_elsewhere_is_found() {
 fn a_ground_that_slopes_and_grips_otherwise_is_found() {
     let floor = |normal: DVec3, friction: f64| Collider::plane(DVec3::ZERO, normal, Contact::Separating { friction });
     let truth = floor(DVec3::new(0.02, 1.0, -0.015).normalize(), 0.3);
-    let mut input = observed_on(truth.clone(), ELASTIC, DVec3::new(0.9, -1.5, 0.4), 12);
+    let mut input = observed_on(truth.clone(), Vec::new(), ELASTIC, DVec3::new(0.9, -1.5, 0.4), 12);
     input.colliders = vec![floor(DVec3::Y, 0.5)];
     let log_friction = std::f64::consts::LN_2;
     input.world_doubt = Some(WorldDoubt { height_m: 0.005, tilt_rad: 0.03, log_friction, ..WorldDoubt::default() });
@@ -398,6 +436,22 @@ fn an_object_that_touches_nothing_keeps_its_velocity_only() {
     }
     let half_width = found.velocity_interval_95.expect("the velocity's interval is known");
     assert!(half_width.min_element() > 0.0 && half_width.max_element() < 0.05, "{half_width}");
+}
+
+/// What the masks say of the velocity after contact hangs on the body's shape: it is no surer than the flight is.
+#[test]
+fn the_velocity_is_as_sure_as_its_flight() {
+    let velocity = DVec3::new(0.3, -0.6, 0.2);
+    let input = observed_on(ground(), cameras(), ELASTIC, velocity, 9);
+    let found = |stages| {
+        let settings = Settings { target: Target::Masks, stages, ..Settings::default() };
+        run(&input, ELASTIC.kind(), &settings).expect("identified")
+    };
+    let (flight, whole) = (found(Stage::Velocity..=Stage::Velocity), found(Stage::Search..=Stage::Intervals));
+    let half_width = whole.velocity_interval_95.expect("the velocity's interval is known");
+    println!("{} to {half_width}", whole.velocity_m_s - velocity);
+    assert!(whole.rollouts > 0 && whole.velocity_interval_95 == flight.velocity_interval_95, "{flight:?}");
+    assert!((whole.velocity_m_s - velocity).abs().cmple(half_width).all() && half_width.max_element() < 0.1);
 }
 
 /// The flight hangs on no material: it is fitted without one, and without a rollout.

@@ -94,9 +94,9 @@ fn unbounded(
     result(identification, session, (state, trajectories), estimates, None)
 }
 
-/// Half-width of the velocity's interval [m/s]: of the joint fit where there was one, which knows what the outlines say
-/// of the flight. Where they say nothing, the flight was fitted to the filled body, and is as uncertain besides. `None`
-/// where one of them could not be measured.
+/// Half-width of the velocity's interval [m/s]: of the flight by the outlines, which hangs on no shape. Where they say
+/// nothing and the flight was fitted to the filled body, or in a world that is itself sought, the joint fit's counts
+/// besides. `None` where one of them could not be measured.
 fn velocity_half_width(
     identification: &Identification,
     joint: Option<&Uncertainty>,
@@ -104,15 +104,17 @@ fn velocity_half_width(
 ) -> Option<DVec3> {
     let log_gravity = world.and_then(|world| world.log_gravity_half_width).unwrap_or(0.0);
     let by_gravity = identification.simulation().halfway_s() * log_gravity * identification.input.gravity_m_s2;
+    let outlines_suffice = identification.motion_by_outlines.is_some() && world.is_none();
     let of_axis = |axis: usize| {
         let unknown = Unknown::Velocity(axis);
         if !identification.flight.motion.contains(&unknown) {
             return Some(0.0);
         }
-        let from_joint = joint.map_or(Some(0.0), |uncertainty| uncertainty.half_width(unknown))?;
-        let knows_outlines = joint.is_some() && identification.motion_by_outlines.is_some();
-        let from_flight = if knows_outlines { 0.0 } else { flight_half_width(identification, unknown)? };
-        Some(from_flight.hypot(from_joint).hypot(by_gravity[axis]))
+        let from_joint = match joint {
+            Some(uncertainty) if !outlines_suffice => uncertainty.half_width(unknown)?,
+            _ => 0.0,
+        };
+        Some(flight_half_width(identification, unknown)?.hypot(from_joint).hypot(by_gravity[axis]))
     };
     Some(DVec3::new(of_axis(0)?, of_axis(1)?, of_axis(2)?))
 }

@@ -196,17 +196,19 @@ fn covariances(
     Some(Covariances { robust, independent: curvature.into_independent_covariance(), hessian, weights })
 }
 
-/// Half-width of an unknown's interval from free flight alone, by the outlines, or from the fit, where the position is
-/// uncertain, too; `None` where it was not fitted or cannot be measured.
+/// Half-width of an unknown's interval from free flight alone, by the outlines, given what the flight does not seek, or
+/// from the fit, where the position is uncertain, too; `None` where it was not fitted or cannot be measured.
 pub(crate) fn flight_half_width(identification: &Identification, unknown: Unknown) -> Option<f64> {
-    let by_outlines = identification.motion_by_outlines.as_ref();
-    if let Some(deviation) = by_outlines.and_then(|motion| motion.deviation_of(unknown)) {
-        return Some(half_width(deviation * deviation, &identification.tuning.noise));
-    }
     let (flight, weights, tuning) = (&identification.flight, &identification.weights, &identification.tuning.noise);
-    let place = flight.unknowns.iter().position(|u| *u == unknown);
-    let count = flight.unknowns.len();
-    let curvature = Curvature::measure(&flight.blocks, weights, DMatrix::zeros(count, count));
-    let covariance = curvature.and_then(|curvature| curvature.covariance(&flight.blocks, weights, tuning));
-    place.zip(covariance).map(|(k, c)| half_width(c[(k, k)], tuning))
+    let (unknowns, covariance) = match &identification.motion_by_outlines {
+        Some(motion) => (&flight.motion, motion.information_of(&flight.motion).try_inverse()),
+        None => {
+            let count = flight.unknowns.len();
+            let curvature = Curvature::measure(&flight.blocks, weights, DMatrix::zeros(count, count));
+            let covariance = curvature.and_then(|curvature| curvature.covariance(&flight.blocks, weights, tuning));
+            (&flight.unknowns, covariance)
+        }
+    };
+    let place = unknowns.iter().position(|u| *u == unknown);
+    place.zip(covariance).map(|(k, covariance)| half_width(covariance[(k, k)], tuning))
 }
