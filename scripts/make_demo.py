@@ -55,30 +55,30 @@ def is_inside(points):
     return found
 
 
-def fur(points, _seed=None):
-    """Linear colours of points of the cat's own frame."""
+def fur(points, _seed):
+    """Linear colours of points [m] of the cat's own frame, as the renderer asks for them."""
     x, y, z = points.T
     stripes = np.sin(2 * np.pi * (y + 0.35 * x + 0.008 * np.sin(60 * z)) / 0.055)
     dark = (0.5 + 0.5 * np.tanh(2 * stripes))[:, None]
     colour = (1 - dark) * np.array([0.66, 0.30, 0.075]) + dark * np.array([0.32, 0.115, 0.025])
 
-    def paint(colour, share, paint):
+    def painted(under, share, over):
         share = np.clip(share, 0, 1)[:, None]
-        return (1 - share) * colour + share * np.array(paint)
+        return (1 - share) * under + share * np.array(over)
 
     def near(place, radius):
         return 1.5 - np.linalg.norm(points - np.array(place), axis=1) / (radius / 1.5)
 
     white = (0.75, 0.71, 0.64)
     chest = np.minimum((x - 0.025 + 0.25 * (y + 0.05)) / 0.02, (0.06 - np.abs(z)) / 0.02)
-    colour = paint(colour, np.where(y < 0.11, chest, 0), white)
+    colour = painted(colour, np.where(y < 0.11, chest, 0), white)
     places = [((0.115, -0.175, 0.06), 0.06), ((0.19, -0.02, -0.095), 0.065), ((0.09, -0.185, 0.11), 0.06)]
     places += [((0.095, -0.175, -0.095), 0.06), ((-0.285, 0.03, 0.075), 0.065), ((0.16, 0.13, 0.013), 0.055)]
     for place, radius in places:
-        colour = paint(colour, near(place, radius), white)
+        colour = painted(colour, near(place, radius), white)
     for side in (-1, 1):
-        colour = paint(colour, near((0.15, 0.195, 0.01 + 0.042 * side), 0.024), (0.05, 0.16, 0.03))
-    return paint(colour, near((0.19, 0.145, 0.013), 0.018), (0.62, 0.25, 0.24))
+        colour = painted(colour, near((0.15, 0.195, 0.01 + 0.042 * side), 0.024), (0.05, 0.16, 0.03))
+    return painted(colour, near((0.19, 0.145, 0.013), 0.018), (0.62, 0.25, 0.24))
 
 
 def rotation(quaternion):
