@@ -67,7 +67,7 @@ impl Outline {
     }
 }
 
-/// The outlines of a body in one moment.
+/// The outlines of a rigid body.
 struct Outlines<'a> {
     tuning: &'a SymmetryTuning,
     views: Vec<Outline>,
@@ -277,6 +277,26 @@ mod tests {
         assert_eq!(symmetry.interchangeable_planes, Vec::<[usize; 2]>::new(), "its arms are 16, 13 and 14.5 cm long");
         let moved = DVec3::new(0.01, -0.05, 0.02);
         assert_planes(&at(moved), CENTRE + moved);
+    }
+
+    /// What two outlines hardly tell the same cameras do once the cross has flown on: they see it from elsewhere.
+    #[test]
+    fn planes_of_what_flies_are_told_by_two_moments() {
+        let cameras = &cameras()[1..];
+        let at = |moved: DVec3| masks(cameras, &|p| cross(p, moved));
+        let flown = DVec3::new(0.12, -0.25, 0.08);
+        let beside: Vec<Camera> =
+            cameras.iter().map(|camera| Camera { centre: camera.centre - flown, ..camera.clone() }).collect();
+        let (first, later) = (at(DVec3::ZERO), at(flown));
+        let (first, later) = (views(cameras, &first), views(&beside, &later));
+        let worst = |symmetry: &Symmetry| {
+            let off = |plane: &MirrorPlane| (turned().inverse() * plane.normal).abs().max_element().min(1.0).acos();
+            symmetry.planes.iter().map(off).fold(0.0, f64::max).to_degrees()
+        };
+        let (alone, together) = (of_outlines(&first), of_outlines(&[first, later].concat()));
+        println!("{:.2} degrees off alone ({}), {:.2} together", worst(&alone), alone.planes.len(), worst(&together));
+        assert_eq!(together.planes.len(), 3);
+        assert!(worst(&together) < 0.5 && worst(&alone) > 0.5);
     }
 
     /// Two of three bars are of one length.

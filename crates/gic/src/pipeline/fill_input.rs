@@ -42,6 +42,17 @@ impl<'a> FillInput<'a> {
         self.scene.load_masks(self.scene.views_at(frame)).map_err(Error::stage("reading masks"))
     }
 
+    /// What the flight shows of the body as it is in the first frame: cameras that see it so, and their masks, where
+    /// these are not empty. Of all its frames the last but one differs most from the first and surely touches nothing.
+    pub(super) fn late_in_flight(&self) -> Result<Vec<(Camera, Mask)>> {
+        let Some(flight) = self.scene.flight.as_ref().filter(|flight| flight.frames() > 2) else {
+            return Ok(Vec::new());
+        };
+        let frame = flight.frames() - 2;
+        let cameras = self.cameras(frame).iter().map(|camera| flight.camera_at_start(camera, flight.times[frame]));
+        Ok(cameras.zip(self.masks(frame)?).filter(|(_, mask)| mask.area() > 0.0).collect())
+    }
+
     /// Cameras and masks of a frame.
     pub(super) fn masked_views<'b>(
         &'b self,
