@@ -5,11 +5,11 @@
 
 FOLDER holds the generator (`bench_sim.py`, `bench_render.py`); its README says how the virtual environment is made,
 whose interpreter runs this script. The cat is .55 m long; grid cells of 30 mm, eight cameras and eleven frames keep
-`gic demo` short. Making it takes a minute on two cores.
+`gic demo` short. Making it takes a minute on two cores, whose sums
+differ in their last digits from one time to the next.
 """
 
 import argparse
-import glob
 import os
 import shutil
 import sys
@@ -18,6 +18,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
+from make_suite import environment
 
 CELL_M, FRAMES, PICTURE = 0.03, 11, 300
 MARGIN = 0.12  # of the pictures' width, that no frame's body enters
@@ -27,7 +28,7 @@ TILT = np.array([1.0, 0.16, 0.35, -0.22])  # a quaternion, w first, not normalis
 CAMERA_RINGS = [(27, 30, 3), (42, 90, 3), (64, 0, 2)]  # elevation, first azimuth [degrees], cameras
 GROUND_TRUTH_FRAMES = (0, 5, 10)  # the others are large and only the report of a truth needs them
 
-# The cat sits, y is up and x its front [m]: (end, end, radius there, radius here).
+# The cat sits, y is up and x its front [m]: (one end, other end, radius at the one, radius at the other).
 LIMBS = [
     ((-0.035, -0.10, 0.0), (0.03, 0.06, 0.0), 0.108, 0.078),  # trunk
     ((0.075, 0.165, 0.01), (0.085, 0.165, 0.01), 0.078, 0.078),  # head
@@ -131,9 +132,7 @@ def simulate(generator, folder):
 
 
 def render(folder):
-    found = glob.glob("/usr/lib/*/libLLVM.so.19*")
-    if found:
-        os.environ.setdefault("DRJIT_LIBLLVM_PATH", found[0])
+    os.environ.update(environment())
     import bench_render
 
     bench_render.rig, bench_render.material_colour, bench_render.MARGIN = rig, fur, MARGIN

@@ -185,6 +185,9 @@ tuned! {
         outline_normals: usize = 60,
         /// Rays along the outline of each view, and places on each. Budget.
         outline_rays: usize = 75,
+        /// Cameras whose outlines tell three planes, if there are any; to fewer the flight adds another moment. Fitted
+        /// on: elastic_0, whose planes two cameras miss and three find.
+        telling_outlines: usize = 3,
         /// A ray misses by no more than this [pixels]. Budget: a guard against outliers.
         farthest_miss_px: f32 = 10.0,
         /// Planes are none where rays miss by more than this, root mean square [pixels]. Fitted on: three cameras,

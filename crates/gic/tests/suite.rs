@@ -128,23 +128,20 @@ fn lengthened(folder: &Path, frames: usize) {
         symlink(entry.path(), folder.join("data").join(entry.file_name())).unwrap();
     }
     let mut entries = json(Path::new(DEMO).join("all_data.json"));
-    let last: Vec<Value> = entries.as_array().unwrap().iter().filter(|entry| is_of(entry, 10)).cloned().collect();
+    let is_last = |entry: &&Value| entry["file_path"].as_str().unwrap().ends_with("_10.png");
+    let last: Vec<Value> = entries.as_array().unwrap().iter().filter(is_last).cloned().collect();
     for (frame, last) in (11..frames).flat_map(|frame| last.iter().map(move |last| (frame, last))) {
         let file = last["file_path"].as_str().unwrap();
         let (same, new) = (file.to_owned(), file.replace("_10.", &format!("_{frame}.")));
         for kind in ["r_", "a_"] {
-            let [from, to] = [&same, &new].map(|file| folder.join(file.replace("r_", kind)));
-            symlink(fs::canonicalize(from).unwrap(), to).unwrap();
+            let [same, new] = [&same, &new].map(|file| file.replace("r_", kind));
+            symlink(Path::new(DEMO).join(same), folder.join(new)).unwrap();
         }
         let mut entry = last.clone();
         (entry["file_path"], entry["time"]) = (new.into(), (frame as f64 / 24.0).into());
         entries.as_array_mut().unwrap().push(entry);
     }
     fs::write(folder.join("all_data.json"), entries.to_string()).unwrap();
-}
-
-fn is_of(entry: &Value, frame: usize) -> bool {
-    entry["file_path"].as_str().unwrap().ends_with(&format!("_{frame}.png"))
 }
 
 #[test]

@@ -5,10 +5,6 @@ use gic_continuum::{Completion, FillSettings, Filling, MaskedView, ShapeFrom, Sy
 use super::fill_input::FillInput;
 use crate::error::{Error, Result};
 
-/// Cameras whose outlines tell three mirror planes, if there are any; to those of fewer the flight adds another moment.
-/// Fitted on: elastic_0, whose planes two cameras miss and three find.
-const TELLING_OUTLINES: usize = 3;
-
 /// Fills frame by frame.
 pub(super) struct FrameFiller {
     /// Whether mirror planes are sought.
@@ -41,7 +37,8 @@ impl FrameFiller {
         if frame > 0 {
             return Ok(filling);
         }
-        let later = if views.len() < TELLING_OUTLINES { input.late_in_flight()? } else { Vec::new() };
+        let later =
+            if views.len() < settings.tuning.symmetry.telling_outlines { input.late_in_flight()? } else { Vec::new() };
         let later = later.iter().map(|(camera, mask)| MaskedView { camera, mask: Some(&mask.coverage) });
         let shown: Vec<MaskedView> = views.iter().copied().chain(later).collect();
         let by_outlines = || Symmetry::of_outlines(&shown, &settings.tuning.symmetry);
