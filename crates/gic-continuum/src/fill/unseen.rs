@@ -2,21 +2,23 @@
 //!
 //! The largest body that agrees with all views hangs down in wedges below every part whose underside no camera sees. It
 //! is bounded by rays that graze the body along the rim of what is seen, so the rim is true and what spans it is not.
-//! Three steps find a better span:
+//! Four steps find a better span:
 //!
-//! 1. The boundary that no view sees is relaxed towards the smallest surface that spans the rim, inside the largest
+//! 1. What nobody sees reaches no further than what is seen: the convex hull of the seen boundary bounds it.
+//! 2. The boundary that no view sees is relaxed towards the smallest surface that spans the rim, inside the largest
 //!    body, by filtering and sharpening in turn (motion by mean curvature: Merriman, Bence & Osher 1992). What is seen
 //!    stays.
-//! 2. The whole unseen boundary is moved along its normal. By how much is a compromise of two priors: the body keeps
-//!    the volume it is known to have ([`FillSettings::volume`]), and undersides lie [`crate::UnseenTuning::lift`]
-//!    above the relaxed surface.
-//! 3. What lies close to where the boundary ends up is in doubt ([`crate::Filling::doubt`]).
+//! 3. Where the body is known to have a volume ([`FillSettings::volume`]), the whole unseen boundary is moved along its
+//!    normal, as a compromise with the relaxed surface.
+//! 4. What lies close to where the boundary ends up is in doubt ([`crate::Filling::doubt`]).
 
 use gic_geometry::DensityField;
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::coarse_to_fine::MEAN;
 use crate::evidence::Evidence;
+use crate::symmetry::direction;
 use crate::tuning::Tuning;
 use crate::{FillSettings, Unseen};
 
@@ -51,6 +53,10 @@ pub(crate) fn place_unseen(
     if share < settings.tuning.unseen.least_seen {
         return Vec::new();
     }
+    let body = match settings.unseen {
+        Unseen::Smooth => cut_to_hull_of_seen(field, body, &seen, settings),
+        Unseen::Fill => body,
+    };
     let furthest = furthest_move(settings) / field.spacing;
     let depths = depths_below_unseen(field, &body, &seen, furthest as f32, &settings.tuning);
     let level = match settings.unseen {
@@ -103,6 +109,37 @@ fn seen_boundary(
     let boundary = known.iter().flatten().count();
     let share = known.iter().flatten().filter(|&&k| k).count() as f64 / boundary.max(1) as f64;
     (seen, share)
+}
+
+/// Takes from a `body` what lies outside of the convex hull of what is `seen` of it. Returns what is left.
+fn cut_to_hull_of_seen(field: &mut DensityField, body: Vec<bool>, seen: &[bool], settings: &FillSettings) -> Vec<bool> {
+    let bounds = |i: usize| body[i] && sides(field, i).any(|j| !body[j]);
+    let boundary: Vec<bool> = (0..body.len()).into_par_iter().map(bounds).collect();
+    let (seen, boundary) = (centres(field, seen), centres(field, &boundary));
+    let reach = |points: &[DVec3], normal| points.iter().map(|p| p.dot(normal)).fold(f64::NEG_INFINITY, f64::max);
+    let count = settings.tuning.unseen.hull_directions;
+    let plane = |k: usize| {
+        let normal = if k < count { direction(k, count) } else { -direction(k - count, count) };
+        let offset = reach(&seen, normal);
+        // A voxel's centre lies half a voxel within the boundary, more or less.
+        (offset.is_finite() && reach(&boundary, normal) > offset).then_some((normal, offset + 0.5 * field.spacing))
+    };
+    let planes: Vec<(DVec3, f64)> = (0..2 * count).into_par_iter().filter_map(plane).collect();
+    let depth = |i: usize| {
+        let point = field.centre(field.voxel(i));
+        planes.iter().map(|(normal, offset)| offset - point.dot(*normal)).fold(f64::INFINITY, f64::min)
+    };
+    let within = |i: usize| if field.values[i] > 0.0 { (0.5 + depth(i) / field.spacing).clamp(0.0, 1.0) } else { 0.0 };
+    let within: Vec<f64> = (0..body.len()).into_par_iter().map(within).collect();
+    for (value, within) in field.values.iter_mut().zip(within) {
+        *value = value.min(within as f32);
+    }
+    body.into_iter().zip(&field.values).map(|(body, value)| body && f64::from(*value) >= settings.th_min).collect()
+}
+
+/// Centres of the voxels that have a flag [m].
+fn centres(field: &DensityField, flags: &[bool]) -> Vec<DVec3> {
+    (0..flags.len()).filter(|&i| flags[i]).map(|i| field.centre(field.voxel(i))).collect()
 }
 
 /// The voxels that share a side with one.
@@ -187,8 +224,7 @@ fn relax(field: &DensityField, body: &[bool], fixed: &[bool], tuning: &Tuning) -
 fn likeliest_level(field: &DensityField, depths: &[f32], settings: &FillSettings) -> f32 {
     let per_voxel = 1.0 / field.spacing;
     let tuning = &settings.tuning.unseen;
-    let expected = tuning.lift * settings.grid_spacing * per_voxel;
-    let Some(known) = settings.volume else { return expected as f32 };
+    let Some(known) = settings.volume else { return 0.0 };
     let deviation = tuning.boundary_deviation * settings.grid_spacing * per_voxel;
     let most = furthest_move(settings) * per_voxel;
     let least = f64::from(depths.iter().copied().fold(0.0, f32::min));
@@ -205,13 +241,13 @@ fn likeliest_level(field: &DensityField, depths: &[f32], settings: &FillSettings
     let cost = |level: f64| {
         let cut = |&(value, depth): &(f32, f32)| (value - (0.5 + depth - level as f32).clamp(0.0, 1.0)).max(0.0);
         let volume = all - voxel * f64::from(near.iter().map(cut).sum::<f32>());
-        let deviations = [(volume / known - 1.0) / tuning.volume_deviation, (level - expected) / deviation];
+        let deviations = [(volume / known - 1.0) / tuning.volume_deviation, level / deviation];
         deviations.iter().map(|d| d * d).sum::<f64>()
     };
     let levels =
         (0..).map(|i| least + f64::from(i) * settings.tuning.iterations.tolerance).take_while(|level| *level <= most);
     let best = levels.map(|level| (level, cost(level))).min_by(|a, b| a.1.total_cmp(&b.1));
-    best.map_or(expected, |(level, _)| level) as f32
+    best.map_or(0.0, |(level, _)| level) as f32
 }
 
 /// Spreads distances [voxels] from where they are finite to all that can be reached inside `within`, by sweeps of the
@@ -245,5 +281,29 @@ fn spread_distances(field: &DensityField, distance: &mut [f32], within: &[bool])
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A block, and below it the wedge that cameras above leave, of which only the block's sides are seen.
+    #[test]
+    fn what_hangs_below_the_hull_of_what_is_seen_is_cut_away() {
+        let mut field = DensityField { origin: DVec3::ZERO, spacing: 0.01, size: [40; 3], values: vec![0.0; 64_000] };
+        let off = |i: usize| (field.centre(field.voxel(i)) - DVec3::splat(0.2)) / 0.01;
+        let block = |p: DVec3| p.abs().cmple(DVec3::new(12.0, 6.0, 12.0)).all();
+        let hangs = |p: DVec3| p.y < 0.0 && p.x.abs().max(p.z.abs()) + 1.6 * (-6.0 - p.y) < 12.0;
+        let body: Vec<bool> = (0..field.len()).map(|i| block(off(i)) || hangs(off(i))).collect();
+        let seen: Vec<bool> =
+            (0..field.len()).map(|i| block(off(i)) && off(i).x.abs().max(off(i).z.abs()) > 11.0).collect();
+        let is_block: Vec<bool> = (0..field.len()).map(|i| block(off(i))).collect();
+        field.values = body.iter().map(|&b| f32::from(u8::from(b))).collect();
+        let count = |flags: &[bool]| flags.iter().filter(|&&flag| flag).count() as f64;
+        let cut = cut_to_hull_of_seen(&mut field, body.clone(), &seen, &FillSettings::for_size(0.24));
+        assert!(count(&body) > 1.2 * count(&is_block));
+        assert!((count(&cut) / count(&is_block) - 1.0).abs() < 0.02, "{} of {}", count(&cut), count(&is_block));
+        assert!(cut.iter().zip(&is_block).all(|(cut, block)| *cut || !block), "a part of the block is gone");
     }
 }

@@ -16,7 +16,6 @@ mod planes;
 mod surface;
 
 pub(crate) use outline::Outline;
-#[cfg(test)]
 pub(crate) use planes::direction;
 pub use {
     completion::Completion,
