@@ -143,14 +143,15 @@ tuned! {
         /// If less than this share of the boundary is seen, too little is known to say anything about the rest. Budget:
         /// a guard.
         least_seen: f64 = 0.3,
-        /// Directions in a half sphere in which planes bound the hull of what is seen. Budget: two degrees apart.
-        hull_directions: usize = 5000,
         /// Slope of the sharpening at one half. Budget.
         sharpness: f32 = 3.0,
+        /// How far above the smoothest surface undersides are expected [voxels of the first level]. Notches that no
+        /// camera sees into make them higher, round bellies lower. Fitted on: the nine scenes.
+        lift: f64 = 0.125,
         /// Standard deviation of the change of a body's volume over a video, as a share: soft bodies are squeezed when
         /// they land. Fitted on: the nine scenes.
         volume_deviation: f64 = 0.02,
-        /// Standard deviation of how far the unseen boundary is from the relaxed one [voxels of the first level];
+        /// Standard deviation of how far the unseen boundary is from where it is expected [voxels of the first level];
         /// it is moved by two of these at most, and so deep below it matter is in doubt. Fitted on: the nine scenes.
         boundary_deviation: f64 = 0.25,
     }

@@ -53,8 +53,6 @@ fn settings_for(body: &Body) -> FillSettings {
 const PERFECT: f64 = 2.0;
 /// The same from noisy Gaussians: dents where neighbours are missing.
 const NOISY: f64 = 3.0;
-/// The same from perfect Gaussians of faces that no camera looks at from the front: rays that graze them bound them.
-const GRAZED: f64 = 2.5;
 /// Volume error as the mean shift of the surface, in finest voxels.
 const SHIFT: f64 = 0.5;
 
@@ -106,7 +104,7 @@ fn box_has_its_hollow_filled() {
 
 #[test]
 fn thin_plates_stay_two() {
-    check(&plates(), &perfect_gaussians(&plates()), GRAZED);
+    check(&plates(), &perfect_gaussians(&plates()), PERFECT);
     check(&plates(), &noisy_gaussians(&plates(), 4), NOISY);
 }
 
@@ -172,8 +170,7 @@ fn particles_near_undersides_are_in_doubt_and_those_behind_seen_surfaces_are_not
     // as seen.
     assert!(doubts().filter(|(p, _)| p.y > 0.05 && p.x.abs() < 0.1 && p.z.abs() < 0.08).all(|(_, &d)| d == 0.0));
     let lowest = particles.positions.iter().map(|p| p.y).fold(f64::INFINITY, f64::min);
-    // They lie half their spacing below the boundary, a third of how far doubt reaches, and more at edges.
-    assert!(doubts().filter(|(p, _)| p.y < lowest + 0.004).all(|(_, &d)| d > 0.4));
+    assert!(doubts().filter(|(p, _)| p.y < lowest + 0.004).all(|(_, &d)| d > 0.5));
 
     let points = filling.surface_mesh().sample(0.01, 0);
     let doubts_where = |chosen: &dyn Fn(&SurfacePoint) -> bool| -> Vec<f32> {
@@ -182,7 +179,7 @@ fn particles_near_undersides_are_in_doubt_and_those_behind_seen_surfaces_are_not
     let top = doubts_where(&|p| p.normal.y > 0.9 && p.position.x.abs() < 0.1 && p.position.z.abs() < 0.08);
     let underside = doubts_where(&|p| p.normal.y < -0.9);
     assert!(top.len() > 50 && top.iter().all(|d| *d == 0.0), "{top:?}");
-    assert!(underside.len() > 50 && underside.iter().all(|d| *d > 0.6), "{underside:?}");
+    assert!(underside.len() > 50 && underside.iter().all(|d| *d > 0.9), "{underside:?}");
 
     // Seen from all sides, nothing is in doubt.
     let cameras = cameras();

@@ -4,13 +4,17 @@
 //! is bounded by rays that graze the body along the rim of what is seen, so the rim is true and what spans it is not.
 //! Four steps find a better span:
 //!
-//! 1. What nobody sees reaches no further than what is seen: the convex hull of the seen boundary bounds it.
+//! 1. What nobody sees reaches no further than what is seen: the convex hull of the seen boundary bounds it, to within
+//!    what counts as seen.
 //! 2. The boundary that no view sees is relaxed towards the smallest surface that spans the rim, inside the largest
 //!    body, by filtering and sharpening in turn (motion by mean curvature: Merriman, Bence & Osher 1992). What is seen
 //!    stays.
-//! 3. Where the body is known to have a volume ([`FillSettings::volume`]), the whole unseen boundary is moved along its
-//!    normal, as a compromise with the relaxed surface.
+//! 3. The whole unseen boundary is moved along its normal. By how much is a compromise of two priors: the body keeps
+//!    the volume it is known to have ([`FillSettings::volume`]), and undersides lie [`crate::UnseenTuning::lift`]
+//!    above the relaxed surface.
 //! 4. What lies close to where the boundary ends up is in doubt ([`crate::Filling::doubt`]).
+
+use std::f64::consts::PI;
 
 use gic_geometry::DensityField;
 use glam::DVec3;
@@ -77,6 +81,11 @@ fn furthest_move(settings: &FillSettings) -> f64 {
     2.0 * settings.tuning.unseen.boundary_deviation * settings.grid_spacing
 }
 
+/// Boundary this close to a rendered surface [m] is seen: so far the filters move it at most.
+fn seen_within(field: &DensityField, settings: &FillSettings) -> f64 {
+    settings.tuning.filling.filter_rounds as f64 * field.spacing
+}
+
 /// Voxels of the body that touch its outside where some view renders a surface, and the share of all that touch it of
 /// which something is known: these and the ones on the ground. Of a body whose volume is not known, the ground is taken
 /// for its underside.
@@ -87,8 +96,7 @@ fn seen_boundary(
     inset: f64,
     settings: &FillSettings,
 ) -> (Vec<bool>, f64) {
-    // So far the filters move it at most.
-    let near = settings.tuning.filling.filter_rounds as f64 * field.spacing;
+    let near = seen_within(field, settings);
     let on_ground = |point| settings.ground.is_some_and(|g| g.height(point) < near);
     let (seen, known): (Vec<bool>, Vec<Option<bool>>) = (0..body.len())
         .into_par_iter()
@@ -117,12 +125,13 @@ fn cut_to_hull_of_seen(field: &mut DensityField, body: Vec<bool>, seen: &[bool],
     let boundary: Vec<bool> = (0..body.len()).into_par_iter().map(bounds).collect();
     let (seen, boundary) = (centres(field, seen), centres(field, &boundary));
     let reach = |points: &[DVec3], normal| points.iter().map(|p| p.dot(normal)).fold(f64::NEG_INFINITY, f64::max);
-    let count = settings.tuning.unseen.hull_directions;
+    let near = seen_within(field, settings);
+    // As many as half the body needs so that planes of neighbouring directions lie no further apart.
+    let count = (0.5 * PI * (0.5 * settings.size / near).powi(2)).ceil() as usize;
     let plane = |k: usize| {
         let normal = if k < count { direction(k, count) } else { -direction(k - count, count) };
         let offset = reach(&seen, normal);
-        // A voxel's centre lies half a voxel within the boundary, more or less.
-        (offset.is_finite() && reach(&boundary, normal) > offset).then_some((normal, offset + 0.5 * field.spacing))
+        (offset.is_finite() && reach(&boundary, normal) > offset + near).then_some((normal, offset + near))
     };
     let planes: Vec<(DVec3, f64)> = (0..2 * count).into_par_iter().filter_map(plane).collect();
     let depth = |i: usize| {
@@ -224,7 +233,8 @@ fn relax(field: &DensityField, body: &[bool], fixed: &[bool], tuning: &Tuning) -
 fn likeliest_level(field: &DensityField, depths: &[f32], settings: &FillSettings) -> f32 {
     let per_voxel = 1.0 / field.spacing;
     let tuning = &settings.tuning.unseen;
-    let Some(known) = settings.volume else { return 0.0 };
+    let expected = tuning.lift * settings.grid_spacing * per_voxel;
+    let Some(known) = settings.volume else { return expected as f32 };
     let deviation = tuning.boundary_deviation * settings.grid_spacing * per_voxel;
     let most = furthest_move(settings) * per_voxel;
     let least = f64::from(depths.iter().copied().fold(0.0, f32::min));
@@ -241,13 +251,13 @@ fn likeliest_level(field: &DensityField, depths: &[f32], settings: &FillSettings
     let cost = |level: f64| {
         let cut = |&(value, depth): &(f32, f32)| (value - (0.5 + depth - level as f32).clamp(0.0, 1.0)).max(0.0);
         let volume = all - voxel * f64::from(near.iter().map(cut).sum::<f32>());
-        let deviations = [(volume / known - 1.0) / tuning.volume_deviation, level / deviation];
+        let deviations = [(volume / known - 1.0) / tuning.volume_deviation, (level - expected) / deviation];
         deviations.iter().map(|d| d * d).sum::<f64>()
     };
     let levels =
         (0..).map(|i| least + f64::from(i) * settings.tuning.iterations.tolerance).take_while(|level| *level <= most);
     let best = levels.map(|level| (level, cost(level))).min_by(|a, b| a.1.total_cmp(&b.1));
-    best.map_or(0.0, |(level, _)| level) as f32
+    best.map_or(expected, |(level, _)| level) as f32
 }
 
 /// Spreads distances [voxels] from where they are finite to all that can be reached inside `within`, by sweeps of the
@@ -291,19 +301,21 @@ mod tests {
     /// A block, and below it the wedge that cameras above leave, of which only the block's sides are seen.
     #[test]
     fn what_hangs_below_the_hull_of_what_is_seen_is_cut_away() {
-        let mut field = DensityField { origin: DVec3::ZERO, spacing: 0.01, size: [40; 3], values: vec![0.0; 64_000] };
-        let off = |i: usize| (field.centre(field.voxel(i)) - DVec3::splat(0.2)) / 0.01;
+        let empty = DensityField { origin: DVec3::ZERO, spacing: 0.01, size: [40; 3], values: vec![0.0; 64_000] };
+        let off = |i: usize| (empty.centre(empty.voxel(i)) - DVec3::splat(0.2)) / 0.01;
         let block = |p: DVec3| p.abs().cmple(DVec3::new(12.0, 6.0, 12.0)).all();
         let hangs = |p: DVec3| p.y < 0.0 && p.x.abs().max(p.z.abs()) + 1.6 * (-6.0 - p.y) < 12.0;
-        let body: Vec<bool> = (0..field.len()).map(|i| block(off(i)) || hangs(off(i))).collect();
+        let body: Vec<bool> = (0..empty.len()).map(|i| block(off(i)) || hangs(off(i))).collect();
         let seen: Vec<bool> =
-            (0..field.len()).map(|i| block(off(i)) && off(i).x.abs().max(off(i).z.abs()) > 11.0).collect();
-        let is_block: Vec<bool> = (0..field.len()).map(|i| block(off(i))).collect();
-        field.values = body.iter().map(|&b| f32::from(u8::from(b))).collect();
-        let count = |flags: &[bool]| flags.iter().filter(|&&flag| flag).count() as f64;
-        let cut = cut_to_hull_of_seen(&mut field, body.clone(), &seen, &FillSettings::for_size(0.24));
-        assert!(count(&body) > 1.2 * count(&is_block));
-        assert!((count(&cut) / count(&is_block) - 1.0).abs() < 0.02, "{} of {}", count(&cut), count(&is_block));
+            (0..empty.len()).map(|i| block(off(i)) && off(i).x.abs().max(off(i).z.abs()) > 11.0).collect();
+        let is_block: Vec<bool> = (0..empty.len()).map(|i| block(off(i))).collect();
+        let values = body.iter().map(|&b| f32::from(u8::from(b))).collect();
+        let mut field = DensityField { values, ..empty };
+        let lowest = |flags: &[bool]| (0..flags.len()).filter(|&i| flags[i]).map(|i| off(i).y).fold(0.0, f64::min);
+        let (hanging, settings) = (lowest(&body), FillSettings::for_size(0.8));
+        let cut = cut_to_hull_of_seen(&mut field, body, &seen, &settings);
+        // The block ends at -6, and what lies two voxels below what is seen counts as seen.
+        assert!(hanging < -12.0 && lowest(&cut) > -8.0, "{hanging} {}", lowest(&cut));
         assert!(cut.iter().zip(&is_block).all(|(cut, block)| *cut || !block), "a part of the block is gone");
     }
 }
