@@ -101,7 +101,7 @@ fn seen_boundary(
     let (seen, known): (Vec<bool>, Vec<Option<bool>>) = (0..body.len())
         .into_par_iter()
         .map(|i| {
-            if !body[i] || sides(field, i).all(|j| body[j]) {
+            if !touches_outside(field, body, i) {
                 return (false, None);
             }
             let point = field.centre(field.voxel(i));
@@ -121,9 +121,7 @@ fn seen_boundary(
 
 /// Takes from a `body` what lies outside of the convex hull of what is `seen` of it. Returns what is left.
 fn cut_to_hull_of_seen(field: &mut DensityField, body: Vec<bool>, seen: &[bool], settings: &FillSettings) -> Vec<bool> {
-    let bounds = |i: usize| body[i] && sides(field, i).any(|j| !body[j]);
-    let boundary: Vec<bool> = (0..body.len()).into_par_iter().map(bounds).collect();
-    let (seen, boundary) = (centres(field, seen), centres(field, &boundary));
+    let (seen, boundary) = (centres(field, |i| seen[i]), centres(field, |i| touches_outside(field, &body, i)));
     let reach = |points: &[DVec3], normal| points.iter().map(|p| p.dot(normal)).fold(f64::NEG_INFINITY, f64::max);
     let near = seen_within(field, settings);
     // As many as half the body needs so that planes of neighbouring directions lie no further apart.
@@ -146,9 +144,14 @@ fn cut_to_hull_of_seen(field: &mut DensityField, body: Vec<bool>, seen: &[bool],
     body.into_iter().zip(&field.values).map(|(body, value)| body && f64::from(*value) >= settings.th_min).collect()
 }
 
-/// Centres of the voxels that have a flag [m].
-fn centres(field: &DensityField, flags: &[bool]) -> Vec<DVec3> {
-    (0..flags.len()).filter(|&i| flags[i]).map(|i| field.centre(field.voxel(i))).collect()
+/// Centres of the voxels that are chosen [m].
+fn centres(field: &DensityField, is_chosen: impl Fn(usize) -> bool + Sync) -> Vec<DVec3> {
+    (0..field.len()).into_par_iter().filter(|&i| is_chosen(i)).map(|i| field.centre(field.voxel(i))).collect()
+}
+
+/// Whether a voxel is of the body and one that shares a side with it is not.
+fn touches_outside(field: &DensityField, body: &[bool], index: usize) -> bool {
+    body[index] && sides(field, index).any(|j| !body[j])
 }
 
 /// The voxels that share a side with one.
