@@ -5,8 +5,8 @@
 
 FOLDER holds the generator (`bench_sim.py`, `bench_render.py`); its README says how the virtual environment is made,
 whose interpreter runs this script. The cat is .55 m long; grid cells of 30 mm, eight cameras and eleven frames keep
-`gic demo` short. Making it takes a minute on two cores, whose sums
-differ in their last digits from one time to the next.
+`gic demo` short. Making it takes a minute on two cores, whose sums differ in their last digits from one time to the
+next.
 """
 
 import argparse

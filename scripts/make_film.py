@@ -21,40 +21,39 @@ from types import SimpleNamespace
 import numpy as np
 from make_suite import environment
 from PIL import Image
+from scipy.spatial.transform import Rotation
 
-CAMERAS, DELAYS_TENTHS = [0, 3, 6, 9], [0, 3, 9, 5]  # of the rig; tenths of a frame
+TICKS = 10  # a frame, at which a camera can take its pictures
+CAMERAS, DELAYS_TICKS = [0, 3, 6, 9], [0, 3, 9, 5]  # of the rig, and by how much they lag
 TURN_DEG, SHIFT_M, FOCAL_SHARE = 0.3, 0.002, 0.02  # how far a stated camera is off
 NOISE = 4.0  # of 255
 
 
-def simulate(scene, generator, folder):
+def simulate(scene, truth, generator, folder):
     """Writes the truth of each camera's film to a folder of its own: the moments at which it takes its pictures."""
     import bench_sim
 
-    truth = json.loads((scene / "gt" / "params.json").read_text())
-    fine = 10
-    bench_sim.FPS, frames = fine * truth["fps"], truth["n_frames"]
+    bench_sim.FPS, frames = TICKS * truth["fps"], truth["n_frames"]
     start = np.load(scene / "gt" / "particles_0.npz")["x"].astype(np.float64)
     simulator = str(generator / "ref" / "mpm_simulator.py")
-    substeps = truth["substeps_per_frame"] // fine
+    substeps = truth["substeps_per_frame"] // TICKS
     reference = bench_sim.Reference(simulator, truth["material"], len(start), substeps=substeps, threads=2)
-    last = fine * (frames - 1) + max(DELAYS_TENTHS)
+    last = TICKS * (frames - 1) + max(DELAYS_TICKS)
     path, _ = reference.forward(start, truth["initial_velocity"], truth["raw"], last + 1)
-    for camera, delay in zip(CAMERAS, DELAYS_TENTHS):
+    for camera, delay in zip(CAMERAS, DELAYS_TICKS):
         place = folder / str(camera) / "gt"
         place.mkdir(parents=True)
         for name in ["params.json", "rest.npz"]:
             shutil.copy(scene / "gt" / name, place)
         for frame in range(frames):
-            np.savez_compressed(place / f"particles_{frame}.npz", x=path[fine * frame + delay].astype(np.float32))
+            np.savez_compressed(place / f"particles_{frame}.npz", x=path[TICKS * frame + delay].astype(np.float32))
 
 
-def render(scene, folder, out):
-    """Pictures of all cameras, with noise, and their true masks beside the truth."""
+def render(truth, folder, out):
+    """Pictures of all cameras, with noise."""
     os.environ.update(environment())
     import bench_render
 
-    truth = json.loads((scene / "gt" / "params.json").read_text())
     poses = bench_render.rig(np.array(truth["camera_target"]), truth["camera_radius"])
     bench_render.contact_sheet = lambda *_: None
     (out / "data").mkdir()
@@ -70,39 +69,35 @@ def render(scene, folder, out):
 
 
 def drawn(generator, size):
-    """A direction of this length."""
+    """A vector of this length in any direction."""
     direction = generator.normal(size=3)
     return size * direction / np.linalg.norm(direction)
 
 
 def stated(pose, focal, generator):
     """A camera as the film says it is: turned, shifted, and with another focal length."""
-    rotation = np.deg2rad(drawn(generator, TURN_DEG))
-    angle = np.linalg.norm(rotation)
-    x, y, z = rotation / angle
-    skew = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    turn = np.eye(3) + np.sin(angle) * skew + (1 - np.cos(angle)) * skew @ skew
+    turn = Rotation.from_rotvec(drawn(generator, TURN_DEG), degrees=True).as_matrix()
     centre = pose[:, 3] + drawn(generator, SHIFT_M)
     return np.column_stack([turn @ pose[:, :3], centre]), focal * (1 + FOCAL_SHARE * generator.choice([-1, 1]))
 
 
-def describe(scene, out, seed):
+def describe(scene, truth, out, seed):
     """Writes what the film says of its cameras, and the truth."""
     entries = {entry["file_path"]: entry for entry in json.loads((scene / "all_data.json").read_text())}
-    generator, said, truth = np.random.default_rng(seed), [], []
-    frames = json.loads((scene / "gt" / "params.json").read_text())["n_frames"]
-    for camera, delay in zip(CAMERAS, DELAYS_TENTHS):
+    generator, said, cameras = np.random.default_rng(seed), [], []
+    for camera, delay in zip(CAMERAS, DELAYS_TICKS):
         first = entries[f"./data/r_{camera}_0.png"]
         focal, size = first["intrinsic"][0][0], 2 * first["intrinsic"][0][2]
         pose, stated_focal = stated(np.array(first["c2w"]), focal, generator)
         intrinsic = [[stated_focal, 0, size / 2], [0, stated_focal, size / 2], [0, 0, 1]]
-        for frame in range(-1, frames):
+        for frame in range(-1, truth["n_frames"]):
             name = f"./data/r_{camera}_{frame}.png"
             said.append({**entries[name], "c2w": pose.tolist(), "intrinsic": intrinsic})
-        truth.append({"camera": camera, "delay_frames": delay / 10, "stated_focal_share": stated_focal / focal - 1})
+        share = stated_focal / focal - 1
+        cameras.append({"camera": camera, "delay_frames": delay / TICKS, "stated_focal_share": share})
     (out / "all_data.json").write_text(json.dumps(said, indent=0))
     shutil.copytree(scene / "gt", out / "gt")
-    (out / "gt" / "cameras.json").write_text(json.dumps(truth, indent=1))
+    (out / "gt" / "cameras.json").write_text(json.dumps(cameras, indent=1))
 
 
 def main():
@@ -116,6 +111,7 @@ def main():
     options = parser.parse_args()
     if options.out.exists():
         parser.error(f"{options.out} is there already")
+    truth = json.loads((options.scene / "gt" / "params.json").read_text())
     options.out.mkdir(parents=True)
     if options.film:
         shutil.copytree(options.film / "data", options.out / "data")
@@ -123,9 +119,9 @@ def main():
         generator = options.generator.resolve()
         sys.path.insert(0, str(generator))
         with tempfile.TemporaryDirectory() as folder:
-            simulate(options.scene, generator, Path(folder))
-            render(options.scene, Path(folder), options.out)
-    describe(options.scene, options.out, options.seed)
+            simulate(options.scene, truth, generator, Path(folder))
+            render(truth, Path(folder), options.out)
+    describe(options.scene, truth, options.out, options.seed)
 
 
 if __name__ == "__main__":
