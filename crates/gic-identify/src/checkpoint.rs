@@ -13,8 +13,8 @@ pub struct Checkpoint {
     pub(crate) starts: Option<Vec<State>>,
     /// Fits of the material from each of the starts so far: cost and state, `None` where it could not be simulated.
     pub(crate) fits: Vec<Option<(f64, State)>>,
-    /// End of the material stage.
-    pub(crate) material: Option<State>,
+    /// Ends of the material stage, the best first.
+    pub(crate) material: Option<Vec<State>>,
     /// End of the joint stage.
     pub(crate) joint: Option<State>,
     /// Other minima that the joint stage found, and by how much more they cost.

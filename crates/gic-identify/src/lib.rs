@@ -41,7 +41,7 @@ pub use checkpoint::{Checkpoint, Event};
 pub use error::{FitError, IdentifyError};
 pub use input::{Input, Observation, View, WorldDoubt};
 pub use result::{Estimate, Estimates, Loss, Stage, Step, WorldEstimate};
-pub use settings::{MaterialChoice, Optimizer, Settings, Target};
+pub use settings::{MaterialChoice, Optimizer, Settings, Start, Target};
 pub use stages::identify;
 pub use tuning::{
     AdamTuning, DescentTuning, FreeFlightTuning, JointTuning, MaskTuning, MaterialTuning, NoiseTuning,

@@ -4,7 +4,7 @@ use gic_mpm::Material;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::Parameter;
+use crate::{Parameter, Start};
 
 /// One estimated parameter.
 #[derive(Clone, Debug)]
@@ -97,6 +97,8 @@ pub struct Estimates {
     pub material: Material,
     /// Its parameters with intervals.
     pub estimates: Vec<Estimate>,
+    /// The minima that were found, that of the fit first: where another fit may start.
+    pub minima: Vec<Start>,
     /// Initial velocity of the centre of mass [m/s].
     pub velocity_m_s: DVec3,
     /// Half-width of its 95 % interval [m/s], finite; `None` where it could not be measured.

@@ -84,6 +84,17 @@ pub enum Optimizer {
     Adam,
 }
 
+/// Where a fit starts, and where one ended.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Start {
+    /// Values of the material's parameters, in the order of [`crate::sought`].
+    pub parameters: Vec<f64>,
+    /// Side of a cell of the simulation grid [m], where it is sought; by default that of the input.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grid_spacing_m: Option<f64>,
+}
+
 /// Settings of identification; [`Default`] is right for every scene but for the material, which has to be said.
 ///
 /// `material` to `substeps_per_frame` say what is assumed: whoever makes the [`crate::Input`] reads them. `stages` is
@@ -137,10 +148,10 @@ pub struct Settings {
     #[cfg_attr(feature = "cli", arg(id = "fix", long = "fix", value_name = "NAME=VALUE", value_parser = known_value))]
     #[serde(rename = "fix", serialize_with = "as_table", deserialize_with = "from_table")]
     pub fixed: Vec<(String, f64)>,
-    /// Starting values of the parameters, in the order of [`crate::sought`]; by default a grid is searched.
+    /// Where the fit starts; by default a grid is searched.
     #[cfg_attr(feature = "cli", arg(skip))]
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub start: Option<Vec<f64>>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub starts: Vec<Start>,
     /// Initial velocity [m/s], where it is known; it is then not estimated.
     #[cfg_attr(feature = "cli", arg(skip))]
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -156,10 +167,9 @@ pub struct Settings {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frames: Option<usize>,
     /// The first and the last stage: [`Stage::Search`] to [`Stage::Intervals`] by default, as free flight always comes
-    /// first. Without the search `start` is the only start, and without the material stage it is where such a fit has
-    /// ended. Without the joint stage the answer is rough and costs about half, and without [`Stage::Intervals`] it has
-    /// none; the same checkpoint goes on to the whole answer. The joint stage alone looks for no other minimum than
-    /// that where it starts. Where [`Stage::Velocity`] is the last, only the flight is fitted.
+    /// first. Without the search `starts` are all starts, and without the material stage they are where such fits have
+    /// ended. Without the joint stage the answer is rough, and without [`Stage::Intervals`] that of blurred masks.
+    /// Where [`Stage::Velocity`] is the last, only the flight is fitted.
     #[cfg_attr(feature = "cli", arg(skip = Settings::default().stages))]
     #[serde(skip)]
     pub stages: RangeInclusive<Stage>,
@@ -183,7 +193,7 @@ impl Default for Settings {
             optimizer: Optimizer::default(),
             adam_iterations: 200,
             fixed: Vec::new(),
-            start: None,
+            starts: Vec::new(),
             velocity_m_s: None,
             rotation: true,
             iterations: 12,
@@ -209,9 +219,9 @@ impl Settings {
         self.validate_numbers()?;
         match self.material {
             Some(MaterialChoice::Law(kind)) => self.validate_for(kind),
-            Some(MaterialChoice::Auto) if self.start.is_some() => {
+            Some(MaterialChoice::Auto) if !self.starts.is_empty() => {
                 let problem = "has the values of one law, and the law is to be found";
-                Err(IdentifyError::input("start", problem, "name the law, or leave the start out"))
+                Err(IdentifyError::input("starts", problem, "name the law, or leave the starts out"))
             }
             Some(MaterialChoice::Auto) => self.validate_for_any(),
             None => Ok(()),
@@ -278,14 +288,19 @@ impl Settings {
             }
         }
         let fits_material = *self.stages.end() > Stage::Velocity;
-        if fits_material && !self.stages.contains(&Stage::Search) && self.start.is_none() {
-            return Err(IdentifyError::input("start", "is missing", "give one, or begin with the search"));
+        if fits_material && !self.stages.contains(&Stage::Search) && self.starts.is_empty() {
+            return Err(IdentifyError::input("starts", "is missing", "give one, or begin with the search"));
         }
-        if let Some(start) = &self.start
-            && start.len() != sought(kind).len()
-        {
-            let wanted = sought(kind).iter().map(|p| p.name).collect::<Vec<_>>().join(", ");
-            return Err(IdentifyError::input("start", format!("has {} values", start.len()), format!("give {wanted}")));
+        for Start { parameters, grid_spacing_m } in &self.starts {
+            if parameters.len() != sought(kind).len() {
+                let wanted = sought(kind).iter().map(|p| p.name).collect::<Vec<_>>().join(", ");
+                let problem = format!("has {} values", parameters.len());
+                return Err(IdentifyError::input("starts.parameters", problem, format!("give {wanted}")));
+            }
+            if let Some(cell_m) = grid_spacing_m.filter(|cell_m| !(*cell_m > 0.0 && cell_m.is_finite())) {
+                let problem = format!("is {cell_m}");
+                return Err(IdentifyError::input("starts.grid_spacing_m", problem, "it must be above 0"));
+            }
         }
         Ok(())
     }

@@ -186,19 +186,17 @@ pub struct DescentTuning {
     pub difference: f64,
     /// A Jacobian that was carried along is measured anew when a step gains less than this share of what it predicted,
     /// and the fit may still gain enough by this share of what it predicts. A state belongs to a minimum where its cost
-    /// rises by at least this share of what that one's quadratic model predicts, and by at most its inverse; a fit that
-    /// has another to beat ends where its own model times this inverse does not. Fitted on: the nine scenes.
+    /// rises by at least this share of what that one's quadratic model predicts, and by at most its inverse. Fitted on:
+    /// the nine scenes.
     pub trusted_gain_share: f64,
     /// A fit that only hands over a start ends when the cost falls by less than this share. Budget: the stage that
     /// follows goes on.
     pub gain_tolerance: f64,
-    /// Most steps of a fit that only tells how noisy frames are. Budget: the fit that follows goes on.
-    pub short_iterations: usize,
 }
 
 impl Default for DescentTuning {
     fn default() -> DescentTuning {
-        DescentTuning { difference: 0.01, trusted_gain_share: 0.5, gain_tolerance: 0.01, short_iterations: 5 }
+        DescentTuning { difference: 0.01, trusted_gain_share: 0.5, gain_tolerance: 0.01 }
     }
 }
 

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use gic_identify::{
-    Checkpoint, Estimates, Event, IdentifyError, Input, Observation, Settings, Stage, Target, View, WorldDoubt,
+    Checkpoint, Estimates, Event, IdentifyError, Input, Observation, Settings, Stage, Start, Target, View, WorldDoubt,
     identify, sought, sought_values,
 };
 use gic_mpm::{
@@ -233,14 +233,14 @@ fn recovers(truth: Material, seed: u64, starts: u64) {
             .collect();
         let settings = Settings {
             target: Target::Surfaces,
-            start: Some(start),
+            starts: vec![Start { parameters: start, grid_spacing_m: None }],
             grid_spacing_m: Some(SPACING),
             ..Settings::default()
         };
         let found = run(&input, kind, &settings).expect("identified");
         println!(
             "start {trial} {:?} -> {:?}, {} rollouts + {} coarse, {:.0} s",
-            settings.start,
+            settings.starts[0].parameters,
             found.material,
             found.rollouts,
             found.coarse_rollouts,
@@ -328,7 +328,7 @@ fn what_the_video_leaves_open_is_estimated_by_its_mean() {
     for ratio in [0.02, 0.1, 0.2, 0.3, 0.4, 0.47] {
         let settings = Settings {
             target: Target::Surfaces,
-            start: Some(vec![stiffness, ratio, yield_stress]),
+            starts: vec![Start { parameters: vec![stiffness, ratio, yield_stress], grid_spacing_m: None }],
             stages: Stage::Material..=Stage::Intervals,
             grid_spacing_m: Some(SPACING),
             ..Settings::default()
@@ -384,14 +384,16 @@ fn plastic_materials_are_recovered() {
 fn without_a_search_the_fit_goes_on_from_its_start() {
     let input = observed(ELASTIC, DVec3::new(0.4, -1.5, 0.2), 8);
     let stages = Stage::Material..=Stage::Intervals;
-    let settings = |start| Settings { target: Target::Surfaces, start, stages: stages.clone(), ..Settings::default() };
-    let found = run(&input, MaterialKind::Elastic, &settings(Some(vec![8.0e4, 0.25]))).expect("identified");
+    let settings =
+        |starts| Settings { target: Target::Surfaces, starts, stages: stages.clone(), ..Settings::default() };
+    let start = Start { parameters: vec![8.0e4, 0.25], grid_spacing_m: None };
+    let found = run(&input, MaterialKind::Elastic, &settings(vec![start])).expect("identified");
     assert_eq!(found.coarse_rollouts, 0);
     for (estimate, value) in found.estimates.iter().zip(sought_values(&ELASTIC)) {
         let error = estimate.parameter.error(estimate.value, value).abs();
         assert!(error <= 0.01, "{} = {} instead of {value}", estimate.parameter.name, estimate.value);
     }
-    let error = run(&input, MaterialKind::Elastic, &settings(None)).unwrap_err();
+    let error = run(&input, MaterialKind::Elastic, &settings(Vec::new())).unwrap_err();
     assert!(error.to_string().contains("start"), "{error}");
 }
 

@@ -154,7 +154,7 @@ fn settings_that_cannot_be_used_are_refused_before_any_work() {
         (&["--fix", "poisson=0.3"][..], 2, ["'poisson'", "poisson_ratio"]),
         (&["--fix", "poisson_ratio=0.7"], 2, ["poisson_ratio", "0.7"]),
         (&["--material", "auto", "--fix", "poisson=0.3"], 2, ["'poisson'", "friction_angle_deg"]),
-        (&["--material", "auto", "--set", "identify.start=[1.0]"], 2, ["start", "law"]),
+        (&["--material", "auto", "--set", "identify.starts=[{parameters=[1.0]}]"], 2, ["start", "law"]),
         (&["--set", "identify.poisson_ratio=0.7"], 2, ["--set", "poisson_ratio"]),
         (&["--density=-5"], 2, ["density_kg_m3", "-5"]),
         (&["--levels", "99"], 2, ["levels", "from 1 to 10"]),

@@ -31,25 +31,17 @@ pub(crate) struct Limits {
     /// Whether forward runs are dear, so that Jacobians are carried along by secants rather than measured at every
     /// step.
     pub secants: bool,
-    /// Ends where the quadratic model does not promise to come below this.
-    pub to_beat: f64,
 }
 
 impl Limits {
     /// Of a fit that goes on while the cost falls by `least_gain`.
     pub(crate) fn to_the_end(iterations: usize, least_gain: f64) -> Limits {
-        Limits { iterations, gain_tolerance: 0.0, least_gain, secants: true, to_beat: f64::INFINITY }
+        Limits { iterations, gain_tolerance: 0.0, least_gain, secants: true }
     }
 
     /// Of a fit that only has to hand over a good start.
     pub(crate) fn rough(iterations: usize, tuning: &DescentTuning) -> Limits {
         Limits { gain_tolerance: tuning.gain_tolerance, ..Limits::to_the_end(iterations, 0.0) }
-    }
-
-    /// Whether a fit at `cost` goes on, whose quadratic model promises a `decrease`: it may hold back as much as a
-    /// trusted one may.
-    fn are_worth(&self, cost: f64, decrease: f64, tuning: &DescentTuning) -> bool {
-        decrease >= self.least_gain && cost - decrease / tuning.trusted_gain_share <= self.to_beat
     }
 
     /// The least gain that counts at a cost.
@@ -106,7 +98,7 @@ pub(crate) fn minimise(
         let normal = problem.normal(fit.linearisation.blocks(problem), &fit.state);
         let lowest = problem.step(&normal, &fit.state, 0.0, Vec::new());
         let largest_decrease = lowest.map_or(f64::INFINITY, |step| normal.predicted_decrease(step.as_slice()));
-        if !limits.are_worth(fit.cost, largest_decrease, tuning) {
+        if largest_decrease < limits.least_gain {
             break;
         }
         let worth_measuring = tuning.trusted_gain_share * largest_decrease >= limits.least_gain;
@@ -203,17 +195,4 @@ fn try_step(problem: &Problem, state: &State, normal: &Normal, damping: f64) -> 
     let cost = problem.cost(&moved, &trajectories);
     let predicted_decrease = normal.predicted_decrease(&delta);
     cost.is_finite().then_some(Trial { state: moved, cost, trajectories, damping, delta, predicted_decrease })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_fit_goes_on_while_twice_what_its_model_promises_beats_the_best() {
-        let (limits, tuning) = (Limits::to_the_end(1, 0.1), DescentTuning::default());
-        assert!(limits.are_worth(50.0, 0.2, &tuning) && !limits.are_worth(50.0, 0.05, &tuning));
-        let limits = Limits { to_beat: 40.0, ..limits };
-        assert!(limits.are_worth(50.0, 5.5, &tuning) && !limits.are_worth(50.0, 4.5, &tuning));
-    }
 }

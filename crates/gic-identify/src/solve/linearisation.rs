@@ -46,6 +46,11 @@ impl Linearisation {
         Linearisation { trajectories: new, tangents: self.tangents, blocks: None }
     }
 
+    /// The same for an objective that compares other things.
+    pub(crate) fn drawn_anew(self) -> Linearisation {
+        Linearisation { blocks: None, ..self }
+    }
+
     /// Whether the tangents were measured where they are, rather than carried there.
     pub(crate) fn is_fresh(&self) -> bool {
         self.tangents.fresh

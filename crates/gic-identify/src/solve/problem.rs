@@ -6,7 +6,7 @@ use crate::forward::trajectories::{ForwardModel, FrameSelection, Trajectories};
 use crate::solve::normal_equations::Normal;
 use crate::solve::objective::Objective;
 use crate::solve::prior::Prior;
-use crate::solve::residual_block::ResidualBlock;
+use crate::solve::residual_block::{ResidualBlock, Weights};
 use crate::tuning::DescentTuning;
 use crate::unknowns::coordinates::Coordinates;
 use crate::unknowns::state::{State, Unknown};
@@ -25,10 +25,25 @@ pub(crate) struct Problem<'a> {
 impl<'a> Problem<'a> {
     /// The same with the material alone unknown; with everything where no parameter of it is.
     pub(crate) fn of_material_alone(&self) -> Problem<'a> {
-        let is_material = |unknown: &&Unknown| matches!(unknown, Unknown::Material(_));
-        let materials: Vec<Unknown> = self.unknowns.iter().filter(is_material).copied().collect();
-        let unknowns = if materials.is_empty() { self.unknowns.clone() } else { materials };
+        self.of_those(|unknown| matches!(unknown, Unknown::Material(_)))
+    }
+
+    /// The same on the cells as given; on those that are sought where nothing else is.
+    pub(crate) fn on_given_cells(&self) -> Problem<'a> {
+        self.of_those(|unknown| unknown != Unknown::Cell)
+    }
+
+    /// The same where only those that are `wanted` are unknown; all where none is.
+    fn of_those(&self, wanted: impl Fn(Unknown) -> bool) -> Problem<'a> {
+        let wanted: Vec<Unknown> = self.unknowns.iter().copied().filter(|unknown| wanted(*unknown)).collect();
+        let unknowns = if wanted.is_empty() { self.unknowns.clone() } else { wanted };
         Problem { unknowns, selection: self.selection.clone(), ..*self }
+    }
+
+    /// The same with other weights.
+    pub(crate) fn weighted_by<'b>(&'b self, weights: &'b Weights) -> Problem<'b> {
+        let objective = Objective { weights, ..self.objective };
+        Problem { objective, unknowns: self.unknowns.clone(), selection: self.selection.clone(), ..*self }
     }
 
     /// Half the weighted sum of squares, that of the prior included.

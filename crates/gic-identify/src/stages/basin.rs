@@ -1,9 +1,6 @@
 //! How far the quadratic model of a minimum holds: there a state belongs to it.
 
-use crate::FitError;
-use crate::result::Stage;
-use crate::session::Session;
-use crate::solve::levenberg_marquardt::{Fit, Iterate, Limits};
+use crate::solve::levenberg_marquardt::{Fit, Iterate};
 use crate::solve::normal_equations::Normal;
 use crate::solve::problem::Problem;
 use crate::unknowns::state::{State, Unknown};
@@ -48,21 +45,6 @@ impl Basin {
     pub(crate) fn is_left(&self, at: &Iterate) -> bool {
         self.risen(at) < self.trusted_share
     }
-}
-
-/// A fit to its end; `None` where that is in a minimum that is `known`: what comes down into one would end there.
-///
-/// # Errors
-/// Where the start cannot be simulated, and interruption.
-pub(crate) fn fit_outside(
-    known: &[Basin],
-    session: &mut Session,
-    (stage, problem, limits): (Stage, &Problem, Limits),
-    start: State,
-) -> Result<Option<Fit>, FitError> {
-    let returns = |step: &Iterate| known.iter().any(|basin| basin.holds(step));
-    let fit = session.minimise(stage, problem, (start, None), limits, &returns)?;
-    Ok(Some(fit).filter(|fit| !returns(&fit.end())))
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use gic_mpm::MaterialKind;
 use glam::DVec3;
 
 use crate::forward::flight::{placed, volume_factors};
+use crate::forward::simulation::Simulation;
 use crate::forward::trajectories::{ForwardModel, Trajectories};
 use crate::forward::world::{colliders, gravity};
 use crate::result::{Estimate, Estimates, Loss, Stage};
@@ -14,8 +15,9 @@ use crate::stages::identification::Identification;
 use crate::stages::intervals::{Uncertainty, flight_half_width, uncertainty};
 use crate::stages::middle;
 use crate::uncertainty::verdicts;
+use crate::unknowns::parameter::sought;
 use crate::unknowns::state::{State, Unknown};
-use crate::{IdentifyError, Parameter, WorldEstimate};
+use crate::{IdentifyError, Parameter, Start, WorldEstimate};
 
 /// The result where nothing is touched.
 pub(crate) fn of_free_flight(identification: &Identification, session: &mut Session) -> Estimates {
@@ -154,6 +156,12 @@ fn world(state: &State, uncertainty: Option<&Uncertainty>) -> WorldEstimate {
     }
 }
 
+/// A minimum as a start of other fits.
+fn start_of(simulation: &Simulation, state: &State) -> Start {
+    let parameters = sought(simulation.kind).iter().zip(&state.material).map(|(p, c)| p.value(*c)).collect();
+    Start { parameters, grid_spacing_m: Some(simulation.cell_m(state)) }
+}
+
 fn result(
     identification: &Identification,
     session: &mut Session,
@@ -173,11 +181,15 @@ fn result(
     let simulation = identification.simulation();
     let cell_m = simulation.cell_m(state);
     let cell_half_width = uncertainty.and_then(|all| all.half_width(Unknown::Cell));
+    let found = session.checkpoint();
+    let starts = found.material.as_ref().or(found.starts.as_ref());
+    let minima = std::iter::once(state).chain(starts.into_iter().flatten().skip(1));
     let mut seconds = session.checkpoint().seconds.clone();
     seconds.push((Stage::Intervals, session.unbooked_seconds()));
     Estimates {
         material: simulation.material(state),
         estimates,
+        minima: minima.map(|state| start_of(&simulation, state)).collect(),
         velocity_m_s: simulation.velocity(state),
         velocity_interval_95: velocity_half_width(identification, uncertainty, world.as_ref()),
         angular_velocity_rad_s: state.angular,

@@ -142,6 +142,11 @@ impl<'a> Identification<'a> {
         self.world_and_grid.as_ref().map(|prior| prior.unknowns.clone()).unwrap_or_default()
     }
 
+    /// Whether the side of the grid's cells is sought.
+    pub(crate) fn seeks_cells(&self) -> bool {
+        self.unknowns_of_world_and_grid().contains(&Unknown::Cell)
+    }
+
     /// The search for material parameters with the motion of free flight.
     pub(crate) fn material_problem<'b>(&'b self, forward: &'b dyn ForwardModel, pooling: usize) -> Problem<'b> {
         let mut unknowns = self.free_materials();

@@ -103,7 +103,7 @@ pub(crate) fn uncertainty<'a>(
     known: Option<Linearisation>,
 ) -> Result<(Trajectories, Uncertainty<'a>), FitError> {
     let (simulation, prior) = (identification.simulation(), joint::prior(identification));
-    let problem = joint::problem(identification, &simulation, &prior);
+    let problem = joint::problem(identification, (&simulation, &prior), 1);
     let (measured, on_other_cells) = rayon::join(
         || match known.map(Linearisation::into_parts) {
             Some((trajectories, tangents)) => Ok((trajectories, Ok(tangents))),
@@ -168,7 +168,7 @@ fn profiled(
 /// `None` where it cannot be simulated there.
 fn on_other_cells(identification: &Identification, state: &State) -> Option<Trajectories> {
     let is_known = identification.settings.grid_spacing_m.is_some();
-    if is_known || identification.unknowns_of_world_and_grid().contains(&Unknown::Cell) {
+    if is_known || identification.seeks_cells() {
         return None;
     }
     let coarser = State { log_cell: identification.tuning.resolution.log_cell_deviation, ..state.clone() };

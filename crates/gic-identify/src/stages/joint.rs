@@ -1,28 +1,31 @@
 //! Stage 4: material, velocity, rotation where there is one, the Gaussians' size and the body's shape together.
 //!
-//! Errors of free flight and of the shape then do not bias the material, and the intervals know of them. The noise of
-//! the frames after contact is known only once they are explained, so a short fit precedes the weights of the long one.
-//! With another shape another material may explain the video best: the fit looks over the walls of its minimum again.
-//! This stage alone does not: it carries the shape of a body on whose material is known.
+//! Errors of free flight and of the shape then do not bias the material, and the intervals know of them. The fit starts
+//! from the best minimum of the material, with blurred masks, in which steps reach further. That is all that carries a
+//! body on. Where intervals are wanted, it goes on to sharp masks and looks at the other minima of the material, too:
+//! with the body as it is now one of them may explain the video better.
 
 use nalgebra::{DMatrix, DVector};
 
 use crate::FitError;
 use crate::IdentifyError;
 use crate::forward::simulation::Simulation;
+use crate::forward::trajectories::FrameSelection;
 use crate::result::Stage;
 use crate::session::Session;
 use crate::settings::Optimizer;
 use crate::solve::levenberg_marquardt::Limits;
 use crate::solve::linearisation::Linearisation;
-use crate::solve::objective::Objective;
 use crate::solve::prior::Prior;
 use crate::solve::problem::Problem;
+use crate::stages::basin::Basin;
 use crate::stages::identification::Identification;
-use crate::stages::neighbours::Walls;
+use crate::stages::minima::Minima;
+use crate::stages::neighbours::{moved, where_minima_may_begin};
+use crate::tuning::MaterialTuning;
 use crate::unknowns::state::{State, Unknown};
 
-/// Minima that were left for a better one, and those that a fit from a neighbour found, with how much more they cost.
+/// Other minima, with how much more they cost.
 type OtherMinima = Vec<(f64, State)>;
 
 /// The end of the joint stage, and the linearisation there where it was measured rather than carried there. The state
@@ -33,12 +36,12 @@ type OtherMinima = Vec<(f64, State)>;
 pub(crate) fn fit_jointly(
     identification: &Identification,
     session: &mut Session,
-    start: State,
+    starts: Vec<State>,
 ) -> Result<(State, Option<Linearisation>), IdentifyError> {
     // The paper stops after its material stage.
     let (state, linearisation, others) = match identification.settings.optimizer {
-        Optimizer::LevenbergMarquardt => fit(identification, session, start).map_err(|error| error.of_stage(1))?,
-        Optimizer::Adam => (start, None, Vec::new()),
+        Optimizer::LevenbergMarquardt => fit(identification, session, starts).map_err(|error| error.of_stage(1))?,
+        Optimizer::Adam => (starts[0].clone(), None, Vec::new()),
     };
     let reached = session.reach(Some(Stage::Joint), |checkpoint| {
         checkpoint.joint = Some(state.clone());
@@ -51,43 +54,68 @@ pub(crate) fn fit_jointly(
 fn fit(
     identification: &Identification,
     session: &mut Session,
-    start: State,
+    starts: Vec<State>,
 ) -> Result<(State, Option<Linearisation>, OtherMinima), FitError> {
     let (simulation, prior) = (identification.simulation(), prior(identification));
-    let most = identification.settings.iterations;
-    let is_alone = identification.settings.stages == (Stage::Joint..=Stage::Joint);
-    let (mut state, mut known, mut others) = (start, None, Vec::new());
-    for (iterations, is_last) in [(identification.tuning.descent.short_iterations.min(most), false), (most, true)] {
-        let problem = problem(identification, &simulation, &prior);
-        // Where the first fit ended, its tangents are good enough for weights, and for a first step.
-        let mut here = match known {
-            Some(known) => known,
-            None => Linearisation::measure(&problem, &state)?,
-        };
-        session.pause()?;
-        let weights = identification.weights_at(here.blocks(&problem), problem.unknowns.len());
-        let problem = Problem { objective: Objective { weights: &weights, ..problem.objective }, ..problem };
-        // The cost is in units of chi-squared: what matters is the absolute gain.
-        let least_gain = identification.tuning.joint.least_gain;
-        let limits = Limits::to_the_end(iterations, least_gain);
-        let mut fit = session.minimise(Stage::Joint, &problem, (state, Some(here)), limits, &|_| false)?;
-        if is_last && !is_alone {
-            let tuning = &identification.tuning.material;
-            let walls = Walls { stage: Stage::Joint, problem: &problem, limits, tuning };
-            let (best, left) = walls.look_over(session, fit)?;
-            others = left.into_iter().map(|other| (other.cost - best.cost, other.state)).collect();
-            fit = best;
-        }
-        (state, known) = (fit.state, Some(fit.linearisation));
+    let (tuning, iterations) = (identification.tuning, identification.settings.iterations);
+    let mut starts = starts.into_iter();
+    let first = starts.next().ok_or(FitError::NoIteration)?;
+    let blurred = problem(identification, (&simulation, &prior), tuning.masks.blur_pooling);
+    let mut here = Linearisation::measure(&blurred, &first)?;
+    session.pause()?;
+    let weights = identification.weights_at(here.blocks(&blurred), blurred.unknowns.len());
+    let limits = Limits::rough(iterations, &tuning.descent);
+    let start = (first, Some(here));
+    let rough = session.minimise(Stage::Joint, &blurred.weighted_by(&weights), start, limits, &|_| false)?;
+    if !identification.settings.stages.contains(&Stage::Intervals) {
+        return Ok((rough.state, None, Vec::new()));
     }
-    Ok((state, known.filter(Linearisation::is_fresh), others))
+    let sharp = problem(identification, (&simulation, &prior), 1);
+    // Where the rough fit ended, its tangents are good enough for weights, and for a first step.
+    let mut here = rough.linearisation.drawn_anew();
+    session.pause()?;
+    let weights = identification.weights_at(here.blocks(&sharp), sharp.unknowns.len());
+    let sharp = sharp.weighted_by(&weights);
+    // The cost is in units of chi-squared: what matters is the absolute gain.
+    let limits = Limits::to_the_end(iterations, tuning.joint.least_gain);
+    let fit = session.minimise(Stage::Joint, &sharp, (rough.state, Some(here)), limits, &|_| false)?;
+    let mut minima = Minima::new(Stage::Joint, &sharp, limits);
+    minima.keep(fit);
+    look_at_others(session, &mut minima, (starts.as_slice(), &tuning.material))?;
+    let mut fits = minima.into_fits().into_iter();
+    let best = fits.next().ok_or(FitError::NoIteration)?;
+    let others = fits.map(|other| (other.cost - best.cost, other.state)).collect();
+    Ok((best.state, Some(best.linearisation).filter(Linearisation::is_fresh), others))
 }
 
-/// The joint stage's search, weighted by the noise of free flight.
+/// Adds the minima that may begin at the material and the cells of `others`.
+fn look_at_others(
+    session: &mut Session,
+    minima: &mut Minima,
+    (others, tuning): (&[State], &MaterialTuning),
+) -> Result<(), FitError> {
+    let (problem, Some(best)) = (minima.problem, minima.best()) else { return Ok(()) };
+    let places: Vec<State> = others.iter().filter_map(|other| moved_to(problem, best, other)).collect();
+    let begins = where_minima_may_begin(session, problem, best, (&places, tuning))?;
+    minima.seek_from_each(session, begins.into_iter().map(|place| places[place].clone()).collect())?;
+    Ok(())
+}
+
+/// Material and cells of a start, everything else where the quadratic model of a minimum has it then; `None` where that
+/// is the minimum itself.
+fn moved_to(problem: &Problem, basin: &Basin, start: &State) -> Option<State> {
+    let is_of_start = |(_, unknown): &(usize, &Unknown)| matches!(unknown, Unknown::Material(_) | Unknown::Cell);
+    let length = |(k, unknown): (usize, &Unknown)| (k, start.get(*unknown) - basin.state.get(*unknown));
+    let lengths: Vec<(usize, f64)> = problem.unknowns.iter().enumerate().filter(is_of_start).map(length).collect();
+    moved(problem, basin, &lengths)
+}
+
+/// The joint stage's search, of masks of which so many pixels to a side are averaged, weighted by the noise of free
+/// flight.
 pub(crate) fn problem<'a>(
     identification: &'a Identification,
-    simulation: &'a Simulation,
-    prior: &'a Prior,
+    (simulation, prior): (&'a Simulation, &'a Prior),
+    pooling: usize,
 ) -> Problem<'a> {
     Problem {
         forward: simulation,
@@ -95,7 +123,7 @@ pub(crate) fn problem<'a>(
         unknowns: unknowns(identification),
         coordinates: identification.coordinates(),
         descent: &identification.tuning.descent,
-        selection: identification.all_frames(),
+        selection: FrameSelection { pooling, ..identification.all_frames() },
         prior: Some(prior),
     }
 }

@@ -40,7 +40,7 @@ pub(crate) fn of_what_is_open(
         return Ok((fit.clone(), trajectories));
     };
     let (simulation, prior) = (identification.simulation(), joint::prior(identification));
-    let problem = joint::problem(identification, &simulation, &prior);
+    let problem = joint::problem(identification, (&simulation, &prior), 1);
     let unknowns = problem.unknowns.iter().copied().filter(|unknown| !held.contains(unknown)).collect();
     let objective = Objective { weights, ..problem.objective };
     let problem = Problem { objective, unknowns, ..problem };

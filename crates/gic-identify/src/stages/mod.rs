@@ -3,8 +3,8 @@
 //!
 //! 1. [`free_flight`]: initial velocity, position and the Gaussians' size from the frames before contact.
 //! 2. [`search`]: starting points of the material, from a grid on a coarse simulation grid.
-//! 3. [`material`]: the material with that motion, from the best starts and from neighbours of the best fit.
-//! 4. [`joint`]: material, motion, the Gaussians' size and the body's shape together, and from neighbours of the fit.
+//! 3. [`material`]: minima of the material with that motion, from the best starts and from neighbours of the best fit.
+//! 4. [`joint`]: material, motion, the Gaussians' size and the body's shape together, from each of them.
 //! 5. [`intervals`], [`middle`] and [`estimates`]: how sure they are, the middle of what the video leaves open, whether
 //!    they explain it, and everything into one result.
 
@@ -18,6 +18,7 @@ mod intervals;
 mod joint;
 mod material;
 mod middle;
+mod minima;
 mod neighbours;
 mod outline_flight;
 mod search;
@@ -83,12 +84,12 @@ fn run(identification: &Identification, session: &mut Session) -> Result<Estimat
         None => search::find_starts(identification, session)?,
     };
     let material = match reached.material {
-        Some(state) => state,
+        Some(minima) => minima,
         None if stages.contains(&Stage::Material) => material::fit_material(identification, session, starts)?,
-        None => starts[0].clone(),
+        None => starts,
     };
     if !stages.contains(&Stage::Joint) {
-        return estimates::without_intervals(identification, session, &material);
+        return estimates::without_intervals(identification, session, &material[0]);
     }
     let (joint, linearisation) = match reached.joint {
         Some(state) => (state, None),

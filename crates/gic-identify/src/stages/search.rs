@@ -1,7 +1,8 @@
 //! Stage 2: starting points of the material.
 //!
 //! All points of a grid over the parameters' ranges are simulated on a coarse grid with fewer particles. That one is
-//! biased, so that the cheapest, and a start that was given, compete again on the full grid.
+//! biased, so that the cheapest, and starts that were given, compete again on the full grid. Without a search those
+//! that were given are all.
 
 use glam::DVec3;
 
@@ -15,20 +16,20 @@ use crate::solve::objective::Objective;
 use crate::stages::candidates::{costs, ranked};
 use crate::stages::identification::Identification;
 use crate::unknowns::state::State;
-use crate::{FitError, IdentifyError};
+use crate::{FitError, IdentifyError, Start};
 
 /// Starting points for the full grid, best first. They go into the checkpoint.
 ///
 /// # Errors
 /// Where none can be simulated, and interruption.
 pub(crate) fn find_starts(identification: &Identification, session: &mut Session) -> Result<Vec<State>, IdentifyError> {
-    let mut found: Vec<State> = given_start(identification).into_iter().collect();
+    let mut starts: Vec<State> = identification.settings.starts.iter().map(|s| given(identification, s)).collect();
     if identification.settings.stages.contains(&Stage::Search) {
         let candidates = grid_of_starts(identification);
         let cheapest = cheapest_on_coarse_grid(identification, session, &candidates);
-        found.extend(cheapest.map_err(|error| error.of_stage(candidates.len()))?);
+        starts.extend(cheapest.map_err(|error| error.of_stage(candidates.len()))?);
+        starts = rank_on_full_grid(identification, session, starts).map_err(|error| error.of_stage(1))?;
     }
-    let starts = rank_on_full_grid(identification, session, found).map_err(|error| error.of_stage(1))?;
     let reached = session.reach(Some(Stage::Search), |checkpoint| checkpoint.starts = Some(starts.clone()));
     reached.map_err(|error| error.of_stage(1))?;
     Ok(starts)
@@ -118,13 +119,14 @@ fn grid_of_starts(identification: &Identification) -> Vec<State> {
     list
 }
 
-/// The start that was given, with the values that are fixed.
-fn given_start(identification: &Identification) -> Option<State> {
-    let settings = identification.settings;
-    let start = settings.start.as_ref()?;
+/// A start that was given, with the values that are fixed.
+fn given(identification: &Identification, start: &Start) -> State {
     let mut given = identification.flight.state.clone();
     for (i, p) in identification.parameters().iter().enumerate() {
-        given.material[i] = p.coordinate(settings.fixed_value(p).unwrap_or(start[i]));
+        given.material[i] = p.coordinate(identification.settings.fixed_value(p).unwrap_or(start.parameters[i]));
     }
-    Some(given)
+    if let Some(cell_m) = start.grid_spacing_m.filter(|_| identification.seeks_cells()) {
+        given.log_cell = (cell_m / identification.input.grid_spacing_m).ln();
+    }
+    given
 }

@@ -25,8 +25,7 @@ pub struct Continuum {
     pub surfaces: Vec<Surface>,
     /// How the stage `refine` settled the body; `None` of one that filling made.
     refined: Option<AcrossTime>,
-    /// Side of a cell of the grid to simulate it on [m]: of the fit that refined it, or twice the distance of the
-    /// particles.
+    /// Side of a cell of the grid to simulate it on [m]: twice the distance of the particles.
     pub(super) grid_spacing_m: f64,
 }
 
@@ -69,7 +68,7 @@ impl Run<'_> {
         }
         let record = self.refined()?;
         let continuum = self.continuum_of(record.summary, &self.path(REFINED), self.model()?)?;
-        Ok(Continuum { refined: Some(record.settled), grid_spacing_m: record.grid_spacing_m, ..continuum })
+        Ok(Continuum { refined: Some(record.settled), ..continuum })
     }
 
     /// The result of filling, of a law.

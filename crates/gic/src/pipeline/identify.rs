@@ -39,7 +39,7 @@ impl Run<'_> {
         recipe.write(&begun)?;
         let mut settings = self.identify_settings(&input).among_laws(model);
         if self.refines() {
-            settings.start = Some(self.refined()?.parameters);
+            settings.starts = self.refined()?.minima;
             settings.stages = of_everything(settings.optimizer, IdentifyStage::Intervals);
         }
         let found = self.fit(&input, model, &settings, (Stage::Identify, &checkpoint))?;

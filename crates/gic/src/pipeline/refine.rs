@@ -14,7 +14,7 @@ use gic_continuum::{
 };
 use gic_files::FileError;
 use gic_geometry::DensityField;
-use gic_identify::{Estimates, Input, Settings, Stage as IdentifyStage};
+use gic_identify::{Estimates, Input, Settings, Stage as IdentifyStage, Start};
 use gic_scene::View;
 use gic_twin::atomic;
 use gic_twin::matter::{read_particles, write_particles};
@@ -36,10 +36,8 @@ const ALTERNATIONS: usize = 3;
 /// `refined/refine.json`: how the body was settled.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub(super) struct RefineRecord {
-    /// The material's parameters of the last fit, in the order of its law.
-    pub(super) parameters: Vec<f64>,
-    /// Side of a cell of that fit's grid [m].
-    pub(super) grid_spacing_m: f64,
+    /// The minima that the last fit found, the best first.
+    pub(super) minima: Vec<Start>,
     /// How its surface was settled.
     #[serde(flatten)]
     pub(super) settled: AcrossTime,
@@ -89,8 +87,8 @@ impl Run<'_> {
         recipe.write(&begun)?;
         atomic::create_folder(&self.path(REFINED))?;
         let (mut filling, surroundings) = (self.first_filling()?, self.surroundings()?);
-        let stages = IdentifyStage::Search..=IdentifyStage::Material;
         let identify = &self.config.identify;
+        let stages = IdentifyStage::Search..=IdentifyStage::Joint;
         let mut settings = Settings { stages, ..identify.clone() };
         let flight = Settings { stages: IdentifyStage::Velocity..=IdentifyStage::Velocity, ..settings.clone() };
         let mut off_m = f64::INFINITY;
@@ -104,7 +102,7 @@ impl Run<'_> {
             }
             // The surface was off by as much, and is not by more.
             off_m = record.settled.moved_m;
-            settings.start = Some(record.parameters);
+            settings.starts = record.minima;
             settings.stages = of_everything(identify.optimizer, IdentifyStage::Joint);
             continuum = self.continuum()?;
         }
@@ -213,8 +211,7 @@ impl Run<'_> {
             ),
         );
         let record = RefineRecord {
-            parameters: found.estimates.iter().map(|estimate| estimate.value).collect(),
-            grid_spacing_m: found.grid_spacing_m,
+            minima: found.minima.clone(),
             settled,
             field_origin_m: filling.field.origin.into(),
             field_size: filling.field.size,

@@ -1,0 +1,86 @@
+//! The distinct local minima of a problem. A fit that comes into one that is known ends there.
+
+use crate::FitError;
+use crate::result::Stage;
+use crate::session::Session;
+use crate::solve::levenberg_marquardt::{Fit, Iterate, Limits};
+use crate::solve::problem::Problem;
+use crate::stages::basin::Basin;
+use crate::unknowns::state::State;
+
+/// The minima that were found so far.
+pub(crate) struct Minima<'a> {
+    pub stage: Stage,
+    pub problem: &'a Problem<'a>,
+    /// When fits end.
+    pub limits: Limits,
+    found: Vec<(Fit, Basin)>,
+}
+
+impl<'a> Minima<'a> {
+    /// None yet.
+    pub(crate) fn new(stage: Stage, problem: &'a Problem<'a>, limits: Limits) -> Minima<'a> {
+        Minima { stage, problem, limits, found: Vec::new() }
+    }
+
+    /// Fits from `start`, and keeps a minimum that is new.
+    ///
+    /// # Errors
+    /// Where the start cannot be simulated, and interruption.
+    fn seek_from(&mut self, session: &mut Session, start: State) -> Result<(), FitError> {
+        let is_known = |step: &Iterate| self.found.iter().any(|(_, basin)| basin.holds(step));
+        let fit = session.minimise(self.stage, self.problem, (start, None), self.limits, &is_known)?;
+        if !is_known(&fit.end()) {
+            self.keep(fit);
+        }
+        Ok(())
+    }
+
+    /// Adds the end of a fit of the same problem.
+    pub(crate) fn keep(&mut self, mut fit: Fit) {
+        let basin = Basin::of(self.problem, &mut fit);
+        self.found.push((fit, basin));
+    }
+
+    /// Fits from each of the `starts` that can be simulated; says why the last of the others cannot.
+    ///
+    /// # Errors
+    /// Interruption.
+    pub(crate) fn seek_from_each(
+        &mut self,
+        session: &mut Session,
+        starts: Vec<State>,
+    ) -> Result<Option<FitError>, FitError> {
+        let mut failure = None;
+        for start in starts {
+            match self.seek_from(session, start) {
+                Ok(()) => (),
+                Err(FitError::Interrupted) => return Err(FitError::Interrupted),
+                Err(reason) => failure = Some(reason),
+            }
+        }
+        Ok(failure)
+    }
+
+    /// The best of them, if any.
+    pub(crate) fn best(&self) -> Option<&Basin> {
+        self.found.iter().map(|(_, basin)| basin).min_by(|a, b| a.cost.total_cmp(&b.cost))
+    }
+
+    /// Whether one of them costs less than `cost` by what a fit goes on for.
+    pub(crate) fn are_better_than(&self, cost: f64) -> bool {
+        self.best().is_some_and(|best| best.cost < cost - self.limits.least_gain_at(cost))
+    }
+
+    /// Where they are and what they cost, the cheapest first.
+    pub(crate) fn into_ends(self) -> Vec<(f64, State)> {
+        self.into_fits().into_iter().map(|fit| (fit.cost, fit.state)).collect()
+    }
+
+    /// All of them, the cheapest first.
+    pub(crate) fn into_fits(self) -> Vec<Fit> {
+        let mut fits: Vec<Fit> = self.found.into_iter().map(|(fit, _)| fit).collect();
+        fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        fits
+    }
+}
