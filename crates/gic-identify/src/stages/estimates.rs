@@ -15,7 +15,7 @@ use crate::stages::identification::Identification;
 use crate::stages::intervals::{Uncertainty, flight_half_width, uncertainty};
 use crate::stages::middle;
 use crate::uncertainty::verdicts;
-use crate::unknowns::parameter::sought;
+use crate::unknowns::parameter::sought_values;
 use crate::unknowns::state::{State, Unknown};
 use crate::{IdentifyError, Parameter, Start, WorldEstimate};
 
@@ -158,8 +158,7 @@ fn world(state: &State, uncertainty: Option<&Uncertainty>) -> WorldEstimate {
 
 /// A minimum as a start of other fits.
 fn start_of(simulation: &Simulation, state: &State) -> Start {
-    let parameters = sought(simulation.kind).iter().zip(&state.material).map(|(p, c)| p.value(*c)).collect();
-    Start { parameters, grid_spacing_m: Some(simulation.cell_m(state)) }
+    Start { parameters: sought_values(&simulation.material(state)), grid_spacing_m: Some(simulation.cell_m(state)) }
 }
 
 fn result(

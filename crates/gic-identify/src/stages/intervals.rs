@@ -11,7 +11,6 @@ use crate::forward::trajectories::{ForwardModel, Trajectories};
 use crate::session::Session;
 use crate::solve::linearisation::{Linearisation, Tangents};
 use crate::solve::normal_equations::Normal;
-use crate::solve::objective::Objective;
 use crate::solve::prior::Prior;
 use crate::solve::problem::Problem;
 use crate::solve::residual_block::{ResidualBlock, Weights};
@@ -126,7 +125,7 @@ pub(crate) fn uncertainty<'a>(
     let (tuning, unknowns) = (&identification.tuning.noise, problem.unknowns.clone());
     let of_fit = (state, &trajectories);
     let reaches =
-        covariances.as_ref().map_or_else(Vec::new, |covariances| profiled(problem, of_fit, covariances, tuning));
+        covariances.as_ref().map_or_else(Vec::new, |covariances| profiled(&problem, of_fit, covariances, tuning));
     session.pause()?;
     let other_minima = session.checkpoint().other_minima.clone();
     Ok((trajectories, Uncertainty { tuning, unknowns, covariances, reaches, other_minima }))
@@ -135,12 +134,12 @@ pub(crate) fn uncertainty<'a>(
 /// How far the interval of each parameter of the material reaches below and above the fit, by the profile of the
 /// likelihood: the others follow a parameter that is moved.
 fn profiled(
-    problem: Problem,
+    problem: &Problem,
     (state, trajectories): (&State, &Trajectories),
     covariances: &Covariances,
     tuning: &NoiseTuning,
 ) -> Vec<(Unknown, (f64, f64))> {
-    let problem = Problem { objective: Objective { weights: &covariances.weights, ..problem.objective }, ..problem };
+    let problem = problem.weighted_by(&covariances.weights);
     // At a minimum nothing else pulls.
     let (count, cost) = (problem.unknowns.len(), 0.0);
     let normal = Normal { cost, gradient: DVector::zeros(count), hessian: covariances.hessian.clone() };

@@ -14,7 +14,6 @@ use crate::forward::trajectories::Trajectories;
 use crate::session::Session;
 use crate::settings::Optimizer;
 use crate::solve::levenberg_marquardt::{Iterate, Limits, minimise};
-use crate::solve::objective::Objective;
 use crate::solve::problem::Problem;
 use crate::stages::identification::Identification;
 use crate::stages::intervals::Uncertainty;
@@ -42,8 +41,7 @@ pub(crate) fn of_what_is_open(
     let (simulation, prior) = (identification.simulation(), joint::prior(identification));
     let problem = joint::problem(identification, (&simulation, &prior), 1);
     let unknowns = problem.unknowns.iter().copied().filter(|unknown| !held.contains(unknown)).collect();
-    let objective = Objective { weights, ..problem.objective };
-    let problem = Problem { objective, unknowns, ..problem };
+    let problem = Problem { unknowns, ..problem.weighted_by(weights) };
     let (iterations, least_gain) = (identification.settings.iterations, identification.tuning.joint.least_gain);
     let limits = Limits::to_the_end(iterations, least_gain);
     let working = &mut |_: &Iterate| session.pause().map(ControlFlow::Continue);

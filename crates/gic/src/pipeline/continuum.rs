@@ -25,11 +25,14 @@ pub struct Continuum {
     pub surfaces: Vec<Surface>,
     /// How the stage `refine` settled the body; `None` of one that filling made.
     refined: Option<AcrossTime>,
-    /// Side of a cell of the grid to simulate it on [m]: twice the distance of the particles.
-    pub(super) grid_spacing_m: f64,
 }
 
 impl Continuum {
+    /// Side of a cell of the grid to simulate it on [m]: twice the distance of the particles.
+    pub(super) fn grid_spacing_m(&self) -> f64 {
+        2.0 * self.particles.spacing
+    }
+
     /// How far the surface is off where it is not in doubt, as a standard deviation [m]: as refinement measured it, or
     /// half the distance of particles, which is what filling resolves.
     pub(super) fn surface_error_m(&self) -> f64 {
@@ -109,8 +112,7 @@ impl Run<'_> {
                 Ok(Surface { doubts: known_doubts(&ply.doubts), points: ply.positions })
             })
             .collect::<Result<_>>()?;
-        let grid_spacing_m = 2.0 * particles.spacing;
-        Ok(Continuum { summary, particles, appearance, surfaces, refined: None, grid_spacing_m })
+        Ok(Continuum { summary, particles, appearance, surfaces, refined: None })
     }
 
     /// The finer points to draw the continuum with, and how they are drawn.

@@ -22,7 +22,7 @@ impl Run<'_> {
             });
         };
         let particles = &continuum.particles;
-        let (grid_spacing_m, substeps_per_frame) = config.resolution(continuum.grid_spacing_m);
+        let (grid_spacing_m, substeps_per_frame) = config.resolution(continuum.grid_spacing_m());
         let scale = (continuum.appearance.scale * particles.spacing) as f32;
         let mut cameras = self.scene.cameras.clone();
         let clock = Clock::of(&self.scene.moments().times, frame_rate_hz);
@@ -54,7 +54,7 @@ impl Run<'_> {
 
     /// Tells on which grid the body is simulated, and what of it no picture shows.
     pub(super) fn note_resolution(&self, continuum: &Continuum) {
-        let (grid_spacing_m, substeps_per_frame) = self.config.identify.resolution(continuum.grid_spacing_m);
+        let (grid_spacing_m, substeps_per_frame) = self.config.identify.resolution(continuum.grid_spacing_m());
         let grid = format!("grid {:.2} mm, {substeps_per_frame} substeps a frame", 1e3 * grid_spacing_m);
         let known = std::iter::once(grid).chain(continuum.summary.remarks());
         self.events.note(Stage::Identify.name(), known.collect::<Vec<_>>().join("; "));
