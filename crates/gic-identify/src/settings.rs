@@ -196,7 +196,7 @@ impl Default for Settings {
             starts: Vec::new(),
             velocity_m_s: None,
             rotation: true,
-            iterations: 12,
+            iterations: 50,
             frames: None,
             stages: Stage::Search..=Stage::Intervals,
             tuning: Tuning::default(),

@@ -25,18 +25,9 @@ pub(crate) struct Problem<'a> {
 impl<'a> Problem<'a> {
     /// The same with the material alone unknown; with everything where no parameter of it is.
     pub(crate) fn of_material_alone(&self) -> Problem<'a> {
-        self.of_those(|unknown| matches!(unknown, Unknown::Material(_)))
-    }
-
-    /// The same on the cells as given; on those that are sought where nothing else is.
-    pub(crate) fn on_given_cells(&self) -> Problem<'a> {
-        self.of_those(|unknown| unknown != Unknown::Cell)
-    }
-
-    /// The same where only those that are `wanted` are unknown; all where none is.
-    fn of_those(&self, wanted: impl Fn(Unknown) -> bool) -> Problem<'a> {
-        let wanted: Vec<Unknown> = self.unknowns.iter().copied().filter(|unknown| wanted(*unknown)).collect();
-        let unknowns = if wanted.is_empty() { self.unknowns.clone() } else { wanted };
+        let is_material = |unknown: &Unknown| matches!(unknown, Unknown::Material(_));
+        let material: Vec<Unknown> = self.unknowns.iter().copied().filter(is_material).collect();
+        let unknowns = if material.is_empty() { self.unknowns.clone() } else { material };
         Problem { unknowns, selection: self.selection.clone(), ..*self }
     }
 

@@ -57,6 +57,13 @@ impl ResidualBlock {
         }
     }
 
+    /// The same after a step, as its linear model has it.
+    pub(crate) fn moved(&self, step: &DVector<f64>) -> ResidualBlock {
+        let change = &self.hessian * step;
+        let cost = self.cost + (&self.gradient + 0.5 * &change).dot(step);
+        ResidualBlock { cost, gradient: &self.gradient + change, ..self.clone() }
+    }
+
     /// Mirrors the lower triangle that [`ResidualBlock::add`] fills.
     pub(crate) fn finish(mut self) -> ResidualBlock {
         self.hessian.fill_upper_triangle_with_lower_triangle();
@@ -96,6 +103,36 @@ impl Weights {
         match block.modality {
             Modality::Mask => self.mask[block.observation],
             Modality::Surface => self.surface[block.observation],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn a_moved_block_is_that_of_the_moved_residuals(
+            rows in prop::collection::vec(prop::array::uniform3(-1.0f64..1.0), 1..9),
+            residual in -1.0f64..1.0,
+            step in prop::array::uniform3(-1.0f64..1.0),
+        ) {
+            let block_at = |step: &[f64; 3]| {
+                let mut block = ResidualBlock::new(Modality::Mask, 0, None, 3);
+                for row in &rows {
+                    let moved = residual + row.iter().zip(step).map(|(a, d)| a * d).sum::<f64>();
+                    block.add(moved, row, 2.0);
+                }
+                block.finish()
+            };
+            let moved = block_at(&[0.0; 3]).moved(&DVector::from_column_slice(&step));
+            let expected = block_at(&step);
+            prop_assert!((moved.cost - expected.cost).abs() < 1e-9);
+            prop_assert!((&moved.gradient - &expected.gradient).amax() < 1e-9);
+            prop_assert_eq!(moved.hessian, expected.hessian);
         }
     }
 }

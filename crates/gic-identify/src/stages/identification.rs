@@ -147,10 +147,10 @@ impl<'a> Identification<'a> {
         self.unknowns_of_world_and_grid().contains(&Unknown::Cell)
     }
 
-    /// The search for material parameters with the motion of free flight.
+    /// The search for material parameters and cells with the motion of free flight, in the world as given.
     pub(crate) fn material_problem<'b>(&'b self, forward: &'b dyn ForwardModel, pooling: usize) -> Problem<'b> {
         let mut unknowns = self.free_materials();
-        unknowns.extend(self.unknowns_of_world_and_grid());
+        unknowns.extend(self.seeks_cells().then_some(Unknown::Cell));
         Problem {
             forward,
             objective: self.objective(),

@@ -5,6 +5,8 @@
 //! body on. Where intervals are wanted, it goes on to sharp masks and looks at the other minima of the material, too:
 //! with the body as it is now one of them may explain the video better.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use nalgebra::{DMatrix, DVector};
 
 use crate::FitError;
@@ -18,6 +20,7 @@ use crate::solve::levenberg_marquardt::Limits;
 use crate::solve::linearisation::Linearisation;
 use crate::solve::prior::Prior;
 use crate::solve::problem::Problem;
+use crate::solve::residual_block::{ResidualBlock, Weights};
 use crate::stages::basin::Basin;
 use crate::stages::identification::Identification;
 use crate::stages::minima::Minima;
@@ -62,8 +65,7 @@ fn fit(
     let first = starts.next().ok_or(FitError::NoIteration)?;
     let blurred = problem(identification, (&simulation, &prior), tuning.masks.blur_pooling);
     let mut here = Linearisation::measure(&blurred, &first)?;
-    session.pause()?;
-    let weights = identification.weights_at(here.blocks(&blurred), blurred.unknowns.len());
+    let weights = noise_weights(identification, session, &blurred, (&first, &mut here))?;
     let limits = Limits::rough(iterations, &tuning.descent);
     let start = (first, Some(here));
     let rough = session.minimise(Stage::Joint, &blurred.weighted_by(&weights), start, limits, &|_| false)?;
@@ -73,8 +75,7 @@ fn fit(
     let sharp = problem(identification, (&simulation, &prior), 1);
     // Where the rough fit ended, its tangents are good enough for weights, and for a first step.
     let mut here = rough.linearisation.drawn_anew();
-    session.pause()?;
-    let weights = identification.weights_at(here.blocks(&sharp), sharp.unknowns.len());
+    let weights = noise_weights(identification, session, &sharp, (&rough.state, &mut here))?;
     let sharp = sharp.weighted_by(&weights);
     // The cost is in units of chi-squared: what matters is the absolute gain.
     let limits = Limits::to_the_end(iterations, tuning.joint.least_gain);
@@ -86,6 +87,39 @@ fn fit(
     let best = fits.next().ok_or(FitError::NoIteration)?;
     let others = fits.map(|other| (other.cost - best.cost, other.state)).collect();
     Ok((best.state, Some(best.linearisation).filter(Linearisation::is_fresh), others))
+}
+
+/// The weights of the noise at a state. Refinement's fits weigh anew from one to the next. An identification from
+/// search to intervals at once weighs by what a step leaves: it starts too far off to take all that it misses for noise.
+fn noise_weights(
+    identification: &Identification,
+    session: &mut Session,
+    problem: &Problem,
+    (state, here): (&State, &mut Linearisation),
+) -> Result<Weights, FitError> {
+    session.pause()?;
+    let (blocks, unknowns) = (here.blocks(problem), problem.unknowns.len());
+    let weights = identification.weights_at(blocks, unknowns);
+    let stages = &identification.settings.stages;
+    if !(stages.contains(&Stage::Material) && stages.contains(&Stage::Intervals)) {
+        return Ok(weights);
+    }
+    Ok(identification.weights_at(&after_a_step(&problem.weighted_by(&weights), state, blocks), unknowns))
+}
+
+/// The blocks after the step that those of the other observations want: what these do not explain is noise.
+fn after_a_step(problem: &Problem, state: &State, blocks: &[ResidualBlock]) -> Vec<ResidualBlock> {
+    let step_of_others = |observation: usize| {
+        let others: Vec<ResidualBlock> = blocks.iter().filter(|b| b.observation != observation).cloned().collect();
+        problem.step(&problem.normal(&others, state), state, 0.0, Vec::new())
+    };
+    let observations: BTreeSet<usize> = blocks.iter().map(|block| block.observation).collect();
+    let steps: BTreeMap<usize, _> = observations.into_iter().map(|o| (o, step_of_others(o))).collect();
+    let moved = |block: &ResidualBlock| match &steps[&block.observation] {
+        Some(step) => block.moved(step),
+        None => block.clone(),
+    };
+    blocks.iter().map(moved).collect()
 }
 
 /// Adds the minima that may begin at the material and the cells of `others`.

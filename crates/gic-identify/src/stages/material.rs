@@ -1,9 +1,9 @@
 //! Stage 3: the minima of the material, with the motion of free flight.
 //!
-//! The cost has several local minima. At first the material alone is fitted, in the world and on the cells that are
-//! given: far from the best fit, these make up for what the material lacks, and lead away. A step from each start tells
-//! which are worth the rest; those that cost not much more than the best are fitted on. The best goes on with the
-//! world, where that is sought, and looks over the walls of its minimum; at last with the cells. Masks are blurred.
+//! The cost has several local minima. The material alone is fitted, in the world and on the cells that are given: far
+//! from the best fit, these make up for what the material and the shape lack, and lead away. A step from each start
+//! tells which are worth the rest; those that cost not much more than the best are fitted on, and the best looks over
+//! the walls of its minimum. It goes on with the cells; the world waits for the fit of everything. Masks are blurred.
 
 use crate::forward::simulation::Simulation;
 use crate::result::Stage;
@@ -50,28 +50,28 @@ impl MaterialStage<'_> {
     fn minima(&self, session: &mut Session, starts: Vec<State>) -> Result<Vec<State>, FitError> {
         self.first_steps(session, starts)?;
         let steps = session.checkpoint().fits.iter().flatten().cloned().collect();
-        let (everything, tuning) = (self.everything(), &self.identification.tuning.material);
-        let (material, on_given_cells) = (everything.of_material_alone(), everything.on_given_cells());
+        let tuning = &self.identification.tuning.material;
+        let on_sought_cells = self.on_sought_cells();
+        let material = on_sought_cells.of_material_alone();
         let limits = self.limits(self.identification.settings.iterations);
         let mut minima = Minima::new(Stage::Material, &material, limits);
         let failure = minima.seek_from_each(session, cheapest(steps, tuning.most_cost_ratio))?;
-        let mut others = minima.into_ends().into_iter();
-        let (_, first) = others.next().ok_or(failure.unwrap_or(FitError::NoIteration))?;
-        let mut minima = Minima::new(Stage::Material, &on_given_cells, limits);
-        minima.seek_from_each(session, vec![first])?;
         look_over_the_walls(session, &mut minima, tuning)?;
-        let ends = minima.into_ends().into_iter().chain(others).collect();
-        let mut ends = cheapest(ends, tuning.most_cost_ratio).into_iter();
-        let best = (ends.next().ok_or(FitError::NoIteration)?, None);
-        let best = session.minimise(Stage::Material, &everything, best, limits, &|_| false)?;
-        Ok(std::iter::once(best.state).chain(ends).collect())
+        let mut ends = cheapest(minima.into_ends(), tuning.most_cost_ratio).into_iter();
+        let best = ends.next().ok_or(failure.unwrap_or(FitError::NoIteration))?;
+        let best = if on_sought_cells.unknowns == material.unknowns {
+            best
+        } else {
+            session.minimise(Stage::Material, &on_sought_cells, (best, None), limits, &|_| false)?.state
+        };
+        Ok(std::iter::once(best).chain(ends).collect())
     }
 
     /// A step from each start. What they found goes into the checkpoint.
     fn first_steps(&self, session: &mut Session, starts: Vec<State>) -> Result<(), FitError> {
         let done = session.checkpoint().fits.len();
         let mut failure = FitError::NoIteration;
-        let problem = self.everything().of_material_alone();
+        let problem = self.on_sought_cells().of_material_alone();
         for start in starts.into_iter().skip(done) {
             let found = match session.minimise(Stage::Material, &problem, (start, None), self.limits(1), &|_| false) {
                 Ok(fit) => Some((fit.cost, fit.state)),
@@ -90,8 +90,9 @@ impl MaterialStage<'_> {
         Limits::rough(iterations, &self.identification.tuning.descent)
     }
 
-    /// The fit of the material, the world and the cells to blurred masks.
-    fn everything(&self) -> Problem<'_> {
-        self.identification.material_problem(self.simulation, self.identification.tuning.masks.blur_pooling)
+    /// The fit of the material and of the cells, where these are sought, to blurred masks.
+    fn on_sought_cells(&self) -> Problem<'_> {
+        let pooling = self.identification.tuning.masks.blur_pooling;
+        self.identification.material_problem(self.simulation, pooling)
     }
 }

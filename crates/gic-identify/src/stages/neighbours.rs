@@ -23,16 +23,9 @@ pub(crate) fn look_over_the_walls(
     tuning: &MaterialTuning,
 ) -> Result<(), FitError> {
     let problem = minima.problem;
-    let material = problem.of_material_alone();
     loop {
         let Some(best) = minima.best() else { return Ok(()) };
-        let (cost, mut starts) = (best.cost, neighbours(session, problem, best, tuning)?);
-        if material.unknowns != problem.unknowns {
-            // Nothing else is to make up for a material that is still wrong.
-            let mut ends = Minima::new(minima.stage, &material, minima.limits);
-            ends.seek_from_each(session, starts)?;
-            starts = ends.into_ends().into_iter().map(|(_, state)| state).collect();
-        }
+        let (cost, starts) = (best.cost, neighbours(session, problem, best, tuning)?);
         minima.seek_from_each(session, starts)?;
         if !minima.are_better_than(cost) {
             return Ok(());
