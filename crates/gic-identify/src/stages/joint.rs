@@ -90,7 +90,7 @@ fn fit(
 }
 
 /// The weights of the noise at a state. Refinement's fits weigh anew from one to the next. An identification from
-/// search to intervals at once weighs by what a step leaves: it starts too far off to take all that it misses for noise.
+/// search to intervals at once weighs by what a step leaves: it starts too far off to take all it misses for noise.
 fn noise_weights(
     identification: &Identification,
     session: &mut Session,
