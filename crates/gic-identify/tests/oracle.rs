@@ -313,6 +313,20 @@ fn cells_in_doubt_widen_the_interval() {
     assert!(width(&in_doubt) > width(&given));
 }
 
+/// A material that is known whole leaves the world to be found.
+#[test]
+fn the_ground_is_found_where_the_material_is_known() {
+    let mut input = Input { was_filmed: true, ..observed(ELASTIC, DVec3::new(0.4, -1.5, 0.2), 8) };
+    input.colliders = vec![Collider::plane(DVec3::new(0.0, 0.005, 0.0), DVec3::Y, Contact::Sticky)];
+    input.world_doubt = Some(WorldDoubt { height_m: 0.02, ..WorldDoubt::default() });
+    let fixed = sought(ELASTIC.kind()).iter().map(|p| p.name.to_owned()).zip(sought_values(&ELASTIC)).collect();
+    let settings = Settings { target: Target::Surfaces, fixed, ..Settings::default() };
+    let found = run(&input, ELASTIC.kind(), &settings).expect("identified");
+    let height_m = found.world.expect("it was sought").height_m;
+    assert!((height_m + 0.005).abs() < 3e-4, "{height_m}");
+    assert!(found.estimates.iter().all(|estimate| estimate.fixed));
+}
+
 /// Plasticine that yields at once shows its bulk modulus and its yield stress. Wherever the best fit ends along the
 /// valley of the others, the estimate is the mean of what is left open, and the stiffness follows.
 #[test]
