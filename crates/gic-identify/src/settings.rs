@@ -159,7 +159,7 @@ pub struct Settings {
     /// Whether an initial rotation may be estimated; it still has to show in the data.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub rotation: bool,
-    /// Most steps of a fit that goes on to its end.
+    /// Most steps of a fit. It ends before where nothing is gained: this is a guard.
     #[cfg_attr(feature = "cli", arg(skip))]
     pub iterations: usize,
     /// Frames used, from the first; all by default.

@@ -10,10 +10,10 @@ use crate::unknowns::state::State;
 
 /// The minima that were found so far.
 pub(crate) struct Minima<'a> {
-    pub stage: Stage,
+    stage: Stage,
     pub problem: &'a Problem<'a>,
     /// When fits end.
-    pub limits: Limits,
+    limits: Limits,
     found: Vec<(Fit, Basin)>,
 }
 
