@@ -158,8 +158,8 @@ pub struct ShapeTuning {
     /// Distance of anchors on the surface, and reach of their displacement into the body [particle spacings]. Budget:
     /// some hundred anchors.
     pub anchor_spacing_spacings: f64,
-    /// Components with less than this share of the largest variance are left out. Budget: one rollout per component.
-    pub least_variance_share: f64,
+    /// Number of components. Budget: one rollout each.
+    pub components: usize,
 }
 
 impl Default for ShapeTuning {
@@ -170,7 +170,7 @@ impl Default for ShapeTuning {
             bluntness_radius_spacings: 4.0,
             correlation_length_spacings: 3.0,
             anchor_spacing_spacings: 2.5,
-            least_variance_share: 1e-3,
+            components: 48,
         }
     }
 }

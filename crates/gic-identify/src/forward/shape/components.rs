@@ -1,7 +1,7 @@
 //! The directions of the surface's Gaussian process on which the motion depends.
 
 use glam::DVec3;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
 
 use crate::forward::shape::Scale;
 use crate::forward::shape::anchors::Anchor;
@@ -20,8 +20,9 @@ pub(crate) fn covariance(anchors: &[Anchor], scale: Scale) -> DMatrix<f64> {
     })
 }
 
-/// Values of the components at the anchors [m], those that vary most first.
-pub(crate) fn components(anchors: &[Anchor], up: DVec3, scale: Scale) -> Vec<Vec<f64>> {
+/// Values of the components at the anchors [m]: first those of the functionals, and how many these are, then those of
+/// what they leave, each time those that vary most first.
+pub(crate) fn components(anchors: &[Anchor], up: DVec3, scale: Scale) -> (Vec<DVector<f64>>, usize) {
     let covariance = covariance(anchors, scale);
     let mut functionals = functionals(anchors, up, scale);
     let fields = &covariance * &functionals;
@@ -30,14 +31,24 @@ pub(crate) fn components(anchors: &[Anchor], up: DVec3, scale: Scale) -> Vec<Vec
         let scale = functionals.column(k).dot(&fields.column(k)).sqrt().max(f64::MIN_POSITIVE).recip();
         functionals.column_mut(k).scale_mut(scale);
     }
-    let fields = covariance * &functionals;
-    let eigen = (functionals.transpose() * &fields).symmetric_eigen();
-    let mut order: Vec<usize> = (0..functionals.ncols()).collect();
-    order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
-    let least = scale.tuning.least_variance_share * eigen.eigenvalues.max();
-    let kept = order.into_iter().filter(|k| eigen.eigenvalues[*k] > least);
-    kept.map(|k| (&fields * eigen.eigenvectors.column(k) / eigen.eigenvalues[k].sqrt()).iter().copied().collect())
-        .collect()
+    let fields = &covariance * &functionals;
+    let largest_of_functionals = largest((functionals.transpose() * &fields).symmetric_eigen(), functionals.ncols());
+    let mut components: Vec<DVector<f64>> =
+        largest_of_functionals.into_iter().map(|(variance, direction)| &fields * direction / variance.sqrt()).collect();
+    let of_functionals = components.len();
+    let left = components.iter().fold(covariance, |left, component| left - component * component.transpose());
+    let others = largest(left.symmetric_eigen(), scale.tuning.components.saturating_sub(components.len()));
+    components.extend(others.into_iter().map(|(variance, direction)| direction * variance.sqrt()));
+    (components, of_functionals)
+}
+
+/// The largest eigenvalues, at most `count`, with their eigenvectors; none that is but rounding.
+fn largest(eigen: SymmetricEigen<f64, Dyn>, count: usize) -> Vec<(f64, DVector<f64>)> {
+    let least = 1e-6 * eigen.eigenvalues.max();
+    let mut pairs: Vec<(f64, DVector<f64>)> =
+        eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()).map(|(v, e)| (*v, e.into_owned())).collect();
+    pairs.sort_by(|a, b| b.0.total_cmp(&a.0));
+    pairs.into_iter().take(count).take_while(|(variance, _)| *variance > least).collect()
 }
 
 /// What the motion depends on, as weights of the anchors' normal displacements: shape [anchors, functionals].

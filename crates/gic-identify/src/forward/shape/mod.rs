@@ -4,11 +4,12 @@
 //! may be too far in or out as a whole, too: by the mean of what the cameras are off, each by itself. A part that no
 //! picture tells of (an underside, which meets the ground first) errs the more the further it is from what one tells.
 //! The error of the surface along its normal is modelled as a Gaussian process of these standard deviations, correlated
-//! over a few particle spacings and among places that face the same way. Of its many directions those count that change
-//! what the motion depends on: volume, centre and second moments of the mass, where the lowest parts are, and how far
-//! what no picture tells of is filled (a notch that is filled at the root of an arm makes it much stiffer). For
-//! functionals l_i of the surface and the covariance K, the fields K l_i span all of the prior's variation of the
-//! functionals.
+//! over a few particle spacings and among places that face the same way. Of its many directions those count first that
+//! change what the motion depends on most: volume, centre and second moments of the mass, where the lowest parts are,
+//! and how far what no picture tells of is filled (a notch that is filled at the root of an arm makes it much stiffer).
+//! For functionals l_i of the surface and the covariance K, the fields K l_i span all of the prior's variation of the
+//! functionals. Then come those that vary most of what is left (Karhunen and Loeve): refinement settles the surface to
+//! the motion of a fit, whose errors it takes up in parts that are too thick or too thin, and these have to be undone.
 //!
 //! `K_ij = sigma_i sigma_j exp(-|x_i - x_j|^2 / 2 l^2) (1 + n_i . n_j) / 2 + c^2 / n + rho^2 b_i b_j`, where sigma is
 //! the standard deviation of a place, l the length of correlation, c the measured error, n the number of cameras, and
@@ -20,12 +21,14 @@ pub(crate) mod anchors;
 pub(crate) mod components;
 
 use glam::DVec3;
+use nalgebra::DVector;
 use rayon::prelude::*;
 
 use crate::Input;
 use crate::forward::shape::anchors::{Anchor, anchors, normals};
 use crate::forward::shape::components::components;
 use crate::tuning::{ShapeTuning, SurfaceTuning};
+use crate::unknowns::state::Unknown;
 
 /// Displacement fields, each of one standard deviation.
 #[derive(Clone, Debug, Default)]
@@ -36,6 +39,8 @@ pub(crate) struct ShapeModes {
     outward: Vec<Vec<f32>>,
     /// Its divergence, the relative change of each particle's volume, shape [modes][n].
     divergences: Vec<Vec<f32>>,
+    /// How many of the modes, the first ones, carry the prior's variation of the functionals.
+    of_functionals: usize,
 }
 
 /// What the surface's errors are measured by.
@@ -67,7 +72,7 @@ impl ShapeModes {
             return ShapeModes::default();
         }
         let up = -input.gravity_m_s2.normalize_or(-DVec3::Y);
-        let components = components(&anchors, up, scale);
+        let (components, of_functionals) = components(&anchors, up, scale);
         let reach = tuning.anchor_spacing_spacings * scale.spacing;
         let fields: Vec<Vec<(DVec3, f64)>> =
             input.positions.par_iter().map(|p| displacement(&anchors, &components, *p, reach)).collect();
@@ -75,6 +80,7 @@ impl ShapeModes {
             fields.iter().zip(&normals).map(move |(at, n)| n.map_or(0.0, |n| at[k].0.dot(n) as f32)).collect()
         };
         ShapeModes {
+            of_functionals,
             displacements: (0..components.len()).map(|k| fields.iter().map(|at| at[k].0).collect()).collect(),
             outward: (0..components.len()).map(along).collect(),
             divergences: (0..components.len()).map(|k| fields.iter().map(|at| at[k].1 as f32).collect()).collect(),
@@ -84,6 +90,11 @@ impl ShapeModes {
     /// Number of components.
     pub(crate) fn count(&self) -> usize {
         self.displacements.len()
+    }
+
+    /// Whether it is a component that leaves all functionals as they are.
+    pub(crate) fn is_of_a_part(&self, unknown: Unknown) -> bool {
+        matches!(unknown, Unknown::Shape(k) if k >= self.of_functionals)
     }
 
     /// Adds the displacements for `amounts` (standard deviations; those that are missing are zero).
@@ -121,7 +132,7 @@ impl ShapeModes {
 /// With weights `w_j = exp(-|x - x_j|^2 / 2 r^2)`, shares `s_j = w_j / sum w` and the mean anchor `m = sum s_j x_j`,
 /// the displacement is `u = sum s_j c_j n_j`. From `grad s_j = s_j (x_j - m) / r^2` follows
 /// `div u = sum s_j c_j n_j . (x_j - m) / r^2`.
-fn displacement(anchors: &[Anchor], components: &[Vec<f64>], at: DVec3, reach: f64) -> Vec<(DVec3, f64)> {
+fn displacement(anchors: &[Anchor], components: &[DVector<f64>], at: DVec3, reach: f64) -> Vec<(DVec3, f64)> {
     let exponent = |a: &Anchor| 0.5 * a.position.distance_squared(at) / (reach * reach);
     let least = anchors.iter().map(exponent).fold(f64::INFINITY, f64::min);
     let mut shares: Vec<f64> = anchors.iter().map(|a| (least - exponent(a)).exp()).collect();
@@ -257,7 +268,7 @@ mod tests {
         let tuning = ShapeTuning::default();
         let scale = Scale::of(&input, &tuning);
         let (covariance, functionals) = (covariance(&anchors, scale), functionals(&anchors, DVec3::Y, scale));
-        let components = components(&anchors, DVec3::Y, scale);
+        let (components, _) = components(&anchors, DVec3::Y, scale);
         for k in 0..functionals.ncols() {
             let l = functionals.column(k);
             let prior = (&covariance * l).dot(&l);
@@ -265,6 +276,24 @@ mod tests {
                 components.iter().map(|c| c.iter().zip(l.iter()).map(|(c, l)| c * l).sum::<f64>().powi(2)).sum();
             assert!((carried / prior - 1.0).abs() < 0.02, "functional {k}: {carried} of {prior}");
         }
+    }
+
+    /// All of them make up the covariance, and fewer take the largest part of what the functionals leave.
+    #[test]
+    fn components_make_up_the_covariance() {
+        let input = ball();
+        let anchors = anchors_of(&input);
+        let left = |count: usize| {
+            let tuning = ShapeTuning { components: count, ..ShapeTuning::default() };
+            let scale = Scale::of(&input, &tuning);
+            let (components, of_functionals) = components(&anchors, DVec3::Y, scale);
+            assert!((10..=15).contains(&of_functionals) && components.len() <= count.max(of_functionals));
+            let rest = components.iter().fold(covariance(&anchors, scale), |rest, c| rest - c * c.transpose());
+            (rest.trace(), rest.symmetric_eigenvalues().max())
+        };
+        let (all, some, none) = (left(anchors.len()), left(48), left(0));
+        println!("{:.1e} and {:.1e} of {:.1e} are left", all.0, some.0, none.0);
+        assert!(all.0.abs() < 1e-4 * none.0 && some.0 < 0.5 * none.0 && some.1 < 0.3 * none.1);
     }
 
     #[test]
