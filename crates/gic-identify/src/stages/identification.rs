@@ -186,13 +186,10 @@ impl<'a> Identification<'a> {
         }
     }
 
-    /// The weights that the data's own noise gives at a fit of the joint stage's `unknowns`: as those feel it that
-    /// change outlines as a whole. Where a part of the surface lies, which the last ones are, errors are less coherent.
-    pub(crate) fn weights_at(&self, blocks: &[ResidualBlock], unknowns: &[Unknown]) -> Weights {
+    /// The weights that the data's own noise gives at a fit.
+    pub(crate) fn weights_at(&self, blocks: &[ResidualBlock], unknowns: usize) -> Weights {
         let ceilings = largest_weights(self.input, self.video.frames.len());
-        let is_of_a_part = |unknown: &&Unknown| self.shape.is_of_a_part(**unknown);
-        let felt = unknowns.len() - unknowns.iter().filter(is_of_a_part).count();
-        effective_weights(blocks, felt, self.flight.free, &ceilings, &self.tuning.noise)
+        effective_weights(blocks, unknowns, self.flight.free, &ceilings, &self.tuning.noise)
     }
 
     /// Whether anything is touched in the observed frames, between them or shortly after.

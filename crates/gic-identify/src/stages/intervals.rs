@@ -182,14 +182,12 @@ fn covariances(
     blocks: &[ResidualBlock],
 ) -> Option<Covariances> {
     let count = problem.unknowns.len();
-    let weights = identification.weights_at(blocks, &problem.unknowns);
+    let weights = identification.weights_at(blocks, count);
     let columns = blocks.first()?.gradient.len();
     let mut known = DMatrix::identity(columns, columns);
     known.view_mut((0, 0), (count, count)).copy_from(&prior.information_of(&problem.unknowns));
     let curvature = Curvature::measure(blocks, &weights, known)?;
-    let is_of_a_part = |u: &Unknown| identification.shape.is_of_a_part(*u);
-    let is_component =
-        |k: &usize| problem.unknowns.get(*k).is_none_or(|u| matches!(u, Unknown::Shape(_)) && !is_of_a_part(u));
+    let is_component = |k: &usize| problem.unknowns.get(*k).is_none_or(|u| matches!(u, Unknown::Shape(_)));
     let components: Vec<usize> = (0..columns).filter(is_component).collect();
     let of_fit = curvature.covariance(blocks, &weights, &identification.tuning.noise)?;
     let robust = of_fit + curvature.prior_covariance(&components);

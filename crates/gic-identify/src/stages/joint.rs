@@ -98,7 +98,7 @@ fn noise_weights(
     (state, here): (&State, &mut Linearisation),
 ) -> Result<Weights, FitError> {
     session.pause()?;
-    let (blocks, unknowns) = (here.blocks(problem), &problem.unknowns);
+    let (blocks, unknowns) = (here.blocks(problem), problem.unknowns.len());
     let weights = identification.weights_at(blocks, unknowns);
     let stages = &identification.settings.stages;
     if !(stages.contains(&Stage::Material) && stages.contains(&Stage::Intervals)) {

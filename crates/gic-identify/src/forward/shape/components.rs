@@ -20,9 +20,9 @@ pub(crate) fn covariance(anchors: &[Anchor], scale: Scale) -> DMatrix<f64> {
     })
 }
 
-/// Values of the components at the anchors [m]: first those of the functionals, and how many these are, then those of
-/// what they leave, each time those that vary most first.
-pub(crate) fn components(anchors: &[Anchor], up: DVec3, scale: Scale) -> (Vec<DVector<f64>>, usize) {
+/// Values of the components at the anchors [m]: first those of the functionals, then those of what they leave, each time
+/// those that vary most first.
+pub(crate) fn components(anchors: &[Anchor], up: DVec3, scale: Scale) -> Vec<DVector<f64>> {
     let covariance = covariance(anchors, scale);
     let mut functionals = functionals(anchors, up, scale);
     let fields = &covariance * &functionals;
@@ -32,14 +32,13 @@ pub(crate) fn components(anchors: &[Anchor], up: DVec3, scale: Scale) -> (Vec<DV
         functionals.column_mut(k).scale_mut(scale);
     }
     let fields = &covariance * &functionals;
-    let largest_of_functionals = largest((functionals.transpose() * &fields).symmetric_eigen(), functionals.ncols());
+    let of_functionals = largest((functionals.transpose() * &fields).symmetric_eigen(), functionals.ncols());
     let mut components: Vec<DVector<f64>> =
-        largest_of_functionals.into_iter().map(|(variance, direction)| &fields * direction / variance.sqrt()).collect();
-    let of_functionals = components.len();
+        of_functionals.into_iter().map(|(variance, direction)| &fields * direction / variance.sqrt()).collect();
     let left = components.iter().fold(covariance, |left, component| left - component * component.transpose());
     let others = largest(left.symmetric_eigen(), scale.tuning.components.saturating_sub(components.len()));
     components.extend(others.into_iter().map(|(variance, direction)| direction * variance.sqrt()));
-    (components, of_functionals)
+    components
 }
 
 /// The largest eigenvalues, at most `count`, with their eigenvectors; none that is but rounding.

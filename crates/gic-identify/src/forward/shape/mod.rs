@@ -28,7 +28,6 @@ use crate::Input;
 use crate::forward::shape::anchors::{Anchor, anchors, normals};
 use crate::forward::shape::components::components;
 use crate::tuning::{ShapeTuning, SurfaceTuning};
-use crate::unknowns::state::Unknown;
 
 /// Displacement fields, each of one standard deviation.
 #[derive(Clone, Debug, Default)]
@@ -39,8 +38,6 @@ pub(crate) struct ShapeModes {
     outward: Vec<Vec<f32>>,
     /// Its divergence, the relative change of each particle's volume, shape [modes][n].
     divergences: Vec<Vec<f32>>,
-    /// How many of the modes, the first ones, carry the prior's variation of the functionals.
-    of_functionals: usize,
 }
 
 /// What the surface's errors are measured by.
@@ -72,7 +69,7 @@ impl ShapeModes {
             return ShapeModes::default();
         }
         let up = -input.gravity_m_s2.normalize_or(-DVec3::Y);
-        let (components, of_functionals) = components(&anchors, up, scale);
+        let components = components(&anchors, up, scale);
         let reach = tuning.anchor_spacing_spacings * scale.spacing;
         let fields: Vec<Vec<(DVec3, f64)>> =
             input.positions.par_iter().map(|p| displacement(&anchors, &components, *p, reach)).collect();
@@ -80,7 +77,6 @@ impl ShapeModes {
             fields.iter().zip(&normals).map(move |(at, n)| n.map_or(0.0, |n| at[k].0.dot(n) as f32)).collect()
         };
         ShapeModes {
-            of_functionals,
             displacements: (0..components.len()).map(|k| fields.iter().map(|at| at[k].0).collect()).collect(),
             outward: (0..components.len()).map(along).collect(),
             divergences: (0..components.len()).map(|k| fields.iter().map(|at| at[k].1 as f32).collect()).collect(),
@@ -90,11 +86,6 @@ impl ShapeModes {
     /// Number of components.
     pub(crate) fn count(&self) -> usize {
         self.displacements.len()
-    }
-
-    /// Whether it is a component that leaves all functionals as they are.
-    pub(crate) fn is_of_a_part(&self, unknown: Unknown) -> bool {
-        matches!(unknown, Unknown::Shape(k) if k >= self.of_functionals)
     }
 
     /// Adds the displacements for `amounts` (standard deviations; those that are missing are zero).
@@ -268,7 +259,7 @@ mod tests {
         let tuning = ShapeTuning::default();
         let scale = Scale::of(&input, &tuning);
         let (covariance, functionals) = (covariance(&anchors, scale), functionals(&anchors, DVec3::Y, scale));
-        let (components, _) = components(&anchors, DVec3::Y, scale);
+        let components = components(&anchors, DVec3::Y, scale);
         for k in 0..functionals.ncols() {
             let l = functionals.column(k);
             let prior = (&covariance * l).dot(&l);
@@ -286,8 +277,8 @@ mod tests {
         let left = |count: usize| {
             let tuning = ShapeTuning { components: count, ..ShapeTuning::default() };
             let scale = Scale::of(&input, &tuning);
-            let (components, of_functionals) = components(&anchors, DVec3::Y, scale);
-            assert!((10..=15).contains(&of_functionals) && components.len() <= count.max(of_functionals));
+            let components = components(&anchors, DVec3::Y, scale);
+            assert!(components.len() <= count.max(15), "{}", components.len());
             let rest = components.iter().fold(covariance(&anchors, scale), |rest, c| rest - c * c.transpose());
             (rest.trace(), rest.symmetric_eigenvalues().max())
         };
