@@ -20,8 +20,8 @@ pub(crate) fn covariance(anchors: &[Anchor], scale: Scale) -> DMatrix<f64> {
     })
 }
 
-/// Values of the components at the anchors [m]: first those of the functionals, then those of what they leave, each time
-/// those that vary most first.
+/// Values of the components at the anchors [m]: first those of the functionals, then those of what they leave, each
+/// time those that vary most first.
 pub(crate) fn components(anchors: &[Anchor], up: DVec3, scale: Scale) -> Vec<DVector<f64>> {
     let covariance = covariance(anchors, scale);
     let mut functionals = functionals(anchors, up, scale);
