@@ -123,19 +123,6 @@ impl AcrossTime {
 }
 
 impl Filling {
-    /// By how much outlines of all `moments` miss those of the masks, as `particles` show where the motion carries the
-    /// body [m]; `None` where no outline is seen.
-    pub fn missed_across_time(
-        &self,
-        (particles, spacing): (&[DVec3], f64),
-        moments: &[Moment],
-        tuning: &Tuning,
-    ) -> Option<f64> {
-        let observed = Observed::new(moments, (particles, spacing), tuning);
-        let mut poses = vec![Pose::default(); moments.len()];
-        observed.look_at(self, &mut poses, true).map(|(_, _, gap_m)| gap_m)
-    }
-
     /// Moves the surface, which is some `off_m` off (infinitely where that is not known), to where the pictures of all
     /// `moments` want it; `particles` are those of the first moment [m], `spacing` apart, that the moments carry on,
     /// and `symmetry` its mirror planes. `None` where `stop` says so, and where nothing is seen.

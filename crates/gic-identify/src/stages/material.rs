@@ -49,10 +49,7 @@ struct MaterialStage<'a> {
 impl MaterialStage<'_> {
     fn minima(&self, session: &mut Session, starts: Vec<State>) -> Result<Vec<State>, FitError> {
         self.first_steps(session, starts)?;
-        let steps: Vec<(f64, State)> = session.checkpoint().fits.iter().flatten().cloned().collect();
-        // Where this is the last stage, who asked for it weighs the starts, too.
-        let is_last = *self.identification.settings.stages.end() == Stage::Material;
-        let begun = if is_last { cheapest(steps.clone(), f64::INFINITY) } else { Vec::new() };
+        let steps = session.checkpoint().fits.iter().flatten().cloned().collect();
         let tuning = &self.identification.tuning.material;
         let on_sought_cells = self.on_sought_cells();
         let material = on_sought_cells.of_material_alone();
@@ -67,7 +64,7 @@ impl MaterialStage<'_> {
         } else {
             session.minimise(Stage::Material, &on_sought_cells, (best, None), limits, &|_| false)?.state
         };
-        Ok(std::iter::once(best).chain(begun).chain(ends).collect())
+        Ok(std::iter::once(best).chain(ends).collect())
     }
 
     /// A step from each start. What they found goes into the checkpoint.

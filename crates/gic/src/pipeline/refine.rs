@@ -1,11 +1,10 @@
 //! The stage `refine`: the body of the first frame, by the pictures of all frames.
 //!
 //! A motion carries the body to other moments of the video, and what the cameras saw there settles its surface
-//! ([`Filling::settle_across_time`]). The first motion is the free flight, which hangs on no material. The second shows
-//! the body at every moment: its material is searched for with the body so found, and of several hypotheses the one
-//! goes on whose outlines lie best on the masks. The next fits are of everything together, for an error of the shape
-//! that is left is taken for one of the material else. Each fit goes on from the one before, and so does `identify`:
-//! the range is searched once.
+//! ([`Filling::settle_across_time`]). The first motion is the free flight, which hangs on no material. The second is
+//! that of a material that is searched for with the body so found; it shows the body at every moment. Where that moves
+//! the surface, the next fits are of everything together, for an error of the shape that is left is taken for one of
+//! the material else. Each fit goes on from the one before, and so does `identify`: the range is searched once.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -15,8 +14,7 @@ use gic_continuum::{
 };
 use gic_files::FileError;
 use gic_geometry::DensityField;
-use gic_identify::{Estimates, Input, Settings, Stage as IdentifyStage, Start, material_of};
-use gic_mpm::MaterialKind;
+use gic_identify::{Estimates, Input, Settings, Stage as IdentifyStage, Start};
 use gic_scene::View;
 use gic_twin::atomic;
 use gic_twin::matter::{read_particles, write_particles};
@@ -34,9 +32,6 @@ use crate::error::{Error, Result};
 
 /// At most so many fits of the material, each with the surface that its motion settles. Budget.
 const ALTERNATIONS: usize = 3;
-
-/// At most so many hypotheses of the material are compared by the outlines of all moments. Budget.
-const HYPOTHESES: usize = 4;
 
 /// `refined/refine.json`: how the body was settled.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -93,7 +88,8 @@ impl Run<'_> {
         atomic::create_folder(&self.path(REFINED))?;
         let (mut filling, surroundings) = (self.first_filling()?, self.surroundings()?);
         let identify = &self.config.identify;
-        let mut settings = Settings { stages: IdentifyStage::Search..=IdentifyStage::Material, ..identify.clone() };
+        let stages = IdentifyStage::Search..=IdentifyStage::Joint;
+        let mut settings = Settings { stages, ..identify.clone() };
         let flight = Settings { stages: IdentifyStage::Velocity..=IdentifyStage::Velocity, ..settings.clone() };
         let mut off_m = f64::INFINITY;
         self.refine_once((&self.filled(self.model()?)?, &mut filling, off_m), &surroundings, &flight, &checkpoints[0])?;
@@ -128,19 +124,12 @@ impl Run<'_> {
         let settings = Settings { frames, ..settings.among_laws(model) };
         let found = self.fit(&input, model, &settings, (Stage::Refine, checkpoint))?;
         let explained = if *settings.stages.end() == IdentifyStage::Velocity { found.free_frames } else { usize::MAX };
+        let moments = self.moments(&input, &found, explained)?;
+        let (tuning, particles) = (&self.config.fill.tuning, &continuum.particles);
+        let stop = || self.interrupt.requested();
         let planes = continuum.summary.mirror_planes.clone();
         let symmetry = Symmetry { planes, interchangeable_planes: Vec::new() };
-        let (tuning, spacing) = (&self.config.fill.tuning, continuum.particles.spacing);
-        let mut explaining = Vec::new();
-        for found in hypotheses(found, model, *settings.stages.end()) {
-            let moments = self.moments(&input, &found, explained)?;
-            let missed_m = filling.missed_across_time((&found.positions, spacing), &moments, tuning);
-            explaining.push((missed_m.unwrap_or(f64::INFINITY), found, moments));
-        }
-        explaining.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let (_, found, moments) = explaining.swap_remove(0);
-        let stop = || self.interrupt.requested();
-        let body = (found.positions.as_slice(), spacing);
+        let body = (found.positions.as_slice(), particles.spacing);
         let settled = filling.settle_across_time(body, (&moments, off_m), &symmetry, tuning, &stop);
         self.stop_if_asked("a fit of refinement")?;
         self.write_refined(continuum, filling, &found, (settled.unwrap_or_default(), moments.len()))
@@ -288,28 +277,6 @@ impl Run<'_> {
     pub(super) fn refined(&self) -> Result<RefineRecord> {
         Ok(atomic::read_json(&self.path(REFINED).join("refine.json"))?)
     }
-}
-
-/// What may be the case after a fit up to `last`. That of the material alone makes up for errors of a shape that only
-/// the flight has settled, often far from the truth: the starts of the search, which come next, may be as good.
-fn hypotheses(found: Estimates, model: MaterialKind, last: IdentifyStage) -> Vec<Estimates> {
-    if last != IdentifyStage::Material {
-        return vec![found];
-    }
-    let moved_to = |(place, start): (usize, &Start)| {
-        let cell_m = start.grid_spacing_m.unwrap_or(found.grid_spacing_m);
-        let substeps = found.substeps_per_frame as f64 * found.grid_spacing_m / cell_m;
-        let mut minima = found.minima.clone();
-        minima[..=place].rotate_right(1);
-        Estimates {
-            material: material_of(model, &start.parameters),
-            minima,
-            grid_spacing_m: cell_m,
-            substeps_per_frame: substeps.ceil() as usize,
-            ..found.clone()
-        }
-    };
-    found.minima.iter().take(HYPOTHESES).enumerate().map(moved_to).collect()
 }
 
 /// Removes those of the files that are there.
