@@ -158,7 +158,7 @@ pub struct ShapeTuning {
     /// Distance of anchors on the surface, and reach of their displacement into the body [particle spacings]. Budget:
     /// some hundred anchors.
     pub anchor_spacing_spacings: f64,
-    /// Number of components. Budget: one rollout each.
+    /// Number of components, of which those of the functionals come first and are all taken. Budget: one rollout each.
     pub components: usize,
 }
 

@@ -1,4 +1,5 @@
-//! The directions of the surface's Gaussian process on which the motion depends.
+//! The directions of the surface's Gaussian process that are sought: those on which the motion depends most, and those
+//! that vary most of what these leave.
 
 use glam::DVec3;
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};

@@ -282,7 +282,7 @@ mod tests {
             let rest = components.iter().fold(covariance(&anchors, scale), |rest, c| rest - c * c.transpose());
             (rest.trace(), rest.symmetric_eigenvalues().max())
         };
-        let (all, some, none) = (left(anchors.len()), left(48), left(0));
+        let (all, some, none) = (left(anchors.len()), left(ShapeTuning::default().components), left(0));
         println!("{:.1e} and {:.1e} of {:.1e} are left", all.0, some.0, none.0);
         assert!(all.0.abs() < 1e-4 * none.0 && some.0 < 0.5 * none.0 && some.1 < 0.3 * none.1);
     }
