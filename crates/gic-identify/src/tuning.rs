@@ -84,14 +84,14 @@ impl Default for ResolutionTuning {
 #[serde(default, deny_unknown_fields)]
 pub struct MaskTuning {
     /// Pixels, to a side, that are averaged into one while the outlines may still be far apart: Gauss-Newton's steps
-    /// reach about as far as the pictures are blurred, and a sharp outline would let it creep. Fitted on: the nine
-    /// scenes.
+    /// reach about as far as the pictures are blurred, and a sharp outline would let it creep. What is averaged away
+    /// tells of the deformation. Fitted on: bunny_elastic, as a scene and filmed.
     pub blur_pooling: usize,
 }
 
 impl Default for MaskTuning {
     fn default() -> MaskTuning {
-        MaskTuning { blur_pooling: 8 }
+        MaskTuning { blur_pooling: 4 }
     }
 }
 
@@ -158,8 +158,9 @@ pub struct ShapeTuning {
     /// Distance of anchors on the surface, and reach of their displacement into the body [particle spacings]. Budget:
     /// some hundred anchors.
     pub anchor_spacing_spacings: f64,
-    /// Number of components, of which those of the functionals come first and are all taken. Budget: one rollout each.
-    pub components: usize,
+    /// What the functionals leave is sought where a component moves the surface by at least this, root mean square of
+    /// its standard deviation [particle spacings]. Budget: one rollout each.
+    pub least_displacement_spacings: f64,
 }
 
 impl Default for ShapeTuning {
@@ -170,7 +171,7 @@ impl Default for ShapeTuning {
             bluntness_radius_spacings: 4.0,
             correlation_length_spacings: 3.0,
             anchor_spacing_spacings: 2.5,
-            components: 48,
+            least_displacement_spacings: 0.015,
         }
     }
 }

@@ -5,6 +5,7 @@ pub(crate) mod linearisation;
 pub(crate) mod loss;
 pub(crate) mod normal_equations;
 pub(crate) mod objective;
+pub(crate) mod posed;
 pub(crate) mod prior;
 pub(crate) mod problem;
 pub(crate) mod residual_block;

@@ -10,6 +10,7 @@ use crate::forward::simulation::{Resolution, RolloutCounts, Simulation};
 use crate::forward::splat_widths::SplatWidths;
 use crate::forward::trajectories::{ForwardModel, FrameSelection};
 use crate::observe::video::ObservedVideo;
+use crate::result::Stage;
 use crate::session::Session;
 use crate::solve::objective::Objective;
 use crate::solve::prior::Prior;
@@ -160,6 +161,13 @@ impl<'a> Identification<'a> {
             selection: self.touched_frames(pooling),
             prior: self.world_and_grid.as_ref(),
         }
+    }
+
+    /// The first observation whose pose is free while the material alone is fitted. That is the last stage where the
+    /// motion is to settle the shape, which is known in part only: then it is that after free flight. Else all poses
+    /// are the simulation's.
+    pub(crate) fn first_free_pose(&self) -> usize {
+        if *self.settings.stages.end() == Stage::Material { self.flight.free } else { self.video.frames.len() }
     }
 
     /// Free flight as a forward model.

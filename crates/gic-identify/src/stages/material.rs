@@ -1,15 +1,16 @@
-//! Stage 3: the minima of the material, with the motion of free flight.
+//! Stage 3: the minima of the material, with the motion of free flight. Where the shape is yet to be settled, poses are
+//! free ([`Posed`]).
 //!
 //! The cost has several local minima. The material alone is fitted, in the world and on the cells that are given: far
 //! from the best fit, these make up for what the material and the shape lack, and lead away. A step from each start
 //! tells which are worth the rest; those that cost not much more than the best are fitted on, and the best looks over
 //! the walls of its minimum. It goes on with the cells; the world waits for the fit of everything. Masks are blurred.
 
-use crate::forward::simulation::Simulation;
 use crate::result::Stage;
 use crate::session::Session;
 use crate::settings::Optimizer;
 use crate::solve::levenberg_marquardt::Limits;
+use crate::solve::posed::Posed;
 use crate::solve::problem::Problem;
 use crate::stages::adam::adam;
 use crate::stages::candidates::cheapest;
@@ -30,7 +31,10 @@ pub(crate) fn fit_material(
     starts: Vec<State>,
 ) -> Result<Vec<State>, IdentifyError> {
     let count = starts.len();
-    let stage = MaterialStage { identification, simulation: &identification.simulation() };
+    let simulation = identification.simulation();
+    let motion =
+        Posed { model: &simulation, objective: identification.objective(), first: identification.first_free_pose() };
+    let stage = MaterialStage { identification, motion: &motion };
     let fitted = match identification.settings.optimizer {
         Optimizer::Adam => adam(identification, session, starts).map(|best| vec![best]),
         Optimizer::LevenbergMarquardt => stage.minima(session, starts),
@@ -43,7 +47,7 @@ pub(crate) fn fit_material(
 
 struct MaterialStage<'a> {
     identification: &'a Identification<'a>,
-    simulation: &'a Simulation<'a>,
+    motion: &'a Posed<'a>,
 }
 
 impl MaterialStage<'_> {
@@ -93,6 +97,6 @@ impl MaterialStage<'_> {
     /// The fit of the material and of the cells, where these are sought, to blurred masks.
     fn on_sought_cells(&self) -> Problem<'_> {
         let pooling = self.identification.tuning.masks.blur_pooling;
-        self.identification.material_problem(self.simulation, pooling)
+        self.identification.material_problem(self.motion, pooling)
     }
 }

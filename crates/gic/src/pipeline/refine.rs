@@ -2,9 +2,10 @@
 //!
 //! A motion carries the body to other moments of the video, and what the cameras saw there settles its surface
 //! ([`Filling::settle_across_time`]). The first motion is the free flight, which hangs on no material. The second is
-//! that of a material that is searched for with the body so found; it shows the body at every moment. Where that moves
-//! the surface, the next fits are of everything together, for an error of the shape that is left is taken for one of
-//! the material else. Each fit goes on from the one before, and so does `identify`: the range is searched once.
+//! that of a material that is searched for with the body so found, by how it deforms: it shows the body at every
+//! moment. Where that moves the surface, the next fits are of everything together, for an error of the shape that is
+//! left is taken for one of the material else. Each fit goes on from the one before, and so does `identify`: the range
+//! is searched once.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -88,7 +89,7 @@ impl Run<'_> {
         atomic::create_folder(&self.path(REFINED))?;
         let (mut filling, surroundings) = (self.first_filling()?, self.surroundings()?);
         let identify = &self.config.identify;
-        let stages = IdentifyStage::Search..=IdentifyStage::Joint;
+        let stages = IdentifyStage::Search..=IdentifyStage::Material;
         let mut settings = Settings { stages, ..identify.clone() };
         let flight = Settings { stages: IdentifyStage::Velocity..=IdentifyStage::Velocity, ..settings.clone() };
         let mut off_m = f64::INFINITY;

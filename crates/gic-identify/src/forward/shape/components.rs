@@ -1,5 +1,5 @@
-//! The directions of the surface's Gaussian process that are sought: those on which the motion depends most, and those
-//! that vary most of what these leave.
+//! The directions of the surface's Gaussian process that are sought: those on which the motion depends most, and what
+//! else moves the surface by as much as matters.
 
 use glam::DVec3;
 use nalgebra::{DMatrix, DVector, Dyn, SymmetricEigen};
@@ -33,22 +33,25 @@ pub(crate) fn components(anchors: &[Anchor], up: DVec3, scale: Scale) -> Vec<DVe
         functionals.column_mut(k).scale_mut(scale);
     }
     let fields = &covariance * &functionals;
-    let of_functionals = largest((functionals.transpose() * &fields).symmetric_eigen(), functionals.ncols());
+    let of_functionals = falling((functionals.transpose() * &fields).symmetric_eigen());
+    // None that is but rounding.
+    let least = 1e-6 * of_functionals.first().map_or(0.0, |(variance, _)| *variance);
+    let kept = of_functionals.into_iter().take_while(|(variance, _)| *variance > least);
     let mut components: Vec<DVector<f64>> =
-        of_functionals.into_iter().map(|(variance, direction)| &fields * direction / variance.sqrt()).collect();
+        kept.map(|(variance, direction)| &fields * direction / variance.sqrt()).collect();
     let left = components.iter().fold(covariance, |left, component| left - component * component.transpose());
-    let others = largest(left.symmetric_eigen(), scale.tuning.components.saturating_sub(components.len()));
-    components.extend(others.into_iter().map(|(variance, direction)| direction * variance.sqrt()));
+    let least = (scale.tuning.least_displacement_spacings * scale.spacing).powi(2) * anchors.len() as f64;
+    let others = falling(left.symmetric_eigen()).into_iter().take_while(|(variance, _)| *variance > least);
+    components.extend(others.map(|(variance, direction)| direction * variance.sqrt()));
     components
 }
 
-/// The largest eigenvalues, at most `count`, with their eigenvectors; none that is but rounding.
-fn largest(eigen: SymmetricEigen<f64, Dyn>, count: usize) -> Vec<(f64, DVector<f64>)> {
-    let least = 1e-6 * eigen.eigenvalues.max();
+/// The eigenvalues with their eigenvectors, the largest first.
+fn falling(eigen: SymmetricEigen<f64, Dyn>) -> Vec<(f64, DVector<f64>)> {
     let mut pairs: Vec<(f64, DVector<f64>)> =
         eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()).map(|(v, e)| (*v, e.into_owned())).collect();
     pairs.sort_by(|a, b| b.0.total_cmp(&a.0));
-    pairs.into_iter().take(count).take_while(|(variance, _)| *variance > least).collect()
+    pairs
 }
 
 /// What the motion depends on, as weights of the anchors' normal displacements: shape [anchors, functionals].
