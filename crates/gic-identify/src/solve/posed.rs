@@ -75,48 +75,54 @@ impl ForwardModel for Posed<'_> {
 impl Posed<'_> {
     /// The pose of observation `o` from that of the one before.
     fn pose(&self, trajectories: &Trajectories, (o, pooling): (usize, usize), mut pose: Pose) -> Pose {
-        let positions = &trajectories.positions[o];
-        let centre = centre(positions);
-        let count = positions.len().max(1) as f64;
-        let squared = |p: &[f32; 3]| DVec3::from(p.map(f64::from)).distance_squared(centre);
-        let size = (positions.iter().map(squared).sum::<f64>() / count).sqrt().max(f64::MIN_POSITIVE);
-        let scales = &trajectories.scales[o];
-        let width = scales.iter().map(|s| f64::from(*s)).sum::<f64>() / scales.len().max(1) as f64;
-        let step = DIFFERENCE_WIDTHS * width;
+        let size = size(&trajectories.positions[o]);
+        let step = DIFFERENCE_WIDTHS * mean(trajectories.scales[o].iter().map(|s| f64::from(*s)));
         let only = FrameSelection { first: o, end: o + 1, pooling };
-        let posed = |pose: Pose| {
-            let mut own = Trajectories {
-                positions: vec![Vec::new(); trajectories.positions.len()],
-                scales: vec![Vec::new(); trajectories.scales.len()],
-                splat_factor: trajectories.splat_factor,
-                outward_displacements: trajectories.outward_displacements.clone(),
-            };
-            own.positions[o] = pose.of(positions, centre);
-            own.scales[o].clone_from(scales);
-            own
-        };
         for _ in 0..STEPS {
-            let perturbed: Vec<Trajectories> = (0..6)
-                .map(|k| {
-                    let amounts: [f64; 6] = std::array::from_fn(|j| if j == k { step } else { 0.0 });
-                    posed(pose.then(Pose::small(&amounts, size)))
-                })
-                .collect();
-            let blocks = self.objective.blocks(&posed(pose), &perturbed, &[step; 6], &only);
+            let nudged = |k: usize| {
+                let amounts: [f64; 6] = std::array::from_fn(|j| if j == k { step } else { 0.0 });
+                alone(trajectories, o, pose.then(Pose::small(&amounts, size)))
+            };
+            let nudged: Vec<Trajectories> = (0..6).map(nudged).collect();
+            let blocks = self.objective.blocks(&alone(trajectories, o, pose), &nudged, &[step; 6], &only);
             let normal = Normal::sum(&blocks, self.objective.weights, 6);
             let damping = DAMPING * normal.hessian.trace() / 6.0 + f64::MIN_POSITIVE;
-            let Some(step) = damped_step(&normal.hessian, &normal.gradient, |_| damping) else { break };
-            if step.iter().any(|s| !s.is_finite()) {
-                break;
-            }
-            pose = pose.then(Pose::small(step.as_slice(), size));
+            let found = damped_step(&normal.hessian, &normal.gradient, |_| damping);
+            let Some(found) = found.filter(|found| found.iter().all(|s| s.is_finite())) else { break };
+            pose = pose.then(Pose::small(found.as_slice(), size));
         }
         pose
     }
 }
 
+/// Observation `o` alone, at a pose.
+fn alone(trajectories: &Trajectories, o: usize, pose: Pose) -> Trajectories {
+    let positions = &trajectories.positions[o];
+    let mut alone = Trajectories {
+        positions: vec![Vec::new(); trajectories.positions.len()],
+        scales: vec![Vec::new(); trajectories.scales.len()],
+        splat_factor: trajectories.splat_factor,
+        outward_displacements: trajectories.outward_displacements.clone(),
+    };
+    alone.positions[o] = pose.of(positions, centre(positions));
+    alone.scales[o].clone_from(&trajectories.scales[o]);
+    alone
+}
+
 fn centre(positions: &[[f32; 3]]) -> DVec3 {
     positions.iter().map(|p| DVec3::from(p.map(f64::from))).sum::<DVec3>() / positions.len().max(1) as f64
+}
+
+/// Root mean square distance from the centre [m].
+fn size(positions: &[[f32; 3]]) -> f64 {
+    let centre = centre(positions);
+    let squared = |p: &[f32; 3]| DVec3::from(p.map(f64::from)).distance_squared(centre);
+    mean(positions.iter().map(squared)).sqrt().max(f64::MIN_POSITIVE)
+}
+
+fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = values.len().max(1) as f64;
+    values.sum::<f64>() / count
 }
 
 #[cfg(test)]
