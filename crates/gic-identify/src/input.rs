@@ -228,6 +228,31 @@ impl Input {
         self.observations.iter().map(|observation| observation.views.len()).max().unwrap_or(0)
     }
 
+    /// Particles that far apart in free space, which nothing observes.
+    #[cfg(test)]
+    pub(crate) fn of_body(positions: Vec<DVec3>, spacing_m: f64) -> Input {
+        let count = positions.len();
+        Input {
+            positions,
+            doubts: Vec::new(),
+            particle_volume_m3: spacing_m.powi(3),
+            volume_factors: Vec::new(),
+            opacities: vec![0.9; count],
+            scales: vec![0.5 * spacing_m as f32; count],
+            surface_error_m: 0.5 * spacing_m,
+            cameras: Vec::new(),
+            observations: Vec::new(),
+            frame_rate_hz: 24.0,
+            gravity_m_s2: DVec3::ZERO,
+            colliders: Vec::new(),
+            world_doubt: None,
+            was_filmed: false,
+            density_kg_m3: 1000.0,
+            grid_spacing_m: 2.0 * spacing_m,
+            substeps_per_frame: 200,
+        }
+    }
+
     /// Centre of mass of the particles [m].
     pub(crate) fn centre(&self) -> DVec3 {
         let factor = |i: usize| self.volume_factors.get(i).copied().unwrap_or(1.0);

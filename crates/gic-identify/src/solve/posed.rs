@@ -6,7 +6,7 @@
 //! part only: a shift and a turn about the centre are free at each observation. They are eliminated by their own
 //! least-squares fit (variable projection: Golub & Pereyra 1973), which goes on from the observation before.
 
-use gic_optimize::damped_step;
+use gic_optimize::{FIRST_DAMPING, damped_step};
 use glam::{DMat3, DQuat, DVec3};
 
 use crate::FitError;
@@ -18,8 +18,6 @@ use crate::unknowns::state::State;
 /// Steps of Gauss-Newton's method at each observation. Always as many, so that the pose is a smooth function of the
 /// motion. Budget.
 const STEPS: usize = 2;
-/// Damping by this share of the mean curvature: what no picture tells, as the turn of a ball, stays. Convention.
-const DAMPING: f64 = 1e-3;
 /// Finite differences move the body by this share of a Gaussian's width. Convention.
 const DIFFERENCE_WIDTHS: f64 = 0.2;
 
@@ -86,7 +84,8 @@ impl Posed<'_> {
             let nudged: Vec<Trajectories> = (0..6).map(nudged).collect();
             let blocks = self.objective.blocks(&alone(trajectories, o, pose), &nudged, &[step; 6], &only);
             let normal = Normal::sum(&blocks, self.objective.weights, 6);
-            let damping = DAMPING * normal.hessian.trace() / 6.0 + f64::MIN_POSITIVE;
+            // By the mean curvature: what no picture tells, as the turn of a ball, stays.
+            let damping = FIRST_DAMPING * normal.hessian.trace() / 6.0 + f64::MIN_POSITIVE;
             let found = damped_step(&normal.hessian, &normal.gradient, |_| damping);
             let Some(found) = found.filter(|found| found.iter().all(|s| s.is_finite())) else { break };
             pose = pose.then(Pose::small(found.as_slice(), size));
@@ -137,10 +136,10 @@ mod tests {
     use crate::observe::video::{ObservedFrame, ObservedVideo};
     use crate::solve::residual_block::Weights;
     use crate::solve::surface_residuals::SurfaceComparison;
+    use crate::tuning::MaskTuning;
     use crate::{Input, Tuning};
 
     const SPACING: f64 = 0.01;
-    const POOLING: usize = 4;
 
     /// An L of particles, which has no mirror plane of its own but one [m].
     fn body() -> Vec<DVec3> {
@@ -177,7 +176,7 @@ mod tests {
     /// The motion `given`, with the poses that masks of the motion `shown` want.
     fn posed(shown: &[Vec<[f32; 3]>], given: Vec<Vec<[f32; 3]>>) -> Vec<Vec<[f32; 3]>> {
         let model = Given(shown.to_vec());
-        let selection = FrameSelection { first: 0, end: shown.len(), pooling: POOLING };
+        let selection = FrameSelection { first: 0, end: shown.len(), pooling: MaskTuning::default().blur_pooling };
         let seen = model.trajectories(&State::new(Vec::new()), &selection).unwrap();
         let opacities = vec![0.9; shown[0].len()];
         let frame = |o: usize| {
@@ -187,26 +186,7 @@ mod tests {
             ObservedFrame { simulated_frame: o, time_s: 0.0, views, surface: None }
         };
         let video = ObservedVideo { frames: (0..shown.len()).map(frame).collect() };
-        let input = Input {
-            positions: body(),
-            doubts: Vec::new(),
-            particle_volume_m3: SPACING.powi(3),
-            volume_factors: Vec::new(),
-            opacities: opacities.clone(),
-            scales: Vec::new(),
-            surface_error_m: 0.0,
-            cameras: Vec::new(),
-            observations: Vec::new(),
-            frame_rate_hz: 24.0,
-            gravity_m_s2: DVec3::ZERO,
-            colliders: Vec::new(),
-            world_doubt: None,
-            was_filmed: false,
-            density_kg_m3: 1000.0,
-            grid_spacing_m: 2.0 * SPACING,
-            substeps_per_frame: 1,
-        };
-        let comparison = SurfaceComparison::new(&input, None, &Tuning::default());
+        let comparison = SurfaceComparison::new(&Input::of_body(body(), SPACING), None, &Tuning::default());
         let weights = Weights::uniform(1.0, 1.0, shown.len());
         let objective =
             Objective { video: &video, opacities: &opacities, surface_comparison: &comparison, weights: &weights };

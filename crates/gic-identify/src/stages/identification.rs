@@ -13,6 +13,7 @@ use crate::observe::video::ObservedVideo;
 use crate::result::Stage;
 use crate::session::Session;
 use crate::solve::objective::Objective;
+use crate::solve::posed::Posed;
 use crate::solve::prior::Prior;
 use crate::solve::problem::Problem;
 use crate::solve::residual_block::{ResidualBlock, Weights};
@@ -163,11 +164,11 @@ impl<'a> Identification<'a> {
         }
     }
 
-    /// The first observation whose pose is free while the material alone is fitted. That is the last stage where the
-    /// motion is to settle the shape, which is known in part only: then it is that after free flight. Else all poses
-    /// are the simulation's.
-    pub(crate) fn first_free_pose(&self) -> usize {
-        if *self.settings.stages.end() == Stage::Material { self.flight.free } else { self.video.frames.len() }
+    /// The motion by which the material alone is fitted. Where that is the last stage, it is to settle the shape, which
+    /// is known in part only: then poses are free from the end of free flight on. Else all are the simulation's.
+    pub(crate) fn posed<'b>(&self, model: &'b dyn ForwardModel, objective: Objective<'b>) -> Posed<'b> {
+        let is_last = *self.settings.stages.end() == Stage::Material;
+        Posed { model, objective, first: if is_last { self.flight.free } else { self.video.frames.len() } }
     }
 
     /// Free flight as a forward model.

@@ -32,8 +32,7 @@ pub(crate) fn fit_material(
 ) -> Result<Vec<State>, IdentifyError> {
     let count = starts.len();
     let simulation = identification.simulation();
-    let motion =
-        Posed { model: &simulation, objective: identification.objective(), first: identification.first_free_pose() };
+    let motion = identification.posed(&simulation, identification.objective());
     let stage = MaterialStage { identification, motion: &motion };
     let fitted = match identification.settings.optimizer {
         Optimizer::Adam => adam(identification, session, starts).map(|best| vec![best]),

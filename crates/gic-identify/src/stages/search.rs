@@ -2,7 +2,7 @@
 //!
 //! All points of a grid over the parameters' ranges are simulated on a coarse grid with fewer particles. That one is
 //! biased, so that the cheapest, and starts that were given, compete again on the full grid. Without a search those
-//! that were given are all. Where the shape is yet to be settled, poses are free ([`Posed`]).
+//! that were given are all. Where the shape is yet to be settled, poses are free ([`Identification::posed`]).
 
 use glam::DVec3;
 
@@ -13,7 +13,6 @@ use crate::forward::trajectories::ForwardModel;
 use crate::result::Stage;
 use crate::session::Session;
 use crate::solve::objective::Objective;
-use crate::solve::posed::Posed;
 use crate::stages::candidates::{costs, ranked};
 use crate::stages::identification::Identification;
 use crate::unknowns::state::State;
@@ -89,7 +88,7 @@ fn cheapest_of(
     (states, most): (&[State], usize),
 ) -> Result<Vec<State>, FitError> {
     let selection = identification.touched_frames(identification.tuning.masks.blur_pooling);
-    let posed = Posed { model: simulation, objective, first: identification.first_free_pose() };
+    let posed = identification.posed(simulation, objective);
     let cost = |state: &State| Ok(objective.cost(&posed.trajectories(state, &selection)?, &selection));
     let costs = costs(session, states, cost)?;
     let ranked = ranked(costs.iter().cloned(), states);

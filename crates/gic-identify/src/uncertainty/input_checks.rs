@@ -105,26 +105,8 @@ mod tests {
                 centre: DVec3::new(0.02 * f64::from(k), 0.0, 0.0),
             })
             .collect();
-        let n = positions.len();
-        let mut input = Input {
-            positions,
-            particle_volume_m3: 0.02f64.powi(3),
-            volume_factors: Vec::new(),
-            doubts: Vec::new(),
-            surface_error_m: 0.01,
-            opacities: vec![0.95; n],
-            scales: vec![0.01; n],
-            cameras,
-            observations: Vec::new(),
-            frame_rate_hz: 24.0,
-            gravity_m_s2: DVec3::ZERO,
-            colliders: Vec::new(),
-            world_doubt: None,
-            was_filmed: false,
-            density_kg_m3: 1000.0,
-            grid_spacing_m: 0.04,
-            substeps_per_frame: 10,
-        };
+        let opacities = vec![0.95; positions.len()];
+        let mut input = Input { opacities, cameras, ..Input::of_body(positions, 0.02) };
         let frame =
             |time_s: f64| Observation { time_s, surface: Vec::new(), surface_doubts: Vec::new(), views: masks(&input) };
         input.observations = vec![frame(0.0), frame(1.0 / 24.0)];

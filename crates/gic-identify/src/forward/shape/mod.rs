@@ -169,25 +169,11 @@ mod tests {
                 }
             }
         }
-        let n = positions.len();
         Input {
             doubts: positions.iter().map(|p: &DVec3| f32::from(u8::from(p.y < 0.0))).collect(),
-            positions,
-            particle_volume_m3: SPACING.powi(3),
-            volume_factors: Vec::new(),
-            opacities: vec![0.9; n],
-            scales: vec![0.005; n],
             surface_error_m: 0.2 * SPACING,
-            cameras: Vec::new(),
-            observations: Vec::new(),
-            frame_rate_hz: 24.0,
             gravity_m_s2: DVec3::new(0.0, -9.8, 0.0),
-            colliders: Vec::new(),
-            world_doubt: None,
-            was_filmed: false,
-            density_kg_m3: 1000.0,
-            grid_spacing_m: 2.0 * SPACING,
-            substeps_per_frame: 200,
+            ..Input::of_body(positions, SPACING)
         }
     }
 
