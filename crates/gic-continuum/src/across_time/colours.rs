@@ -17,24 +17,51 @@ use crate::tuning::Tuning;
 /// Below this brightness a colour has no direction. Derived: a few steps of eight bits.
 const DARK: f32 = 0.05;
 
-/// A picture without its shades.
+/// A picture without its shades, ready to be compared with others.
 pub(super) struct ShadeFree {
-    picture: Picture,
+    pub(super) picture: Picture,
     /// Standard deviation of its colours' noise, which is larger the darker they were.
     noise: f32,
+    /// The steepest slope of the colours within a pixel of each, squared [1/pixel^2].
+    pub(super) steepest: Vec<Vec3>,
+    /// Pixels well within the outline.
+    pub(super) own: Vec<bool>,
 }
 
 impl ShadeFree {
-    pub(super) fn new(view: &MomentView) -> ShadeFree {
-        let picture = &view.picture;
-        let pixel = |c: &[f32]| {
+    pub(super) fn new(view: &MomentView, tuning: &Tuning) -> ShadeFree {
+        let rgb = view.picture.rgb.chunks_exact(3).flat_map(|c| {
             let colour = Vec3::from_slice(c);
             (colour / colour.length().max(DARK)).to_array()
+        });
+        let (width, height) = (view.picture.width, view.picture.height);
+        let picture = Picture { width, height, rgb: rgb.collect() };
+        let near = |x: usize, n: usize| x.saturating_sub(1)..=(x + 1).min(n - 1);
+        let around = |i: usize| {
+            let (x, y) = (i % width, i / width);
+            near(y, height).flat_map(move |y| near(x, width).map(move |x| y * width + x))
         };
-        let rgb = picture.rgb.chunks_exact(3).flat_map(pixel).collect();
-        let picture = Picture { width: picture.width, height: picture.height, rgb };
-        ShadeFree { noise: noise(&picture, &view.mask.coverage), picture }
+        let slopes: Vec<Vec3> = (0..width * height).map(|i| squared_slope(&picture, i)).collect();
+        let steepest = |i: usize| around(i).map(|k| slopes[k]).fold(Vec3::ZERO, Vec3::max);
+        let covered = 1.0 - tuning.iterations.tolerance as f32;
+        let is_covered = |i: usize| view.mask.coverage[i] > covered;
+        ShadeFree {
+            noise: noise(&picture, &view.mask.coverage),
+            steepest: (0..width * height).map(steepest).collect(),
+            own: (0..width * height).map(|i| around(i).all(is_covered)).collect(),
+            picture,
+        }
     }
+}
+
+/// By differences of the pixels beside it.
+fn squared_slope(picture: &Picture, i: usize) -> Vec3 {
+    let (x, y) = (i % picture.width, i / picture.width);
+    let colour = |x: usize, y: usize| Vec3::from_array(picture.at(x, y));
+    let beside = |x: usize, n: usize| (x.saturating_sub(1), (x + 1).min(n - 1));
+    let ((x0, x1), (y0, y1)) = (beside(x, picture.width), beside(y, picture.height));
+    let (along, across) = (colour(x1, y) - colour(x0, y), colour(x, y1) - colour(x, y0));
+    0.25 * (along * along + across * across)
 }
 
 /// Standard deviation of the noise of a picture's colours where it is covered: of white noise, second differences have
@@ -73,7 +100,7 @@ impl<'a> MomentColours<'a> {
         let error_px = error_px.hypot(0.5) as f32;
         let coloured = |(view, picture): (&'a MomentView, &'a ShadeFree)| {
             let noise = picture.noise.max(tuning.across_time.colour_noise);
-            Coloured::new(view, &picture.picture, (error_px, noise), tuning)
+            Coloured { camera: &view.camera, picture, error_px, noise }
         };
         let views: Vec<Coloured> = moment.views.iter().zip(pictures).map(coloured).collect();
         let depths = views.iter().map(|view| view.depths(&mesh.vertices, voxel_m)).collect();

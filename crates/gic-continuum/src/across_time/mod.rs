@@ -198,7 +198,7 @@ struct Observed<'a> {
 
 impl<'a> Observed<'a> {
     fn new(moments: &'a [Moment], (particles, spacing): (&'a [DVec3], f64), tuning: &'a Tuning) -> Observed<'a> {
-        let shade_free = |moment: &Moment| moment.views.iter().map(ShadeFree::new).collect();
+        let shade_free = |moment: &Moment| moment.views.iter().map(|view| ShadeFree::new(view, tuning)).collect();
         Observed {
             moments,
             outlines: moments.par_iter().map(MomentOutlines::new).collect(),

@@ -1,11 +1,14 @@
 //! What a mesh covers of a picture.
 
-use gic_geometry::{TriangleMesh, distance_transform};
+use gic_geometry::TriangleMesh;
 use gic_scene::Camera;
 use glam::{DVec2, DVec3};
 
 /// Pixels of a silhouette along each side of one of the mask. Derived: outlines are told to a quarter of a pixel each.
 const FINENESS: usize = 2;
+/// How far the edge of a silhouette is looked for [fine pixels]. Derived: a place that is within a pixel of the edge
+/// lies between fine pixels that are within four of it.
+const REACH: usize = 4;
 /// Pixels around a mask's box in which a silhouette's edge is looked for. Derived: a turn of ten degrees moves the ends
 /// of a body that is 250 pixels long by so much.
 pub(super) const MARGIN_PX: usize = 24;
@@ -44,33 +47,46 @@ impl SilhouetteWindow {
         for triangle in &mesh.triangles {
             cover(&mut inside, width, triangle.map(|corner| places[corner as usize]));
         }
-        let outside: Vec<bool> = inside.iter().map(|inside| !inside).collect();
-        let (to_outside, to_inside) = (distance_transform(&outside, width), distance_transform(&inside, width));
-        Some(Silhouette { window: *self, to_outside, to_inside })
+        Some(Silhouette { width, inside, window: *self })
     }
 }
 
 /// What a mesh covers of a picture.
 pub(super) struct Silhouette {
     window: SilhouetteWindow,
-    /// Distances from what is outside and from what is inside [fine pixels], row-major.
-    to_outside: Vec<f32>,
-    to_inside: Vec<f32>,
+    /// Fine pixels in a row.
+    width: usize,
+    /// The fine pixels that are covered, row-major.
+    inside: Vec<bool>,
 }
 
 impl Silhouette {
-    /// How far outside of it image coordinates are, negative inside [pixels].
+    /// How far outside of it image coordinates are, negative inside [pixels]. What is further from its edge than a
+    /// pixel is at least as far.
     pub(super) fn outward_px(&self, pixel: DVec2) -> f64 {
-        let width = FINENESS * self.window.width;
         let signed = |x: usize, y: usize| {
-            let i = y.min(self.to_inside.len() / width - 1) * width + x.min(width - 1);
-            let (inside, outside) = (self.to_inside[i], self.to_outside[i]);
-            f64::from(if inside > 0.0 { inside - 0.5 } else { 0.5 - outside }) / FINENESS as f64
+            let (is_inside, distance) = self.from_edge(x, y);
+            f64::from(if is_inside { 0.5 - distance } else { distance - 0.5 }) / FINENESS as f64
         };
         let fine = self.window.fine(pixel).max(DVec2::ZERO);
         let ([x, y], [s, t]) = (fine.floor().as_usizevec2().to_array(), fine.fract().to_array());
         let row = |y: usize| signed(x, y) + s * (signed(x + 1, y) - signed(x, y));
         row(y) + t * (row(y + 1) - row(y))
+    }
+
+    /// Whether a fine pixel is inside, and how far it is from the nearest that is not as it is, or [`REACH`].
+    fn from_edge(&self, x: usize, y: usize) -> (bool, f32) {
+        let height = self.inside.len() / self.width;
+        let (x, y) = (x.min(self.width - 1), y.min(height - 1));
+        let is_inside = self.inside[y * self.width + x];
+        let near = |at: usize, size: usize| at.saturating_sub(REACH)..(at + REACH + 1).min(size);
+        let mut least = REACH * REACH;
+        for row in near(y, height) {
+            for column in near(x, self.width).filter(|column| self.inside[row * self.width + column] != is_inside) {
+                least = least.min(row.abs_diff(y).pow(2) + column.abs_diff(x).pow(2));
+            }
+        }
+        (is_inside, (least as f32).sqrt())
     }
 }
 
