@@ -4,7 +4,8 @@
 //! a third of the surface is unseen, the right material is a tenth of the body's size off after nine frames. How the
 //! body deforms hangs far less on that. So the material is told by the deformation as long as the shape is known in
 //! part only: a shift and a turn about the centre are free at each observation. They are eliminated by their own
-//! least-squares fit (variable projection: Golub & Pereyra 1973), which goes on from the observation before.
+//! least-squares fit (variable projection: Golub & Pereyra 1973): one step of Gauss-Newton's method from where the two
+//! observations before lead, which is near, so that the pose is a smooth function of the motion.
 
 use gic_optimize::{FIRST_DAMPING, damped_step};
 use glam::{DMat3, DQuat, DVec3};
@@ -15,9 +16,6 @@ use crate::solve::normal_equations::Normal;
 use crate::solve::objective::Objective;
 use crate::unknowns::state::State;
 
-/// Steps of Gauss-Newton's method at each observation. Always as many, so that the pose is a smooth function of the
-/// motion. Budget.
-const STEPS: usize = 2;
 /// Finite differences move the body by this share of a Gaussian's width. Convention.
 const DIFFERENCE_WIDTHS: f64 = 0.2;
 
@@ -46,6 +44,12 @@ impl Pose {
         Pose { turn: DMat3::from_quat(DQuat::from_scaled_axis(turn)), shift: DVec3::new(x, y, z) }
     }
 
+    /// Where a pose that was `before` at one observation and is this one at the next goes.
+    fn onwards(self, before: Pose) -> Pose {
+        let turn = self.turn * before.turn.transpose();
+        Pose { turn: turn * self.turn, shift: 2.0 * self.shift - before.shift }
+    }
+
     /// This one first, then `next`.
     fn then(self, next: Pose) -> Pose {
         Pose { turn: next.turn * self.turn, shift: self.shift + next.shift }
@@ -60,9 +64,10 @@ impl Pose {
 impl ForwardModel for Posed<'_> {
     fn trajectories(&self, state: &State, selection: &FrameSelection) -> Result<Trajectories, FitError> {
         let mut trajectories = self.model.trajectories(state, selection)?;
-        let mut pose = Pose::NONE;
+        let (mut before, mut pose) = (Pose::NONE, Pose::NONE);
         for o in selection.first.max(self.first)..selection.end.min(trajectories.positions.len()) {
-            pose = self.pose(&trajectories, (o, selection.pooling), pose);
+            let near = pose.onwards(before);
+            (before, pose) = (pose, self.step(&trajectories, (o, selection.pooling), near));
             let positions = &mut trajectories.positions[o];
             *positions = pose.of(positions, centre(positions));
         }
@@ -71,26 +76,23 @@ impl ForwardModel for Posed<'_> {
 }
 
 impl Posed<'_> {
-    /// The pose of observation `o` from that of the one before.
-    fn pose(&self, trajectories: &Trajectories, (o, pooling): (usize, usize), mut pose: Pose) -> Pose {
+    /// A step from a pose near that of observation `o` to this.
+    fn step(&self, trajectories: &Trajectories, (o, pooling): (usize, usize), near: Pose) -> Pose {
         let size = size(&trajectories.positions[o]);
-        let step = DIFFERENCE_WIDTHS * mean(trajectories.scales[o].iter().map(|s| f64::from(*s)));
+        let difference = DIFFERENCE_WIDTHS * mean(trajectories.scales[o].iter().map(|s| f64::from(*s)));
+        let nudged = |k: usize| {
+            let amounts: [f64; 6] = std::array::from_fn(|j| if j == k { difference } else { 0.0 });
+            alone(trajectories, o, near.then(Pose::small(&amounts, size)))
+        };
+        let nudged: Vec<Trajectories> = (0..6).map(nudged).collect();
         let only = FrameSelection { first: o, end: o + 1, pooling };
-        for _ in 0..STEPS {
-            let nudged = |k: usize| {
-                let amounts: [f64; 6] = std::array::from_fn(|j| if j == k { step } else { 0.0 });
-                alone(trajectories, o, pose.then(Pose::small(&amounts, size)))
-            };
-            let nudged: Vec<Trajectories> = (0..6).map(nudged).collect();
-            let blocks = self.objective.blocks(&alone(trajectories, o, pose), &nudged, &[step; 6], &only);
-            let normal = Normal::sum(&blocks, self.objective.weights, 6);
-            // By the mean curvature: what no picture tells, as the turn of a ball, stays.
-            let damping = FIRST_DAMPING * normal.hessian.trace() / 6.0 + f64::MIN_POSITIVE;
-            let found = damped_step(&normal.hessian, &normal.gradient, |_| damping);
-            let Some(found) = found.filter(|found| found.iter().all(|s| s.is_finite())) else { break };
-            pose = pose.then(Pose::small(found.as_slice(), size));
-        }
-        pose
+        let blocks = self.objective.blocks(&alone(trajectories, o, near), &nudged, &[difference; 6], &only);
+        let normal = Normal::sum(&blocks, self.objective.weights, 6);
+        // By the mean curvature: what no picture tells, as the turn of a ball, stays.
+        let damping = FIRST_DAMPING * normal.hessian.trace() / 6.0 + f64::MIN_POSITIVE;
+        let found = damped_step(&normal.hessian, &normal.gradient, |_| damping);
+        let found = found.filter(|found| found.iter().all(|s| s.is_finite()));
+        found.map_or(near, |found| near.then(Pose::small(found.as_slice(), size)))
     }
 }
 
@@ -216,7 +218,9 @@ mod tests {
         for (o, found) in posed(&shown, given.clone()).iter().enumerate() {
             let (before, after) = (root_mean_square(&given[o], &shown[o]), root_mean_square(found, &shown[o]));
             println!("{o}: {:.2} mm, {:.2} mm before", 1e3 * after, 1e3 * before);
-            assert!(after < 0.05 * before + 2e-4, "{o}: {after} of {before}");
+            // At first nothing says how fast they grow.
+            let most = if o < 3 { 0.4 } else { 0.01 };
+            assert!(after <= most * before + 1e-4, "{o}: {after} of {before}");
         }
     }
 
