@@ -161,6 +161,9 @@ pub struct ShapeTuning {
     /// What the functionals leave is sought where a component moves the surface by at least this, root mean square of
     /// its standard deviation [particle spacings]. Budget: one rollout each.
     pub least_displacement_spacings: f64,
+    /// At most so many components are sought, those that move the surface most. Budget: a surface that is poorly known
+    /// all over has some hundred.
+    pub most_components: usize,
 }
 
 impl Default for ShapeTuning {
@@ -172,6 +175,7 @@ impl Default for ShapeTuning {
             correlation_length_spacings: 3.0,
             anchor_spacing_spacings: 2.5,
             least_displacement_spacings: 0.015,
+            most_components: 48,
         }
     }
 }

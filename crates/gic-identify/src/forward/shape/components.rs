@@ -42,7 +42,8 @@ pub(crate) fn components(anchors: &[Anchor], up: DVec3, scale: Scale) -> Vec<DVe
     let left = components.iter().fold(covariance, |left, component| left - component * component.transpose());
     let least = (scale.tuning.least_displacement_spacings * scale.spacing).powi(2) * anchors.len() as f64;
     let others = falling(left.symmetric_eigen()).into_iter().take_while(|(variance, _)| *variance > least);
-    components.extend(others.map(|(variance, direction)| direction * variance.sqrt()));
+    let room = scale.tuning.most_components.saturating_sub(components.len());
+    components.extend(others.take(room).map(|(variance, direction)| direction * variance.sqrt()));
     components
 }
 

@@ -262,7 +262,8 @@ mod tests {
         let input = ball();
         let anchors = anchors_of(&input);
         let count = |least_displacement_spacings: f64| {
-            let tuning = ShapeTuning { least_displacement_spacings, ..ShapeTuning::default() };
+            let most_components = usize::MAX;
+            let tuning = ShapeTuning { least_displacement_spacings, most_components, ..ShapeTuning::default() };
             let scale = Scale::of(&input, &tuning);
             let components = components(&anchors, DVec3::Y, scale);
             let left = components.iter().fold(covariance(&anchors, scale), |left, c| left - c * c.transpose());
@@ -273,6 +274,20 @@ mod tests {
         let counts = [0.0, ShapeTuning::default().least_displacement_spacings, 0.05, 1.0].map(count);
         println!("{counts:?} of {} anchors", anchors.len());
         assert!(counts.is_sorted_by(|a, b| a > b) && counts[3] <= 15, "{counts:?}");
+    }
+
+    /// Those that move the surface most.
+    #[test]
+    fn no_more_components_are_sought_than_the_budget_allows() {
+        let input = ball();
+        let anchors = anchors_of(&input);
+        let sought = |most_components: usize| {
+            let tuning = ShapeTuning { least_displacement_spacings: 0.0, most_components, ..ShapeTuning::default() };
+            components(&anchors, DVec3::Y, Scale::of(&input, &tuning))
+        };
+        let (few, all) = (sought(20), sought(usize::MAX));
+        assert!(few.len() == 20 && all.len() > 20, "{} of {}", few.len(), all.len());
+        assert_eq!(few, all[..20]);
     }
 
     #[test]
