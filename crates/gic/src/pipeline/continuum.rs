@@ -120,7 +120,7 @@ impl Run<'_> {
     /// # Errors
     /// Those of filling.
     pub fn drawing(&self, continuum: &Continuum) -> Result<(Drawing, Appearance)> {
-        let filling = if continuum.refined.is_some() { self.refined_filling()? } else { self.first_filling()? };
+        let filling = if continuum.refined.is_some() { self.refined_filling()? } else { self.filling()? };
         let tuning = &self.config.fill.tuning.particles;
         let spacing = tuning.drawing_spacing * continuum.particles.spacing;
         let drawing = Drawing::new(&filling, &continuum.particles, spacing, tuning).map_err(Error::filling(0))?;

@@ -3,14 +3,15 @@
 use std::path::Path;
 
 use gic_continuum::{
-    Agreement, Appearance, FillSettings, Filling, ParticleTuning, Particles, Tuning, calibrate, compare_with_masks,
-    sample_particles, sample_points,
+    Agreement, Appearance, Filling, ParticleTuning, Particles, Tuning, calibrate, compare_with_masks, sample_particles,
+    sample_points,
 };
 use gic_scene::{Camera, Hull, HullSettings, HullView, Mask};
 use gic_twin::atomic;
 use gic_twin::matter::write_particles;
 
 use super::continuum::{filling_file, surface_file};
+use super::field::{FIELD_FILE, FieldGrid, write_field};
 use super::fill_input::FillInput;
 use super::fill_summary::{FillSummary, FrameFilling};
 use super::frame_filler::FrameFiller;
@@ -25,18 +26,20 @@ struct FirstBody {
     drawn: Appearance,
     mask_iou: Vec<f64>,
     thin_share: f64,
+    field: FieldGrid,
 }
 
 impl Run<'_> {
     pub(super) fn fill(&self) -> Result<()> {
         let input = self.fill_input()?;
-        let (size, mut settings) = self.fill_settings(&input)?;
+        let (size, pixel) = size_and_pixel(&input)?;
+        let mut settings = self.config.fill.for_body((size, pixel), self.scene.world.ground);
         let mut spacing = self.config.fill.particle_spacing_m;
         for folder in ["surface", "filling"] {
             atomic::create_folder(&self.path(folder))?;
         }
         let mut frames = Vec::new();
-        let (mut first, mut filler) = (None::<FirstBody>, self.frame_filler());
+        let (mut first, mut filler) = (None::<FirstBody>, FrameFiller::new(self.config.fill.symmetry));
         let count = input.frames();
         for (frame, &time_s) in input.scene.times[..count].iter().enumerate() {
             self.check_interrupt(Stage::Fill)?;
@@ -74,12 +77,14 @@ impl Run<'_> {
             if frame == 0 {
                 let appearance = calibrate(&particles, &views, tuning).map_err(Error::filling(frame))?;
                 let thin_share = thin_share(&filling, &particles, tuning);
-                first = Some(FirstBody { particles, appearance, drawn, mask_iou: ious, thin_share });
+                write_field(&self.path("filling").join(FIELD_FILE), &filling)?;
+                let field = FieldGrid::of(&filling.field);
+                first = Some(FirstBody { particles, appearance, drawn, mask_iou: ious, thin_share, field });
                 // More is seen of a body in the air than of one on the ground.
                 settings.volume = Some(volume_m3);
             }
         }
-        let Some(FirstBody { particles, appearance, drawn, mask_iou, thin_share }) = first else {
+        let Some(FirstBody { particles, appearance, drawn, mask_iou, thin_share, field }) = first else {
             return Err(Error::Usage { problem: "the scene has no frames".into(), hint: None });
         };
         write_body(&self.path("continuum.ply"), &particles)?;
@@ -109,6 +114,7 @@ impl Run<'_> {
             mask_iou,
             mirror_planes: planes.to_vec(),
             is_by_outlines: filler.is_by_outlines(),
+            field,
             frames,
         };
         Ok(atomic::write_json(&self.path("fill.json"), &summary)?)
@@ -122,24 +128,6 @@ impl Run<'_> {
         let text = format!("object {size:.3} m, finest voxels {voxels:.2} mm, particles {:.2} mm apart", 1e3 * spacing);
         self.events.note(Stage::Fill.name(), text);
         spacing
-    }
-
-    /// Fills the first frame again.
-    pub(super) fn first_filling(&self) -> Result<Filling> {
-        let input = self.fill_input()?;
-        let masks = input.masks(0)?;
-        let (_, settings) = self.fill_settings(&input)?;
-        self.frame_filler().next(&input, 0, &input.masked_views(0, &masks), &settings)
-    }
-
-    fn frame_filler(&self) -> FrameFiller {
-        FrameFiller::new(self.config.fill.symmetry)
-    }
-
-    /// The largest side of the object at the first frame [m], and how it is filled.
-    fn fill_settings(&self, input: &FillInput) -> Result<(f64, FillSettings)> {
-        let (size, pixel) = size_and_pixel(input)?;
-        Ok((size, self.config.fill.for_body((size, pixel), self.scene.world.ground)))
     }
 
     /// The masks of a frame, in the order of its views.

@@ -3,6 +3,8 @@
 use gic_continuum::MirrorPlane;
 use serde::{Deserialize, Serialize};
 
+use super::FieldGrid;
+
 /// What filling found of a video.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FillSummary {
@@ -39,6 +41,8 @@ pub struct FillSummary {
     /// then the surfaces of other frames are poorly known.
     #[serde(default)]
     pub is_by_outlines: bool,
+    /// The voxels of the body at the first frame.
+    pub field: FieldGrid,
     /// Every frame.
     pub frames: Vec<FrameFilling>,
 }

@@ -9,6 +9,7 @@
 mod appearance;
 mod clock;
 mod continuum;
+mod field;
 mod fill;
 mod fill_input;
 mod fill_summary;
@@ -46,6 +47,7 @@ pub(crate) use continuum::filling_file;
 #[cfg(feature = "rerun")]
 pub(crate) use continuum::surface_file;
 pub use continuum::{Continuum, Surface};
+pub use field::FieldGrid;
 pub use fill_summary::{FillSummary, FrameFilling};
 pub use identify_record::{EstimateRecord, GroundRecord, IdentifyRecord, StepRecord};
 pub(crate) use predict::{moment_file, prediction_file};

@@ -14,14 +14,12 @@ use gic_continuum::{
     AcrossTime, Filling, Moment, MomentView, Symmetry, calibrate, compare_with_masks, sample_particles,
 };
 use gic_files::FileError;
-use gic_geometry::DensityField;
 use gic_identify::{Estimates, Input, Settings, Stage as IdentifyStage, Start};
 use gic_scene::View;
 use gic_twin::atomic;
-use gic_twin::matter::{read_particles, write_particles};
-use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::field::{FIELD_FILE, FieldGrid, write_field};
 use super::fill::{mean_overlap, overlaps, thin_share, write_body};
 use super::identify::{motion_of, of_everything};
 use super::stage::REFINED;
@@ -42,12 +40,6 @@ pub(super) struct RefineRecord {
     /// How its surface was settled.
     #[serde(flatten)]
     pub(super) settled: AcrossTime,
-    /// Lower corner of the field's first voxel [m].
-    pub(super) field_origin_m: [f64; 3],
-    /// Voxels of the field along x, y, z.
-    pub(super) field_size: [usize; 3],
-    /// Side of a voxel [m].
-    pub(super) field_spacing_m: f64,
     /// What filling found, of the refined body.
     pub(super) summary: FillSummary,
 }
@@ -87,7 +79,7 @@ impl Run<'_> {
         }
         recipe.write(&begun)?;
         atomic::create_folder(&self.path(REFINED))?;
-        let (mut filling, surroundings) = (self.first_filling()?, self.surroundings()?);
+        let (mut filling, surroundings) = (self.filling()?, self.surroundings()?);
         let identify = &self.config.identify;
         let stages = IdentifyStage::Search..=IdentifyStage::Material;
         let mut settings = Settings { stages, ..identify.clone() };
@@ -214,9 +206,6 @@ impl Run<'_> {
         let record = RefineRecord {
             minima: found.minima.clone(),
             settled,
-            field_origin_m: filling.field.origin.into(),
-            field_size: filling.field.size,
-            field_spacing_m: filling.field.spacing,
             summary: FillSummary {
                 particle_volume_m3: particles.volume,
                 particles: particles.positions.len(),
@@ -226,49 +215,16 @@ impl Run<'_> {
                 splat_opacity: appearance.opacity,
                 drawing_scale: drawn.scale,
                 mask_iou,
+                field: FieldGrid::of(&filling.field),
                 frames,
                 ..before.clone()
             },
         };
         let folder = self.path(REFINED);
         write_body(&folder.join("continuum.ply"), &particles)?;
-        self.write_field(&folder.join("field.ply"), filling)?;
+        write_field(&folder.join(FIELD_FILE), filling)?;
         atomic::write_json(&folder.join("refine.json"), &record)?;
         Ok(record)
-    }
-
-    /// The voxels of a field that are not empty.
-    fn write_field(&self, path: &Path, filling: &Filling) -> Result<()> {
-        let field = &filling.field;
-        let full: Vec<usize> = (0..field.len()).filter(|i| field.values[*i] > 0.0).collect();
-        let rows = full.into_iter().map(|i| {
-            let [x, y, z] = field.centre(field.voxel(i)).as_vec3().to_array();
-            [x, y, z, field.values[i], filling.doubt.get(i).copied().unwrap_or(0.0)]
-        });
-        Ok(write_particles(path, ["x", "y", "z", "density", "doubt"], rows)?)
-    }
-
-    /// The refined body.
-    pub(super) fn refined_filling(&self) -> Result<Filling> {
-        let record = self.refined()?;
-        let ply = read_particles(&self.path(REFINED).join("field.ply"))?;
-        let voxels = record.field_size.iter().product();
-        let mut field = DensityField {
-            origin: DVec3::from(record.field_origin_m),
-            spacing: record.field_spacing_m,
-            size: record.field_size,
-            values: vec![0.0; voxels],
-        };
-        let mut doubt = vec![0.0; voxels];
-        for (i, position) in ply.positions.iter().enumerate() {
-            if let Some(voxel) = field.discretize(*position) {
-                field.values[voxel] = ply.densities[i];
-                doubt[voxel] = ply.doubts[i];
-            }
-        }
-        let first = record.summary.frames.first();
-        let (gaussians_used, views_used) = first.map_or((0, 0), |first| (first.gaussians, first.views));
-        Ok(Filling { field, doubt, th_min: self.config.fill.th_min, gaussians_used, views_used })
     }
 
     /// The result of refinement.
