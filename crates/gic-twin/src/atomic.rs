@@ -53,5 +53,10 @@ pub fn read_json<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T> {
         }),
         _ => TwinError::read(path)(source),
     })?;
-    Ok(serde_json::from_str(&text).map_err(FileError::syntax(path, "a stage's result"))?)
+    let parsed = serde_json::from_str(&text).map_err(|error| FileError::Content {
+        path: path.to_owned(),
+        problem: format!("is not what this version writes there: {error}"),
+        hint: Some("if another version wrote it, run the command again into a new folder".into()),
+    });
+    Ok(parsed?)
 }
