@@ -173,6 +173,11 @@ pub struct Settings {
     #[cfg_attr(feature = "cli", arg(skip = Settings::default().stages))]
     #[serde(skip)]
     pub stages: RangeInclusive<Stage>,
+    /// Whether a shift and a turn at each observation after contact are free while the material is sought alone: it is
+    /// then told by the deformation, which hangs less on a shape that is known in part only.
+    #[cfg_attr(feature = "cli", arg(skip))]
+    #[serde(skip)]
+    pub free_poses: bool,
     /// Every tuned number; a file says only what differs from the default.
     #[cfg_attr(feature = "cli", arg(skip))]
     #[serde(skip_serializing_if = "Tuning::is_default")]
@@ -199,6 +204,7 @@ impl Default for Settings {
             iterations: 50,
             frames: None,
             stages: Stage::Search..=Stage::Intervals,
+            free_poses: false,
             tuning: Tuning::default(),
         }
     }

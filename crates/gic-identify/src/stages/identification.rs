@@ -10,7 +10,6 @@ use crate::forward::simulation::{Resolution, RolloutCounts, Simulation};
 use crate::forward::splat_widths::SplatWidths;
 use crate::forward::trajectories::{ForwardModel, FrameSelection};
 use crate::observe::video::ObservedVideo;
-use crate::result::Stage;
 use crate::session::Session;
 use crate::solve::objective::Objective;
 use crate::solve::posed::Posed;
@@ -164,11 +163,10 @@ impl<'a> Identification<'a> {
         }
     }
 
-    /// The motion by which the material alone is fitted. Where that is the last stage, it is to settle the shape, which
-    /// is known in part only: then poses are free from the end of free flight on. Else all are the simulation's.
+    /// The motion by which the material alone is fitted. Free poses begin at the end of free flight.
     pub(crate) fn posed<'b>(&self, model: &'b dyn ForwardModel, objective: Objective<'b>) -> Posed<'b> {
-        let is_last = *self.settings.stages.end() == Stage::Material;
-        Posed { model, objective, first: if is_last { self.flight.free } else { self.video.frames.len() } }
+        let first = if self.settings.free_poses { self.flight.free } else { self.video.frames.len() };
+        Posed { model, objective, first }
     }
 
     /// Free flight as a forward model.

@@ -1,5 +1,5 @@
-//! Stage 3: the minima of the material, with the motion of free flight. Where the shape is yet to be settled, poses are
-//! free ([`Posed`]).
+//! Stage 3: the minima of the material, with the motion of free flight, and with free poses where these are asked for
+//! ([`Posed`]).
 //!
 //! The cost has several local minima. The material alone is fitted, in the world and on the cells that are given: far
 //! from the best fit, these make up for what the material and the shape lack, and lead away. A step from each start

@@ -2,7 +2,7 @@
 //!
 //! All points of a grid over the parameters' ranges are simulated on a coarse grid with fewer particles. That one is
 //! biased, so that the cheapest, and starts that were given, compete again on the full grid. Without a search those
-//! that were given are all. Where the shape is yet to be settled, poses are free ([`Identification::posed`]).
+//! that were given are all. Where poses are free, each motion has those that fit best ([`Identification::posed`]).
 
 use glam::DVec3;
 

@@ -29,8 +29,9 @@ use super::{Continuum, FillSummary, Run, Stage};
 use crate::config::Config;
 use crate::error::{Error, Result};
 
-/// At most so many fits of the material, each with the surface that its motion settles. Budget.
-const ALTERNATIONS: usize = 3;
+/// At most so many fits of the material, each with the surface that its motion settles. Budget: a thin body that three
+/// cameras see is settled after five.
+const ALTERNATIONS: usize = 8;
 
 /// `refined/refine.json`: how the body was settled.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -82,7 +83,7 @@ impl Run<'_> {
         let (mut filling, surroundings) = (self.filling()?, self.surroundings()?);
         let identify = &self.config.identify;
         let stages = IdentifyStage::Search..=IdentifyStage::Material;
-        let mut settings = Settings { stages, ..identify.clone() };
+        let mut settings = Settings { stages, free_poses: true, ..identify.clone() };
         let flight = Settings { stages: IdentifyStage::Velocity..=IdentifyStage::Velocity, ..settings.clone() };
         let mut off_m = f64::INFINITY;
         self.refine_once((&self.filled(self.model()?)?, &mut filling, off_m), &surroundings, &flight, &checkpoints[0])?;
