@@ -65,7 +65,7 @@ impl Silhouette {
     /// pixel is at least as far.
     pub(super) fn outward_px(&self, pixel: DVec2) -> f64 {
         let signed = |x: usize, y: usize| {
-            let (is_inside, distance) = self.from_edge(x, y);
+            let (is_inside, distance) = self.edge_distance(x, y);
             f64::from(if is_inside { 0.5 - distance } else { distance - 0.5 }) / FINENESS as f64
         };
         let fine = self.window.fine(pixel).max(DVec2::ZERO);
@@ -75,7 +75,7 @@ impl Silhouette {
     }
 
     /// Whether a fine pixel is inside, and how far it is from the nearest that is not as it is, or [`REACH`].
-    fn from_edge(&self, x: usize, y: usize) -> (bool, f32) {
+    fn edge_distance(&self, x: usize, y: usize) -> (bool, f32) {
         let height = self.inside.len() / self.width;
         let (x, y) = (x.min(self.width - 1), y.min(height - 1));
         let is_inside = self.inside[y * self.width + x];
