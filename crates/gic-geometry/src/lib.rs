@@ -11,6 +11,7 @@ mod mesh_files;
 mod neighbours;
 mod outward_normals;
 mod plane;
+mod pose;
 mod surroundings;
 mod tetrahedra;
 mod triangle_mesh;
@@ -26,6 +27,7 @@ pub use mesh_files::{MeshNotes, write_mesh_ply, write_msh, write_obj, write_stl}
 pub use neighbours::Neighbours;
 pub use outward_normals::outward_normals;
 pub use plane::Plane;
+pub use pose::Pose;
 pub use surroundings::{Surroundings, densities, offsets};
 pub use tetrahedra::{TetMesh, tetrahedra};
 pub use triangle_mesh::{SurfacePoint, TriangleMesh};

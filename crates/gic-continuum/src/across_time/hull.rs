@@ -7,11 +7,12 @@
 //! A thin part may move otherwise than the motion has it. It is in the masks of the flight, whose motion is known, and
 //! nothing else covers them there: that stays.
 
+use gic_geometry::Pose;
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::tracked::{Anchors, deformation};
-use super::{Observed, Pose, SeenMoment};
+use super::{Observed, SeenMoment};
 use crate::Filling;
 
 /// What the motion carries out of a mask by so many standard deviations of its error is empty. Derived: of Gaussian

@@ -1,10 +1,10 @@
 //! The pose of each moment, by its outlines.
 
-use glam::{DMat3, DQuat, DVec3};
+use gic_geometry::Pose;
+use glam::DVec3;
 use nalgebra::{Matrix6, Vector6};
 
 use super::contour::{ContourPoint, MomentOutlines, deviation};
-use super::pose::Pose;
 use super::tracked::CarriedSurface;
 use super::{Moment, SeenMoment};
 
@@ -65,8 +65,6 @@ fn step(pose: &mut Pose, contour: &[ContourPoint], deviation: f64, centre: DVec3
     let damping = 1e-3 * normal.trace() / 6.0;
     let step = (normal + Matrix6::identity() * damping).cholesky().map(|factor| factor.solve(&right));
     let Some(step) = step.filter(|step| step.iter().all(|s| s.is_finite())) else { return 0.0 };
-    pose.shift += DVec3::new(step[0], step[1], step[2]);
-    let turn = DVec3::new(step[3], step[4], step[5]) / size;
-    pose.turn = DMat3::from_quat(DQuat::from_scaled_axis(turn)) * pose.turn;
+    *pose = pose.then(Pose::small(step.into(), size));
     step.norm()
 }

@@ -4,12 +4,10 @@
 //! squares: Schaefer, McPhail & Warren 2006): `F = sum w b a^T (sum w a a^T)^-1`, where `a` and `b` are the particles'
 //! positions before and after, from their weighted means.
 
-use gic_geometry::{Neighbours, TriangleMesh};
+use gic_geometry::{Neighbours, Pose, TriangleMesh};
 use glam::{DMat3, DVec3};
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
-
-use super::pose::Pose;
 
 /// Particles that tell how a place moves. Derived: those of the 2x2x2 cells of the grid around it, which is what a
 /// simulated motion can vary by.

@@ -7,8 +7,9 @@
 //! least-squares fit (variable projection: Golub & Pereyra 1973): one step of Gauss-Newton's method from where the two
 //! observations before lead, which is near, so that the pose is a smooth function of the motion.
 
+use gic_geometry::Pose;
 use gic_optimize::{FIRST_DAMPING, damped_step};
-use glam::{DMat3, DQuat, DVec3};
+use glam::DVec3;
 
 use crate::FitError;
 use crate::forward::trajectories::{ForwardModel, FrameSelection, Trajectories};
@@ -27,49 +28,15 @@ pub(crate) struct Posed<'a> {
     pub first: usize,
 }
 
-/// A turn about the body's centre, and a shift [m].
-#[derive(Clone, Copy)]
-struct Pose {
-    turn: DMat3,
-    shift: DVec3,
-}
-
-impl Pose {
-    const NONE: Pose = Pose { turn: DMat3::IDENTITY, shift: DVec3::ZERO };
-
-    /// A small one: a shift [m], and a turn that moves places `size` [m] from the centre by as much as it says [m].
-    fn small(amounts: &[f64], size: f64) -> Pose {
-        let [x, y, z, turn_x, turn_y, turn_z] = std::array::from_fn(|k| amounts[k]);
-        let turn = DVec3::new(turn_x, turn_y, turn_z) / size;
-        Pose { turn: DMat3::from_quat(DQuat::from_scaled_axis(turn)), shift: DVec3::new(x, y, z) }
-    }
-
-    /// Where a pose that was `before` at one observation and is this one at the next goes.
-    fn onwards(self, before: Pose) -> Pose {
-        let turn = self.turn * before.turn.transpose();
-        Pose { turn: turn * self.turn, shift: 2.0 * self.shift - before.shift }
-    }
-
-    /// This one first, then `next`.
-    fn then(self, next: Pose) -> Pose {
-        Pose { turn: next.turn * self.turn, shift: self.shift + next.shift }
-    }
-
-    fn of(self, positions: &[[f32; 3]], centre: DVec3) -> Vec<[f32; 3]> {
-        let moved = |p: &[f32; 3]| centre + self.turn * (DVec3::from(p.map(f64::from)) - centre) + self.shift;
-        positions.iter().map(|p| moved(p).as_vec3().to_array()).collect()
-    }
-}
-
 impl ForwardModel for Posed<'_> {
     fn trajectories(&self, state: &State, selection: &FrameSelection) -> Result<Trajectories, FitError> {
         let mut trajectories = self.model.trajectories(state, selection)?;
-        let (mut before, mut pose) = (Pose::NONE, Pose::NONE);
+        let (mut before, mut pose) = (Pose::default(), Pose::default());
         for o in selection.first.max(self.first)..selection.end.min(trajectories.positions.len()) {
             let near = pose.onwards(before);
             (before, pose) = (pose, self.step(&trajectories, (o, selection.pooling), near));
             let positions = &mut trajectories.positions[o];
-            *positions = pose.of(positions, centre(positions));
+            *positions = placed(positions, pose);
         }
         Ok(trajectories)
     }
@@ -82,7 +49,7 @@ impl Posed<'_> {
         let difference = DIFFERENCE_WIDTHS * mean(trajectories.scales[o].iter().map(|s| f64::from(*s)));
         let nudged = |k: usize| {
             let amounts: [f64; 6] = std::array::from_fn(|j| if j == k { difference } else { 0.0 });
-            alone(trajectories, o, near.then(Pose::small(&amounts, size)))
+            alone(trajectories, o, near.then(Pose::small(amounts, size)))
         };
         let nudged: Vec<Trajectories> = (0..6).map(nudged).collect();
         let only = FrameSelection { first: o, end: o + 1, pooling };
@@ -92,7 +59,7 @@ impl Posed<'_> {
         let damping = FIRST_DAMPING * normal.hessian.trace() / 6.0 + f64::MIN_POSITIVE;
         let found = damped_step(&normal.hessian, &normal.gradient, |_| damping);
         let found = found.filter(|found| found.iter().all(|s| s.is_finite()));
-        found.map_or(near, |found| near.then(Pose::small(found.as_slice(), size)))
+        found.map_or(near, |found| near.then(Pose::small(std::array::from_fn(|k| found[k]), size)))
     }
 }
 
@@ -105,9 +72,15 @@ fn alone(trajectories: &Trajectories, o: usize, pose: Pose) -> Trajectories {
         splat_factor: trajectories.splat_factor,
         outward_displacements: trajectories.outward_displacements.clone(),
     };
-    alone.positions[o] = pose.of(positions, centre(positions));
+    alone.positions[o] = placed(positions, pose);
     alone.scales[o].clone_from(&trajectories.scales[o]);
     alone
+}
+
+/// A body at a pose.
+fn placed(positions: &[[f32; 3]], pose: Pose) -> Vec<[f32; 3]> {
+    let centre = centre(positions);
+    positions.iter().map(|p| pose.moved(DVec3::from(p.map(f64::from)), centre).as_vec3().to_array()).collect()
 }
 
 fn centre(positions: &[[f32; 3]]) -> DVec3 {
@@ -129,7 +102,7 @@ fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use gic_scene::Camera;
-    use glam::DVec2;
+    use glam::{DMat3, DVec2};
     use proptest::prelude::*;
 
     use super::*;
@@ -198,10 +171,9 @@ mod tests {
     }
 
     /// The body, stretched along y by a factor, then at a pose.
-    fn placed(pose: Pose, stretch: f64) -> Vec<[f32; 3]> {
+    fn stretched(stretch: f64, pose: Pose) -> Vec<[f32; 3]> {
         let stretched = |p: DVec3| (p * DVec3::new(1.0, stretch, 1.0)).as_vec3().to_array();
-        let all: Vec<[f32; 3]> = body().into_iter().map(stretched).collect();
-        pose.of(&all, centre(&all))
+        placed(&body().into_iter().map(stretched).collect::<Vec<_>>(), pose)
     }
 
     fn root_mean_square(a: &[[f32; 3]], b: &[[f32; 3]]) -> f64 {
@@ -212,9 +184,9 @@ mod tests {
     /// A drift and a turn that grow, as those of a wrong shape do: up to a fifth of the body's length and 17 degrees.
     #[test]
     fn a_drift_and_a_turn_are_taken_back() {
-        let drift = |o: usize| Pose::small(&[2.0, -1.5, 1.0, 1.5, 2.5, -2.0].map(|a| 0.002 * a * o as f64), 0.05);
-        let shown: Vec<_> = (0..6).map(|_| placed(Pose::NONE, 1.0)).collect();
-        let given: Vec<_> = (0..6).map(|o| placed(drift(o), 1.0)).collect();
+        let drift = |o: usize| Pose::small([2.0, -1.5, 1.0, 1.5, 2.5, -2.0].map(|a| 0.002 * a * o as f64), 0.05);
+        let shown: Vec<_> = (0..6).map(|_| stretched(1.0, Pose::default())).collect();
+        let given: Vec<_> = (0..6).map(|o| stretched(1.0, drift(o))).collect();
         for (o, found) in posed(&shown, given.clone()).iter().enumerate() {
             let (before, after) = (root_mean_square(&given[o], &shown[o]), root_mean_square(found, &shown[o]));
             println!("{o}: {:.2} mm, {:.2} mm before", 1e3 * after, 1e3 * before);
@@ -231,8 +203,8 @@ mod tests {
             amounts in prop::array::uniform6(-0.01f64..0.01),
             stretch in 0.9f64..1.1,
         ) {
-            let given = placed(Pose::small(&amounts, 0.05), stretch);
-            let found = &posed(&[placed(Pose::NONE, 1.0)], vec![given.clone()])[0];
+            let given = stretched(stretch, Pose::small(amounts, 0.05));
+            let found = &posed(&[stretched(1.0, Pose::default())], vec![given.clone()])[0];
             let apart = |positions: &[[f32; 3]], i: usize| {
                 glam::Vec3::from(positions[i]).distance(positions[positions.len() - 1 - i].into())
             };
