@@ -1,5 +1,6 @@
 //! How far a hypothesis is from the video, and how a better one is found.
 
+pub(crate) mod compared_view;
 pub(crate) mod levenberg_marquardt;
 pub(crate) mod linearisation;
 pub(crate) mod loss;

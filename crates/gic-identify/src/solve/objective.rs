@@ -2,11 +2,10 @@
 
 use rayon::prelude::*;
 
-use crate::forward::outline_window::outline_window;
-use crate::forward::silhouette::coverage;
 use crate::forward::trajectories::{FrameSelection, Trajectories};
-use crate::observe::mask_view::{MaskView, pool};
+use crate::observe::mask_view::MaskView;
 use crate::observe::video::{ObservedFrame, ObservedVideo};
+use crate::solve::compared_view::ComparedView;
 use crate::solve::normal_equations::Normal;
 use crate::solve::residual_block::{Modality, ResidualBlock, Weights};
 use crate::solve::surface_residuals::SurfaceComparison;
@@ -57,22 +56,15 @@ impl Objective<'_> {
         steps: &[f64],
         pooling: usize,
     ) -> ResidualBlock {
-        // Outside of this window neither the particles nor the mask are, and a step of the finite differences moves
-        // nothing into it by a pixel, so that it only saves time.
-        let window = outline_window(view, base.gaussians(o, self.opacities), pooling);
-        let camera = &window.camera(&view.camera);
-        let draw = |trajectories: &Trajectories| {
-            let full = coverage(trajectories.gaussians(o, self.opacities), camera);
-            pool(&full, camera.width, camera.height, pooling)
-        };
-        let observed = pool(&window.cut(&view.mask, view.camera.width), camera.width, camera.height, pooling);
+        let compared = ComparedView::new(view, base.gaussians(o, self.opacities), pooling);
+        let draw = |trajectories: &Trajectories| compared.drawn(trajectories.gaussians(o, self.opacities));
         let reference = draw(base);
         let moved: Vec<Vec<f32>> = perturbed.iter().map(draw).collect();
         let mut block = ResidualBlock::new(Modality::Mask, o, Some(view.camera_index), steps.len());
         let mut row = vec![0.0; steps.len()];
         // A pooled pixel stands for that many working pixels.
         let weight = (pooling * pooling) as f64;
-        for (i, (a, m)) in reference.iter().zip(&observed).enumerate() {
+        for (i, (a, m)) in reference.iter().zip(&compared.observed).enumerate() {
             let residual = f64::from(a - m);
             let mut touched = residual != 0.0;
             for ((slot, image), step) in row.iter_mut().zip(&moved).zip(steps) {

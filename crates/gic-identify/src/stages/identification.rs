@@ -166,7 +166,7 @@ impl<'a> Identification<'a> {
     /// The motion by which the material alone is fitted. Free poses begin at the end of free flight.
     pub(crate) fn posed<'b>(&self, model: &'b dyn ForwardModel, objective: Objective<'b>) -> Posed<'b> {
         let first = if self.settings.free_poses { self.flight.free } else { self.video.frames.len() };
-        Posed { model, objective, first }
+        Posed { model, video: objective.video, opacities: objective.opacities, first }
     }
 
     /// Free flight as a forward model.
