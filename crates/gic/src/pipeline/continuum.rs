@@ -118,7 +118,7 @@ impl Run<'_> {
     /// The finer points to draw the continuum with, and how they are drawn.
     ///
     /// # Errors
-    /// Those of filling.
+    /// A missing or damaged file, and a body that cannot be sampled.
     pub fn drawing(&self, continuum: &Continuum) -> Result<(Drawing, Appearance)> {
         let filling = if continuum.refined.is_some() { self.refined_filling()? } else { self.filling()? };
         let tuning = &self.config.fill.tuning.particles;
