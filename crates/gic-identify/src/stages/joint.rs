@@ -3,7 +3,8 @@
 //! Errors of free flight and of the shape then do not bias the material, and the intervals know of them. The fit starts
 //! from the best minimum of the material, with blurred masks, in which steps reach further. That is all that carries a
 //! body on. Where intervals are wanted, it goes on to sharp masks and looks at the other minima of the material, too:
-//! with the body as it is now one of them may explain the video better.
+//! with the body as it is now one of them may explain the video better. They are fitted roughly, for all but the best
+//! only tell what the video leaves open: each is taken to cost what its quadratic model promises.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -16,7 +17,7 @@ use crate::forward::trajectories::FrameSelection;
 use crate::result::Stage;
 use crate::session::Session;
 use crate::settings::Optimizer;
-use crate::solve::levenberg_marquardt::Limits;
+use crate::solve::levenberg_marquardt::{Fit, Limits};
 use crate::solve::linearisation::Linearisation;
 use crate::solve::prior::Prior;
 use crate::solve::problem::Problem;
@@ -78,15 +79,28 @@ fn fit(
     let weights = noise_weights(identification, session, &sharp, (&rough.state, &mut here))?;
     let sharp = sharp.weighted_by(&weights);
     // The cost is in units of chi-squared: what matters is the absolute gain.
-    let limits = Limits::to_the_end(iterations, tuning.joint.least_gain);
-    let fit = session.minimise(Stage::Joint, &sharp, (rough.state, Some(here)), limits, &|_| false)?;
+    let to_the_end = Limits::to_the_end(iterations, tuning.joint.least_gain);
+    let fit = session.minimise(Stage::Joint, &sharp, (rough.state, Some(here)), to_the_end, &|_| false)?;
+    let cost = fit.cost;
     let mut minima = Minima::new(Stage::Joint, &sharp, limits);
     minima.keep(fit);
     look_at_others(session, &mut minima, (starts.as_slice(), &tuning.material))?;
     let mut fits = minima.into_fits().into_iter();
-    let best = fits.next().ok_or(FitError::NoIteration)?;
-    let others = fits.map(|other| (other.cost - best.cost, other.state)).collect();
+    let mut best = fits.next().ok_or(FitError::NoIteration)?;
+    if best.cost < cost {
+        let start = (best.state, Some(best.linearisation));
+        best = session.minimise(Stage::Joint, &sharp, start, to_the_end, &|_| false)?;
+    }
+    let others =
+        fits.map(|mut other| ((promised_cost(&sharp, &mut other) - best.cost).max(0.0), other.state)).collect();
     Ok((best.state, Some(best.linearisation).filter(Linearisation::is_fresh), others))
+}
+
+/// The cost at the end of a fit, less what its quadratic model promises to gain there yet.
+fn promised_cost(problem: &Problem, fit: &mut Fit) -> f64 {
+    let normal = problem.normal(fit.linearisation.blocks(problem), &fit.state);
+    let step = problem.step(&normal, &fit.state, 0.0, Vec::new());
+    fit.cost - step.map_or(0.0, |step| normal.predicted_decrease(step.as_slice()))
 }
 
 /// The weights of the noise at a state. Refinement's fits weigh anew from one to the next. An identification from
