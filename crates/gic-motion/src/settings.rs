@@ -241,7 +241,7 @@ impl Default for TrainSettings {
     fn default() -> Self {
         TrainSettings {
             held_out: Vec::new(),
-            steps: 1000,
+            steps: 850,
             warm_up_steps: 150,
             growth_steps: 0,
             affine_steps: 60,
