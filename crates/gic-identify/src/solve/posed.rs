@@ -55,6 +55,8 @@ struct Body<'a> {
     centre: DVec3,
     /// Root mean square distance from the centre [m].
     size: f64,
+    /// Step of the finite differences [m].
+    difference: f64,
 }
 
 impl Body<'_> {
@@ -62,15 +64,24 @@ impl Body<'_> {
         let points = || gaussians.positions.iter().map(|p| DVec3::from(p.map(f64::from)));
         let centre = points().sum::<DVec3>() / points().len().max(1) as f64;
         let size = mean(points().map(|p| p.distance_squared(centre))).sqrt().max(f64::MIN_POSITIVE);
-        Body { gaussians, centre, size }
+        let difference = DIFFERENCE_WIDTHS * mean(gaussians.scales.iter().map(|s| f64::from(*s)));
+        Body { gaussians, centre, size, difference }
     }
 
     /// The pose that `views` want, sought from `pose`.
     fn pose(&self, views: &[MaskView], pooling: usize, mut pose: Pose) -> Pose {
         for _ in 0..STEPS {
-            let views: Vec<LinearView> =
-                views.par_iter().map(|view| LinearView::new(self, view, pooling, pose)).collect();
-            let (hessian, gradient) = LinearView::sum(&views);
+            let here = self.placed(pose);
+            let nudged: [Vec<[f32; 3]>; 6] = std::array::from_fn(|k| {
+                let amounts = std::array::from_fn(|j| if j == k { self.difference } else { 0.0 });
+                self.placed(pose.then(Pose::small(amounts, self.size)))
+            });
+            let pulls: Vec<(Matrix6<f64>, Vector6<f64>)> =
+                views.par_iter().map(|view| self.pull(view, pooling, &here, &nudged)).collect();
+            let hessian: Matrix6<f64> = pulls.iter().map(|(hessian, _)| *hessian).sum();
+            let gradient: Vector6<f64> = pulls.iter().map(|(_, gradient)| *gradient).sum();
+            let hessian = DMatrix::from_column_slice(6, 6, hessian.as_slice());
+            let gradient = DVector::from_column_slice(gradient.as_slice());
             // By the mean curvature: what no picture tells, as the turn of a ball, stays.
             let damping = FIRST_DAMPING * hessian.trace() / 6.0 + f64::MIN_POSITIVE;
             let found = damped_step(&hessian, &gradient, |_| damping);
@@ -78,6 +89,29 @@ impl Body<'_> {
             pose = pose.then(Pose::small(std::array::from_fn(|k| found[k]), self.size));
         }
         pose
+    }
+
+    /// Of half the squared difference between a view's mask and the drawing of the particles `here` [m], the curvature
+    /// and the gradient by the amounts of [`Pose::small`], each of which moves them to where they are `nudged` [m].
+    fn pull(
+        &self,
+        view: &MaskView,
+        pooling: usize,
+        here: &[[f32; 3]],
+        nudged: &[Vec<[f32; 3]>; 6],
+    ) -> (Matrix6<f64>, Vector6<f64>) {
+        let compared = ComparedView::new(view, self.at(here), pooling);
+        let drawn = compared.drawn(self.at(here));
+        let nudged = nudged.each_ref().map(|positions| compared.drawn(self.at(positions)));
+        let (mut hessian, mut gradient) = (Matrix6::zeros(), Vector6::zeros());
+        for (i, (drawn, observed)) in drawn.iter().zip(&compared.observed).enumerate() {
+            let slope = Vector6::from_fn(|k, _| f64::from(nudged[k][i] - drawn) / self.difference);
+            if slope != Vector6::zeros() {
+                hessian += slope * slope.transpose();
+                gradient += slope * f64::from(drawn - observed);
+            }
+        }
+        (hessian, gradient)
     }
 
     /// Where the particles are at a pose [m].
@@ -89,42 +123,6 @@ impl Body<'_> {
     /// The Gaussians with the particles elsewhere.
     fn at<'a>(&'a self, positions: &'a [[f32; 3]]) -> IsotropicGaussians<'a> {
         IsotropicGaussians { positions, ..self.gaussians }
-    }
-}
-
-/// The squared difference between what a view shows and the drawing of a body, as a function of a small pose.
-struct LinearView {
-    /// Half of that is `1/2 p^T H p + g^T p`, and a constant, of the amounts p of [`Pose::small`] [m].
-    hessian: Matrix6<f64>,
-    gradient: Vector6<f64>,
-}
-
-impl LinearView {
-    fn new(body: &Body, view: &MaskView, pooling: usize, around: Pose) -> LinearView {
-        let placed = body.placed(around);
-        let compared = ComparedView::new(view, body.at(&placed), pooling);
-        let drawn = compared.drawn(body.at(&placed));
-        let difference = DIFFERENCE_WIDTHS * mean(body.gaussians.scales.iter().map(|s| f64::from(*s)));
-        let nudged: [Vec<f32>; 6] = std::array::from_fn(|k| {
-            let amounts = std::array::from_fn(|j| if j == k { difference } else { 0.0 });
-            compared.drawn(body.at(&body.placed(around.then(Pose::small(amounts, body.size)))))
-        });
-        let (mut hessian, mut gradient) = (Matrix6::zeros(), Vector6::zeros());
-        for (i, (drawn, observed)) in drawn.iter().zip(&compared.observed).enumerate() {
-            let slope = Vector6::from_fn(|k, _| f64::from(nudged[k][i] - drawn) / difference);
-            if slope != Vector6::zeros() {
-                hessian += slope * slope.transpose();
-                gradient += slope * f64::from(drawn - observed);
-            }
-        }
-        LinearView { hessian, gradient }
-    }
-
-    /// The curvature and the gradient of all.
-    fn sum(views: &[LinearView]) -> (DMatrix<f64>, DVector<f64>) {
-        let hessian: Matrix6<f64> = views.iter().map(|view| view.hessian).sum();
-        let gradient: Vector6<f64> = views.iter().map(|view| view.gradient).sum();
-        (DMatrix::from_column_slice(6, 6, hessian.as_slice()), DVector::from_column_slice(gradient.as_slice()))
     }
 }
 
