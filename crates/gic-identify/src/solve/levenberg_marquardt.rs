@@ -96,8 +96,7 @@ pub(crate) fn minimise(
     let (mut damping, mut steps) = (FIRST_DAMPING, 0);
     while steps < limits.iterations {
         let normal = problem.normal(fit.linearisation.blocks(problem), &fit.state);
-        let lowest = problem.step(&normal, &fit.state, 0.0, Vec::new());
-        let largest_decrease = lowest.map_or(f64::INFINITY, |step| normal.predicted_decrease(step.as_slice()));
+        let largest_decrease = problem.largest_decrease(&normal, &fit.state).unwrap_or(f64::INFINITY);
         if largest_decrease < limits.least_gain {
             break;
         }

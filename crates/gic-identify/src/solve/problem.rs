@@ -69,6 +69,13 @@ impl<'a> Problem<'a> {
         normal.step_within(damping, &self.unknowns.iter().map(room).collect::<Vec<_>>(), held)
     }
 
+    /// How much cheaper than `state` the lowest point of the quadratic model `normal` around it is, within the limits.
+    /// `None` where there is none.
+    pub(crate) fn largest_decrease(&self, normal: &Normal, state: &State) -> Option<f64> {
+        let lowest = self.step(normal, state, 0.0, Vec::new())?;
+        Some(normal.predicted_decrease(lowest.as_slice()))
+    }
+
     /// Normal equations of the observations and the prior.
     pub(crate) fn normal(&self, blocks: &[ResidualBlock], state: &State) -> Normal {
         let mut normal = Normal::sum(blocks, self.objective.weights, self.unknowns.len());

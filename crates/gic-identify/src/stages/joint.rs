@@ -99,8 +99,7 @@ fn fit(
 /// The cost at the end of a fit, less what its quadratic model promises to gain there yet.
 fn promised_cost(problem: &Problem, fit: &mut Fit) -> f64 {
     let normal = problem.normal(fit.linearisation.blocks(problem), &fit.state);
-    let step = problem.step(&normal, &fit.state, 0.0, Vec::new());
-    fit.cost - step.map_or(0.0, |step| normal.predicted_decrease(step.as_slice()))
+    fit.cost - problem.largest_decrease(&normal, &fit.state).unwrap_or(0.0)
 }
 
 /// The weights of the noise at a state. Refinement's fits weigh anew from one to the next. An identification from
