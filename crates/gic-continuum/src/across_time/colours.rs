@@ -3,6 +3,8 @@
 //! The light on a place changes as it turns: it scales the colour, and the direction in the space of colours stays. So
 //! directions are compared.
 
+use std::ops::RangeInclusive;
+
 use gic_scene::Picture;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -36,7 +38,6 @@ impl ShadeFree {
         });
         let (width, height) = (view.picture.width, view.picture.height);
         let picture = Picture { width, height, rgb: rgb.collect() };
-        let near = |x: usize, n: usize| x.saturating_sub(1)..=(x + 1).min(n - 1);
         let around = |i: usize| {
             let (x, y) = (i % width, i / width);
             near(y, height).flat_map(move |y| near(x, width).map(move |x| y * width + x))
@@ -54,13 +55,18 @@ impl ShadeFree {
     }
 }
 
+/// A pixel of `count` in a row, and those beside it.
+fn near(at: usize, count: usize) -> RangeInclusive<usize> {
+    at.saturating_sub(1)..=(at + 1).min(count - 1)
+}
+
 /// By differences of the pixels beside it.
 fn squared_slope(picture: &Picture, i: usize) -> Vec3 {
     let (x, y) = (i % picture.width, i / picture.width);
     let colour = |x: usize, y: usize| Vec3::from_array(picture.at(x, y));
-    let beside = |x: usize, n: usize| (x.saturating_sub(1), (x + 1).min(n - 1));
-    let ((x0, x1), (y0, y1)) = (beside(x, picture.width), beside(y, picture.height));
-    let (along, across) = (colour(x1, y) - colour(x0, y), colour(x, y1) - colour(x, y0));
+    let (xs, ys) = (near(x, picture.width), near(y, picture.height));
+    let along = colour(*xs.end(), y) - colour(*xs.start(), y);
+    let across = colour(x, *ys.end()) - colour(x, *ys.start());
     0.25 * (along * along + across * across)
 }
 

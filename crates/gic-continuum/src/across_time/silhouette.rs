@@ -6,9 +6,6 @@ use glam::{DVec2, DVec3};
 
 /// Pixels of a silhouette along each side of one of the mask. Derived: outlines are told to a quarter of a pixel each.
 const FINENESS: usize = 2;
-/// How far the edge of a silhouette is looked for [fine pixels]. Derived: a place that is within a pixel of the edge
-/// lies between fine pixels that are within four of it.
-const REACH: usize = 4;
 /// Pixels around a mask's box in which a silhouette's edge is looked for. Derived: a turn of ten degrees moves the ends
 /// of a body that is 250 pixels long by so much.
 pub(super) const MARGIN_PX: usize = 24;
@@ -74,13 +71,15 @@ impl Silhouette {
         row(y) + t * (row(y + 1) - row(y))
     }
 
-    /// Whether a fine pixel is inside, and how far it is from the nearest that is not as it is, or [`REACH`].
+    /// Whether a fine pixel is inside, and how far it is from the nearest that is not as it is, or two pixels: a place
+    /// that is within a pixel of the edge lies between fine pixels that are within two.
     fn edge_distance(&self, x: usize, y: usize) -> (bool, f32) {
         let height = self.inside.len() / self.width;
         let (x, y) = (x.min(self.width - 1), y.min(height - 1));
         let is_inside = self.inside[y * self.width + x];
-        let near = |at: usize, size: usize| at.saturating_sub(REACH)..(at + REACH + 1).min(size);
-        let mut least = REACH * REACH;
+        let reach = 2 * FINENESS;
+        let near = |at: usize, size: usize| at.saturating_sub(reach)..(at + reach + 1).min(size);
+        let mut least = reach * reach;
         for row in near(y, height) {
             for column in near(x, self.width).filter(|column| self.inside[row * self.width + column] != is_inside) {
                 least = least.min(row.abs_diff(y).pow(2) + column.abs_diff(x).pow(2));
