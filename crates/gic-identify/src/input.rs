@@ -1,7 +1,7 @@
 //! What identification is given, and what makes it usable.
 
 use gic_mpm::Collider;
-use gic_scene::Camera;
+use gic_scene::{CalibrationError, Camera};
 use glam::DVec3;
 
 use crate::IdentifyError;
@@ -54,6 +54,17 @@ impl WorldDoubt {
     }
 }
 
+/// How well a device that takes pictures is known.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct DeviceDoubt {
+    /// What was found to be wrong with its calibration, which its cameras are without.
+    pub mended: CalibrationError,
+    /// What may be wrong with its calibration as it is said to be, standard deviations; zero of what is exact.
+    pub deviation: CalibrationError,
+    /// Whether it may lag by more than the times of its pictures say.
+    pub lags: bool,
+}
+
 /// The Gaussian-informed continuum at the first frame and the video.
 #[derive(Clone, Debug)]
 pub struct Input {
@@ -74,6 +85,11 @@ pub struct Input {
     pub surface_error_m: f64,
     /// Cameras of the views.
     pub cameras: Vec<Camera>,
+    /// Which device each of them is: one that lags stands elsewhere in each frame of the flight. Empty where each is
+    /// its own.
+    pub devices: Vec<usize>,
+    /// How well each device is known, shape [devices]; empty where all are as they are said to be.
+    pub device_doubts: Vec<DeviceDoubt>,
     /// Frames, ascending in time; the first is at time 0.
     pub observations: Vec<Observation>,
     /// Frames per second.
@@ -223,6 +239,11 @@ impl Input {
         (observation.time_s * self.frame_rate_hz).round().max(0.0) as usize
     }
 
+    /// The device that a camera is.
+    pub(crate) fn device_of(&self, camera: usize) -> usize {
+        self.devices.get(camera).copied().unwrap_or(camera)
+    }
+
     /// How many cameras see the body. One that moves has an index of its own in each frame.
     pub(crate) fn camera_count(&self) -> usize {
         self.observations.iter().map(|observation| observation.views.len()).max().unwrap_or(0)
@@ -241,6 +262,8 @@ impl Input {
             scales: vec![0.5 * spacing_m as f32; count],
             surface_error_m: 0.5 * spacing_m,
             cameras: Vec::new(),
+            devices: Vec::new(),
+            device_doubts: Vec::new(),
             observations: Vec::new(),
             frame_rate_hz: 24.0,
             gravity_m_s2: DVec3::ZERO,

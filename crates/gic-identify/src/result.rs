@@ -1,6 +1,7 @@
 //! What identification returns.
 
 use gic_mpm::Material;
+use gic_scene::CalibrationError;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -90,6 +91,15 @@ pub struct WorldEstimate {
     pub log_gravity_half_width: Option<f64>,
 }
 
+/// By what a device differs from what the input says of it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct DeviceEstimate {
+    /// In its calibration.
+    pub error: CalibrationError,
+    /// How much later its pictures were taken [s].
+    pub late_s: f64,
+}
+
 /// The identified twin.
 #[derive(Clone, Debug)]
 pub struct Estimates {
@@ -134,6 +144,8 @@ pub struct Estimates {
     pub gravity_m_s2: DVec3,
     /// How the world differs from the given one; `None` where it was in no doubt.
     pub world: Option<WorldEstimate>,
+    /// By what each device differs from the input's, shape [devices]; empty where none was in doubt.
+    pub devices: Vec<DeviceEstimate>,
     /// The body at time 0 as fitted, shifted and reshaped by what the pictures say against the input's: positions of
     /// the input's particles [m], shape [n].
     pub positions: Vec<DVec3>,

@@ -137,6 +137,8 @@ fn observed_on(floor: Collider, cameras: Vec<Camera>, material: Material, veloci
     .expect("the truth can be simulated");
     let n = positions.len();
     Input {
+        devices: Vec::new(),
+        device_doubts: Vec::new(),
         positions,
         particle_volume_m3: volume,
         volume_factors: Vec::new(),

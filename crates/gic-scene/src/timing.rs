@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use crate::camera::Camera;
 use crate::error::SceneError;
-use crate::flight::{FlightView, FreeFlight, Seek};
+use crate::flight::{CalibrationError, FlightView, FreeFlight, Seek};
 use crate::lens::Lens;
 use crate::picture::Mask;
 use crate::scene::Scene;
@@ -73,6 +73,28 @@ impl Scene {
             calibration_error_deviations: flight.error_deviations.clone(),
             ..scene
         }
+    }
+
+    /// The same scene with cameras that differ from its own by these errors and lag by so much more [s], as a fit to
+    /// the whole video found; as it is where none was found. Times count from the same moment as before.
+    #[must_use]
+    pub fn as_fitted(&self, found: &[(CalibrationError, f64)]) -> Scene {
+        let mut scene = self.clone();
+        if found.is_empty() {
+            return scene;
+        }
+        for (camera, (error, _)) in scene.cameras.iter_mut().zip(found) {
+            *camera = error.mended(camera);
+        }
+        for view in &mut scene.views {
+            view.time_s += found.get(view.camera).map_or(0.0, |(_, late_s)| *late_s);
+        }
+        let of_frame = |(frame, known): (usize, &f64)| {
+            let times = scene.views_at(frame).iter().map(|view| view.time_s);
+            times.min_by(f64::total_cmp).unwrap_or(*known)
+        };
+        let times = self.times.iter().enumerate().map(of_frame).collect();
+        Scene { times, ..scene }
     }
 
     /// A camera that sees the body at its frame's time as the view's camera saw it at the view's own: moved against the

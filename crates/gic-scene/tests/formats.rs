@@ -4,7 +4,7 @@
 mod common;
 
 use common::{BALL, FOCAL, HEIGHT, TIMES, WIDTH};
-use gic_scene::{Camera, Format, Mask, Scene, Split, View};
+use gic_scene::{CalibrationError, Camera, Format, Mask, Scene, Split, View};
 use glam::{DVec2, DVec3};
 
 #[test]
@@ -105,6 +105,26 @@ fn pac_nerf() {
     assert!(background.rgb.chunks_exact(3).all(|p| (p[0] - p[1]).abs() < 0.01));
     // The file itself opens the scene too.
     assert_eq!(Scene::open(common::data("pac_nerf").join("all_data.json")).expect("opens").views, scene.views);
+}
+
+/// A scene whose cameras a fit found elsewhere and later: frames keep their numbers and begin with their first
+/// picture.
+#[test]
+fn cameras_as_a_fit_found_them() {
+    let scene = open("pac_nerf");
+    assert_eq!(scene.as_fitted(&[]).cameras, scene.cameras);
+    let error = CalibrationError { shift_m: DVec3::X, ..CalibrationError::default() };
+    let found: Vec<_> = (0..scene.cameras.len()).map(|camera| (error, 0.01 * camera as f64 - 0.01)).collect();
+    let fitted = scene.as_fitted(&found);
+    for (was, is) in scene.cameras.iter().zip(&fitted.cameras) {
+        assert!((is.centre - was.centre - was.world_from_camera.x_axis).length() < 1e-12);
+    }
+    for (was, is) in scene.views.iter().zip(&fitted.views) {
+        assert_eq!((is.camera, is.frame), (was.camera, was.frame));
+        assert!((is.time_s - was.time_s - found[was.camera].1).abs() < 1e-12);
+        assert!(fitted.times[is.frame] <= is.time_s);
+    }
+    assert!(fitted.has_lags() && (fitted.times[1] - scene.times[1] + 0.01).abs() < 1e-12);
 }
 
 #[test]

@@ -110,6 +110,8 @@ pub(crate) fn input(scene: &Path, positions: Vec<DVec3>, volume: f64) -> Input {
     }
     let n = positions.len();
     Input {
+        devices: Vec::new(),
+        device_doubts: Vec::new(),
         positions,
         particle_volume_m3: volume,
         volume_factors: Vec::new(),

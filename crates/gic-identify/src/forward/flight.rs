@@ -3,6 +3,7 @@
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
 
+use crate::forward::drawing::Drawing;
 use crate::forward::shape::ShapeModes;
 use crate::forward::trajectories::{ForwardModel, FrameSelection, Trajectories};
 use crate::observe::video::ObservedVideo;
@@ -71,7 +72,7 @@ impl ForwardModel for Flight<'_> {
             .collect();
         let scales = vec![self.input.scales.clone(); positions.len()];
         let outward_displacements = self.shape.outward_displacements(&state.shape);
-        let splat_factor = state.splat.exp() as f32;
-        Ok(Trajectories { positions, scales, splat_factor, outward_displacements })
+        let drawing = Drawing::of(state);
+        Ok(Trajectories { positions, velocities: Vec::new(), scales, drawing, outward_displacements })
     }
 }

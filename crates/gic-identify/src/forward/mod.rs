@@ -1,6 +1,7 @@
 //! What a hypothesis predicts: the motion by free flight or simulation, the outlines that it draws, and the shapes that
 //! the body may have.
 
+pub(crate) mod drawing;
 pub(crate) mod flight;
 pub(crate) mod footprint;
 pub(crate) mod outline_window;

@@ -6,9 +6,10 @@ use gic_simd::{Kernel, Lanes, Level, dispatch};
 use crate::forward::footprint::{IsotropicGaussians, Projection};
 use crate::observe::mask_view::{MaskView, Window};
 
-/// The pixels that the particles or the mask of `view` cover, in whole blocks of `block` pixels.
-pub(crate) fn outline_window(view: &MaskView, gaussians: IsotropicGaussians, block: usize) -> Window {
-    let drawn = dispatch(Level::active(), Extent { gaussians, camera: &view.camera, known: view.covered });
+/// The pixels that the particles, as `camera` sees them, or the mask of `view` cover, in whole blocks of `block`
+/// pixels.
+pub(crate) fn outline_window(view: &MaskView, gaussians: IsotropicGaussians, camera: &Camera, block: usize) -> Window {
+    let drawn = dispatch(Level::active(), Extent { gaussians, camera, known: view.covered });
     drawn.aligned(block, (view.camera.width, view.camera.height))
 }
 

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use gic_mpm::{Body, MaterialKind, Options, Stepping, World, rollout};
 use glam::DVec3;
 
+use crate::forward::drawing::Drawing;
 use crate::forward::flight::{fall, placed, substep, volume_factors};
 use crate::forward::shape::ShapeModes;
 use crate::forward::splat_widths::SplatWidths;
@@ -165,6 +166,9 @@ impl ForwardModel for Simulation<'_> {
         let end = selection.end.min(self.video.frames.len());
         let (world, from) = self.world_and_start(state);
         let mut positions = vec![Vec::new(); self.video.frames.len()];
+        let keeps_velocities = self.input.device_doubts.iter().any(|doubt| doubt.lags);
+        let mut velocities = vec![Vec::new(); if keeps_velocities { self.video.frames.len() } else { 0 }];
+        let centre = self.input.centre() + state.offset + self.flown(state, from);
         let mut scales = vec![self.splat_widths.rest_scales().to_vec(); self.video.frames.len()];
         let single = |p: &DVec3| p.as_vec3().to_array();
         for (o, observed) in self.video.frames.iter().enumerate().take(end) {
@@ -174,6 +178,12 @@ impl ForwardModel for Simulation<'_> {
             // Free flight, seen from where the rollout starts.
             let back = self.flown(state, observed.simulated_frame) - self.flown(state, from);
             positions[o] = world.bodies[0].positions.iter().map(|p| single(&(*p + back))).collect();
+            if keeps_velocities {
+                let time = observed.simulated_frame as f64 / self.input.frame_rate_hz;
+                let velocity = self.velocity(state) + gravity(self.input, state) * time;
+                let turning = |p: &DVec3| single(&(velocity + state.angular.cross(*p - centre)));
+                velocities[o] = world.bodies[0].positions.iter().map(turning).collect();
+            }
         }
         let last = self.video.frames[..end].last().map_or(0, |observed| observed.simulated_frame);
         let frames = (last + 1).saturating_sub(from);
@@ -186,6 +196,9 @@ impl ForwardModel for Simulation<'_> {
                 };
                 if frame.index > 0 && o >= selection.first && o < end {
                     positions[o] = frame.positions.iter().map(single).collect();
+                    if keeps_velocities {
+                        velocities[o] = frame.velocities.iter().map(single).collect();
+                    }
                     if !self.video.frames[o].views.is_empty() {
                         scales[o] = self.splat_widths.scales(&frame.positions);
                     }
@@ -196,7 +209,7 @@ impl ForwardModel for Simulation<'_> {
             return Err(FitError::NotFinite);
         }
         let outward_displacements = self.shape.outward_displacements(&state.shape);
-        let splat_factor = state.splat.exp() as f32;
-        Ok(Trajectories { positions, scales, splat_factor, outward_displacements })
+        let drawing = Drawing::of(state);
+        Ok(Trajectories { positions, velocities, scales, drawing, outward_displacements })
     }
 }

@@ -6,8 +6,8 @@ use glam::DVec2;
 /// One view at the resolution at which it is compared.
 #[derive(Clone, Debug)]
 pub(crate) struct MaskView {
-    /// Index of the camera in the input.
-    pub camera_index: usize,
+    /// Which device took it, by its place in the input.
+    pub device: usize,
     /// The camera at the working resolution.
     pub camera: Camera,
     /// Observed coverage, row-major.
@@ -62,14 +62,14 @@ impl Window {
 
 impl MaskView {
     /// Averages a picture over blocks of `factor` x `factor` pixels; an incomplete last row or column is dropped.
-    pub(crate) fn new(camera_index: usize, camera: &Camera, mask: &[f32], factor: usize) -> MaskView {
+    pub(crate) fn new(device: usize, camera: &Camera, mask: &[f32], factor: usize) -> MaskView {
         let (camera, mask) = (pooled_camera(camera, factor), pool(mask, camera.width, camera.height, factor));
         let mut covered = Window::EMPTY;
         for (i, _) in mask.iter().enumerate().filter(|(_, m)| **m > 0.0) {
             let (x, y) = (i % camera.width, i / camera.width);
             covered.join((x, x + 1), (y, y + 1));
         }
-        MaskView { camera_index, camera, mask, covered }
+        MaskView { device, camera, mask, covered }
     }
 }
 

@@ -38,7 +38,10 @@ impl ObservedVideo {
                     .views
                     .iter()
                     .filter(|view| target.masks() && !excluded.contains(&view.camera))
-                    .map(|view| MaskView::new(view.camera, &input.cameras[view.camera], &view.mask, pooling))
+                    .map(|view| {
+                        let (camera, device) = (&input.cameras[view.camera], input.device_of(view.camera));
+                        MaskView::new(device, camera, &view.mask, pooling)
+                    })
                     .collect();
                 let surface = (target.surfaces() && !observation.surface.is_empty())
                     .then(|| ObservedSurface::new(&observation.surface, input.grid_spacing_m, &tuning.surfaces));

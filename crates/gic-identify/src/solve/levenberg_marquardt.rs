@@ -145,7 +145,7 @@ impl Trial {
     /// The fit at the trial, with the linearisation carried there from `fit` by a secant, or measured.
     fn accept(self, problem: &Problem, fit: Fit, secants: bool) -> Result<Fit, FitError> {
         let linearisation = if secants {
-            fit.linearisation.carried(problem, self.trajectories, &self.delta)
+            fit.linearisation.carried(self.trajectories, &self.delta)
         } else {
             Linearisation::around(problem, &self.state, self.trajectories)?
         };

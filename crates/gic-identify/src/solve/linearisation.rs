@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 
 use crate::FitError;
-use crate::forward::trajectories::Trajectories;
+use crate::forward::trajectories::{Neighbour, Trajectories};
 use crate::solve::problem::Problem;
 use crate::solve::residual_block::ResidualBlock;
 use crate::unknowns::state::{State, Unknown};
@@ -31,7 +31,7 @@ impl Linearisation {
         state: &State,
         trajectories: Trajectories,
     ) -> Result<Linearisation, FitError> {
-        let tangents = Tangents::of_runs(Tangents::runs(problem, state)?, &trajectories);
+        let tangents = Tangents::of_runs(Tangents::runs(problem, state)?);
         Ok(Linearisation { trajectories, tangents, blocks: None })
     }
 
@@ -41,8 +41,8 @@ impl Linearisation {
     }
 
     /// Carried to the `new` trajectories, `delta` away.
-    pub(crate) fn carried(mut self, problem: &Problem, new: Trajectories, delta: &[f64]) -> Linearisation {
-        self.tangents.carry(problem, &self.trajectories, &new, delta);
+    pub(crate) fn carried(mut self, new: Trajectories, delta: &[f64]) -> Linearisation {
+        self.tangents.carry(&self.trajectories, &new, delta);
         Linearisation { trajectories: new, tangents: self.tangents, blocks: None }
     }
 
@@ -68,10 +68,10 @@ impl Linearisation {
     }
 }
 
-/// How trajectories change with each unknown: perturbed ones and the step of the perturbation, shape [unknowns].
+/// How trajectories change with each unknown: neighbours and how far they are, shape [unknowns].
 #[derive(Clone, Debug)]
 pub(crate) struct Tangents {
-    perturbed: Vec<Trajectories>,
+    neighbours: Vec<Neighbour>,
     steps: Vec<f64>,
     /// Whether they belong to the present state rather than being carried along.
     fresh: bool,
@@ -89,44 +89,42 @@ impl Tangents {
         let (trajectories, runs) =
             rayon::join(|| problem.forward.trajectories(state, &problem.selection), || Tangents::runs(problem, state));
         let trajectories = trajectories?;
-        let tangents = runs.map(|runs| Tangents::of_runs(runs, &trajectories));
+        let tangents = runs.map(Tangents::of_runs);
         Ok((trajectories, tangents))
     }
 
     /// Adds a column for something that the fit held: `trajectories` a unit of it away.
     pub(crate) fn push(&mut self, trajectories: Trajectories) {
-        self.perturbed.push(trajectories);
+        self.neighbours.push(Neighbour::Moved(trajectories));
         self.steps.push(1.0);
     }
 
     /// Residuals around `trajectories`, to which these belong, with their Jacobian.
     pub(crate) fn blocks(&self, problem: &Problem, trajectories: &Trajectories) -> Vec<ResidualBlock> {
-        problem.objective.blocks(trajectories, &self.perturbed, &self.steps, &problem.selection)
+        problem.objective.blocks(trajectories, &self.neighbours, &self.steps, &problem.selection)
     }
 
-    /// Perturbed trajectories and their step for each unknown; none where only the drawing changes. A perturbation that
-    /// fails is tried in the other direction.
-    fn runs(problem: &Problem, state: &State) -> Result<Vec<(Option<Trajectories>, f64)>, FitError> {
+    /// A neighbour and its step for each unknown. A perturbation that fails is tried in the other direction.
+    fn runs(problem: &Problem, state: &State) -> Result<Vec<(Neighbour, f64)>, FitError> {
         let run = |unknown: &Unknown| {
             let step = problem.coordinates.difference(*unknown);
             if unknown.is_of_drawing() {
-                return Ok((None, step));
+                return Ok((Neighbour::Drawn(*unknown), step));
             }
             let (_, high) = problem.coordinates.limits(*unknown);
             let forward = if state.get(*unknown) + step <= high { step } else { -step };
             let run = |step: f64| {
                 let moved = problem.coordinates.moved(state, &[*unknown], &[step]);
-                problem.forward.trajectories(&moved, &problem.selection).map(|m| (Some(m), step))
+                problem.forward.trajectories(&moved, &problem.selection).map(|m| (Neighbour::Moved(m), step))
             };
             run(forward).or_else(|_| run(-forward))
         };
         problem.unknowns.par_iter().with_max_len(1).map(run).collect()
     }
 
-    fn of_runs(runs: Vec<(Option<Trajectories>, f64)>, trajectories: &Trajectories) -> Tangents {
-        let drawn = |(run, step): (Option<Trajectories>, f64)| (run.unwrap_or_else(|| trajectories.drawn(step)), step);
-        let (perturbed, steps) = runs.into_iter().map(drawn).unzip();
-        Tangents { perturbed, steps, fresh: true }
+    fn of_runs(runs: Vec<(Neighbour, f64)>) -> Tangents {
+        let (neighbours, steps) = runs.into_iter().unzip();
+        Tangents { neighbours, steps, fresh: true }
     }
 
     /// Carries the tangents from `old` to `new`, `delta` away, and corrects them by what the step showed.
@@ -134,44 +132,45 @@ impl Tangents {
     /// Broyden's rank-one update on the particles' positions x, with the move u in difference steps and the tangents
     /// `dx_k`: `dx_k += u_k / |u|^2 (x_new - x_old - sum_j u_j dx_j)`. An iteration then costs one forward run instead
     /// of one per unknown.
-    fn carry(&mut self, problem: &Problem, old: &Trajectories, new: &Trajectories, delta: &[f64]) {
-        // In units of the difference steps; the drawing's own unknown moves no particle.
-        let moved: Vec<f64> = (problem.unknowns.iter().zip(delta).zip(&self.steps))
-            .map(|((unknown, d), step)| if unknown.is_of_drawing() { 0.0 } else { d / step })
+    fn carry(&mut self, old: &Trajectories, new: &Trajectories, delta: &[f64]) {
+        self.fresh = false;
+        let neighbours = self.neighbours.iter_mut().zip(delta.iter().zip(&self.steps));
+        // With the moves in units of the difference steps.
+        let mut runs: Vec<(&mut Trajectories, f64)> = neighbours
+            .filter_map(|(neighbour, (d, step))| match neighbour {
+                Neighbour::Moved(run) => Some((run, d / step)),
+                Neighbour::Drawn(_) => None,
+            })
             .collect();
-        let square: f64 = moved.iter().map(|u| u * u).sum();
-        let gains: Vec<f32> = moved.iter().map(|u| if square > 0.0 { (u / square) as f32 } else { 0.0 }).collect();
-        let moved: Vec<f32> = moved.iter().map(|u| *u as f32).collect();
+        let square: f64 = runs.iter().map(|(_, u)| u * u).sum();
+        let gain = |u: &f64| if square > 0.0 { (u / square) as f32 } else { 0.0 };
+        let gains: Vec<f32> = runs.iter().map(|(_, u)| gain(u)).collect();
         for o in 0..new.positions.len() {
             for i in 0..new.positions[o].len() {
                 for axis in 0..3 {
                     let (was, is) = (old.positions[o][i][axis], new.positions[o][i][axis]);
                     let mut rest = is - was;
-                    for (trajectories, u) in self.perturbed.iter().zip(&moved) {
-                        rest -= u * (trajectories.positions[o][i][axis] - was);
+                    for (run, u) in &runs {
+                        rest -= *u as f32 * (run.positions[o][i][axis] - was);
                     }
-                    for (trajectories, gain) in self.perturbed.iter_mut().zip(&gains) {
-                        let slot = &mut trajectories.positions[o][i][axis];
+                    for ((run, _), gain) in runs.iter_mut().zip(&gains) {
+                        let slot = &mut run.positions[o][i][axis];
                         *slot = is + (*slot - was) + gain * rest;
                     }
                 }
             }
             for i in 0..new.scales[o].len() {
                 let (was, is) = (old.scales[o][i], new.scales[o][i]);
-                for trajectories in &mut self.perturbed {
-                    trajectories.scales[o][i] = (trajectories.scales[o][i] - was + is).max(0.0);
+                for (run, _) in &mut runs {
+                    run.scales[o][i] = (run.scales[o][i] - was + is).max(0.0);
                 }
             }
         }
-        for ((trajectories, unknown), step) in self.perturbed.iter_mut().zip(&problem.unknowns).zip(&self.steps) {
-            trajectories.splat_factor = new.splat_factor;
-            trajectories.outward_displacements =
-                sum_of(&new.outward_displacements, &trajectories.outward_displacements, &old.outward_displacements);
-            if unknown.is_of_drawing() {
-                *trajectories = new.drawn(*step);
-            }
+        for (run, _) in runs {
+            run.drawing = new.drawing.clone();
+            run.outward_displacements =
+                sum_of(&new.outward_displacements, &run.outward_displacements, &old.outward_displacements);
         }
-        self.fresh = false;
     }
 }
 

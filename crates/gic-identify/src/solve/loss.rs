@@ -5,10 +5,10 @@ use gic_geometry::Neighbours;
 use glam::{DVec3, Vec3};
 
 use crate::Loss;
-use crate::forward::footprint::IsotropicGaussians;
+use crate::forward::drawing::Shown;
 use crate::forward::silhouette::{coverage, coverage_backward};
 use crate::forward::trajectories::Trajectories;
-use crate::observe::mask_view::{outline_length, pixel_size};
+use crate::observe::mask_view::{MaskView, outline_length, pixel_size};
 use crate::observe::video::{ObservedFrame, ObservedVideo};
 use crate::solve::surface_residuals::SurfaceComparison;
 
@@ -21,20 +21,20 @@ pub(crate) struct FrameLoss {
     pub gradient: Vec<DVec3>,
 }
 
-/// Chamfer distance and mask L1 of one observed frame.
+/// Chamfer distance and mask L1 of one observed frame. The gradient is that for devices as the input says.
 pub(crate) fn frame_loss(
     observed: &ObservedFrame,
     comparison: &SurfaceComparison,
-    gaussians: IsotropicGaussians,
+    shown: &Shown,
     with_gradient: bool,
 ) -> FrameLoss {
-    let positions = gaussians.positions;
+    let positions = shown.gaussians.positions;
     let mut gradient = if with_gradient { vec![DVec3::ZERO; positions.len()] } else { Vec::new() };
     let chamfer_m = surface_distance_m(observed, comparison, positions, &mut gradient);
     let mut loss = FrameLoss { chamfer_m, mask_l1: 0.0, mask_difference: (0.0, 0.0), gradient };
     let views = observed.views.len().max(1) as f64;
     for view in &observed.views {
-        let rendered = coverage(gaussians, &view.camera);
+        let rendered = drawn(shown, view);
         let share = 1.0 / (rendered.len() as f64 * views);
         let difference = total_difference(&rendered, &view.mask);
         loss.mask_l1 += difference * share;
@@ -42,10 +42,15 @@ pub(crate) fn frame_loss(
         loss.mask_difference.1 += view.mask.iter().map(|m| f64::from(*m)).sum::<f64>();
         if with_gradient {
             let bar: Vec<f32> = rendered.iter().zip(&view.mask).map(|(a, m)| (a - m).signum() * share as f32).collect();
-            coverage_backward(gaussians, &view.camera, &rendered, &bar, &mut loss.gradient);
+            coverage_backward(shown.gaussians, &view.camera, &rendered, &bar, &mut loss.gradient);
         }
     }
     loss
+}
+
+/// What a view shows of a motion, in [0, 1].
+fn drawn(shown: &Shown, view: &MaskView) -> Vec<f32> {
+    shown.seen(view.device, &view.camera, coverage)
 }
 
 /// Sum of |alpha - mask| [pixels].
@@ -70,13 +75,13 @@ pub(crate) fn surface_distance_m(
 
 /// Mean distance of the drawn outlines from the observed ones at the body's distance [m]: the area that differs over
 /// the mean length of both, of all views together. 0 where nothing is seen.
-pub(crate) fn outline_distance_m(observed: &ObservedFrame, gaussians: IsotropicGaussians) -> f64 {
-    let positions = gaussians.positions.iter().map(|p| Vec3::from_array(*p).as_dvec3());
-    let centre = positions.sum::<DVec3>() / gaussians.positions.len() as f64;
+pub(crate) fn outline_distance_m(observed: &ObservedFrame, shown: &Shown) -> f64 {
+    let positions = shown.gaussians.positions.iter().map(|p| Vec3::from_array(*p).as_dvec3());
+    let centre = positions.sum::<DVec3>() / shown.gaussians.positions.len() as f64;
     let (mut area_m2, mut length_m) = (0.0, 0.0);
     for view in &observed.views {
         let Some(pixel_m) = pixel_size(&view.camera, centre) else { continue };
-        let rendered = coverage(gaussians, &view.camera);
+        let rendered = drawn(shown, view);
         area_m2 += total_difference(&rendered, &view.mask) * pixel_m * pixel_m;
         let length = |coverage| outline_length(coverage, view.camera.width, view.camera.height);
         length_m += 0.5 * (length(&rendered) + length(&view.mask)) * pixel_m;
@@ -122,7 +127,7 @@ pub(crate) fn mean_loss(
     let mut loss = Loss::default();
     let (mut distance_m, mut surfaces, mut masks, mut difference, mut covered) = (0.0, 0.0, 0.0f64, 0.0, 0.0f64);
     for (o, observed) in video.frames.iter().enumerate().skip(1) {
-        let frame = frame_loss(observed, comparison, trajectories.gaussians(o, opacities), false);
+        let frame = frame_loss(observed, comparison, &trajectories.shown(o, opacities), false);
         if observed.surface.is_some() {
             distance_m += frame.chamfer_m;
             surfaces += 1.0;
@@ -146,7 +151,8 @@ mod tests {
     use glam::{DMat3, DVec2};
 
     use super::*;
-    use crate::observe::mask_view::MaskView;
+    use crate::forward::drawing::Drawing;
+    use crate::forward::footprint::IsotropicGaussians;
 
     /// Discs of radius r whose centres lie d apart differ by 4 r d, to first order, over an outline of 2 pi r.
     #[test]
@@ -157,7 +163,9 @@ mod tests {
         let disc: Vec<[f32; 3]> = (1..=30).flat_map(ring).map(|[x, y]| [x, y, 0.0]).collect();
         let shifted: Vec<[f32; 3]> = disc.iter().map(|p| [p[0] + shift, p[1], p[2]]).collect();
         let (opacities, scales) = (vec![0.9; disc.len()], vec![0.6 * spacing; disc.len()]);
-        let drawn = |positions| IsotropicGaussians { positions, opacities: &opacities, scales: &scales, factor: 1.0 };
+        let drawing = Drawing::of_factor(1.0);
+        let gaussians =
+            |positions| IsotropicGaussians { positions, opacities: &opacities, scales: &scales, factor: 1.0 };
         let camera = Camera {
             width: 160,
             height: 160,
@@ -166,9 +174,10 @@ mod tests {
             world_from_camera: DMat3::IDENTITY,
             centre: DVec3::new(0.0, 0.0, -1.0),
         };
-        let view = MaskView::new(0, &camera, &coverage(drawn(&shifted), &camera), 1);
+        let view = MaskView::new(0, &camera, &coverage(gaussians(&shifted), &camera), 1);
         let observed = ObservedFrame { simulated_frame: 0, time_s: 0.0, views: vec![view], surface: None };
-        let distance = outline_distance_m(&observed, drawn(&disc));
+        let shown = Shown { gaussians: gaussians(&disc), velocities: &[], drawing: &drawing };
+        let distance = outline_distance_m(&observed, &shown);
         let expected = f64::from(shift) * std::f64::consts::FRAC_2_PI;
         assert!((distance / expected - 1.0).abs() < 0.05, "{distance} instead of {expected}");
     }

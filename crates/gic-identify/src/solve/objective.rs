@@ -2,7 +2,8 @@
 
 use rayon::prelude::*;
 
-use crate::forward::trajectories::{FrameSelection, Trajectories};
+use crate::forward::drawing::Shown;
+use crate::forward::trajectories::{FrameSelection, Neighbour, Trajectories};
 use crate::observe::mask_view::MaskView;
 use crate::observe::video::{ObservedFrame, ObservedVideo};
 use crate::solve::compared_view::ComparedView;
@@ -26,11 +27,11 @@ impl Objective<'_> {
         Normal::sum(&blocks, self.weights, 0).cost
     }
 
-    /// Normal equations from a base motion and one perturbed motion per unknown.
+    /// Normal equations from a base motion and a neighbour of it per unknown.
     pub(crate) fn blocks(
         &self,
         base: &Trajectories,
-        perturbed: &[Trajectories],
+        neighbours: &[Neighbour],
         steps: &[f64],
         selection: &FrameSelection,
     ) -> Vec<ResidualBlock> {
@@ -39,10 +40,10 @@ impl Objective<'_> {
             range.clone().flat_map(|o| self.video.frames[o].views.iter().map(move |view| (o, view))).collect();
         let mut blocks: Vec<ResidualBlock> = views
             .into_par_iter()
-            .map(|(o, view)| self.mask_block(o, view, base, perturbed, steps, selection.pooling))
+            .map(|(o, view)| self.mask_block(o, view, base, neighbours, steps, selection.pooling))
             .collect();
         let surfaces: Vec<Vec<ResidualBlock>> =
-            range.into_par_iter().map(|o| self.surface_blocks(o, base, perturbed, steps)).collect();
+            range.into_par_iter().map(|o| self.surface_blocks(o, base, neighbours, steps)).collect();
         blocks.extend(surfaces.into_iter().flatten());
         blocks
     }
@@ -52,15 +53,24 @@ impl Objective<'_> {
         o: usize,
         view: &MaskView,
         base: &Trajectories,
-        perturbed: &[Trajectories],
+        neighbours: &[Neighbour],
         steps: &[f64],
         pooling: usize,
     ) -> ResidualBlock {
-        let compared = ComparedView::new(view, base.gaussians(o, self.opacities), pooling);
-        let draw = |trajectories: &Trajectories| compared.drawn(trajectories.gaussians(o, self.opacities));
-        let reference = draw(base);
-        let moved: Vec<Vec<f32>> = perturbed.iter().map(draw).collect();
-        let mut block = ResidualBlock::new(Modality::Mask, o, Some(view.camera_index), steps.len());
+        let shown = base.shown(o, self.opacities);
+        let compared = ComparedView::new(view, &shown, pooling);
+        let reference = compared.drawn(&shown);
+        let draw = |(neighbour, step): (&Neighbour, &f64)| match neighbour {
+            Neighbour::Moved(moved) => {
+                Some(compared.drawn(&Shown { gaussians: moved.gaussians(o, self.opacities), ..shown }))
+            }
+            Neighbour::Drawn(unknown) => unknown
+                .concerns(view.device)
+                .then(|| compared.drawn(&shown.drawn_as(&shown.drawing.nudged(*unknown, *step)))),
+        };
+        // None of what changes nothing here.
+        let moved: Vec<Option<Vec<f32>>> = neighbours.iter().zip(steps).map(draw).collect();
+        let mut block = ResidualBlock::new(Modality::Mask, o, Some(view.device), steps.len());
         let mut row = vec![0.0; steps.len()];
         // A pooled pixel stands for that many working pixels.
         let weight = (pooling * pooling) as f64;
@@ -68,7 +78,7 @@ impl Objective<'_> {
             let residual = f64::from(a - m);
             let mut touched = residual != 0.0;
             for ((slot, image), step) in row.iter_mut().zip(&moved).zip(steps) {
-                *slot = f64::from(image[i] - a) / step;
+                *slot = image.as_ref().map_or(0.0, |image| f64::from(image[i] - a) / step);
                 touched |= *slot != 0.0;
             }
             if touched {
@@ -78,15 +88,20 @@ impl Objective<'_> {
         block.finish()
     }
 
-    fn surface_blocks(
+    fn surface_blocks<'a>(
         &self,
         o: usize,
-        base: &Trajectories,
-        perturbed: &[Trajectories],
+        base: &'a Trajectories,
+        neighbours: &'a [Neighbour],
         steps: &[f64],
     ) -> Vec<ResidualBlock> {
         let frame: &ObservedFrame = &self.video.frames[o];
         let Some(surface) = &frame.surface else { return Vec::new() };
-        vec![self.surface_comparison.block((o, frame.time_s), surface, base, perturbed, steps)]
+        let moved = |neighbour: &'a Neighbour| match neighbour {
+            Neighbour::Moved(moved) => moved,
+            Neighbour::Drawn(_) => base,
+        };
+        let moved: Vec<&Trajectories> = neighbours.iter().map(moved).collect();
+        vec![self.surface_comparison.block((o, frame.time_s), surface, base, &moved, steps)]
     }
 }

@@ -13,6 +13,7 @@ use nalgebra::{DMatrix, DVector, Matrix6, Vector6};
 use rayon::prelude::*;
 
 use crate::FitError;
+use crate::forward::drawing::{Drawing, Shown};
 use crate::forward::footprint::IsotropicGaussians;
 use crate::forward::trajectories::{ForwardModel, FrameSelection, Trajectories};
 use crate::observe::mask_view::MaskView;
@@ -100,9 +101,11 @@ impl Body<'_> {
         here: &[[f32; 3]],
         nudged: &[Vec<[f32; 3]>; 6],
     ) -> (Matrix6<f64>, Vector6<f64>) {
-        let compared = ComparedView::new(view, self.at(here), pooling);
-        let drawn = compared.drawn(self.at(here));
-        let nudged = nudged.each_ref().map(|positions| compared.drawn(self.at(positions)));
+        let drawing = Drawing::of_factor(self.gaussians.factor);
+        let shown = |positions| Shown { gaussians: self.at(positions), velocities: &[], drawing: &drawing };
+        let compared = ComparedView::new(view, &shown(here), pooling);
+        let drawn = compared.drawn(&shown(here));
+        let nudged = nudged.each_ref().map(|positions| compared.drawn(&shown(positions)));
         let (mut hessian, mut gradient) = (Matrix6::zeros(), Vector6::zeros());
         for (i, (drawn, observed)) in drawn.iter().zip(&compared.observed).enumerate() {
             let slope = Vector6::from_fn(|k, _| f64::from(nudged[k][i] - drawn) / self.difference);
@@ -170,7 +173,8 @@ mod tests {
             Ok(Trajectories {
                 scales: self.0.iter().map(|positions| vec![0.6 * SPACING as f32; positions.len()]).collect(),
                 positions: self.0.clone(),
-                splat_factor: 1.0,
+                velocities: Vec::new(),
+                drawing: Drawing::of_factor(1.0),
                 outward_displacements: Vec::new(),
             })
         }

@@ -125,7 +125,7 @@ impl SurfaceComparison {
         (o, time): (usize, f64),
         observed: &ObservedSurface,
         trajectories: &Trajectories,
-        perturbed: &[Trajectories],
+        perturbed: &[&Trajectories],
         steps: &[f64],
     ) -> ResidualBlock {
         let frame = FrameResiduals { comparison: self, o, trajectories, perturbed, steps };
@@ -165,7 +165,7 @@ struct FrameResiduals<'a> {
     /// Index of the observation.
     o: usize,
     trajectories: &'a Trajectories,
-    perturbed: &'a [Trajectories],
+    perturbed: &'a [&'a Trajectories],
     steps: &'a [f64],
 }
 
@@ -209,6 +209,7 @@ mod tests {
     use gic_mpm::{Collider, Contact};
 
     use super::*;
+    use crate::forward::drawing::Drawing;
 
     /// Particles of a block, 10 mm apart, 20 x 16 x 12, whose lowest are 5 mm above the plane y = 0.
     fn block() -> Vec<DVec3> {
@@ -245,7 +246,8 @@ mod tests {
         Trajectories {
             positions: vec![single(positions)],
             scales: vec![vec![0.005; n]],
-            splat_factor: 1.0,
+            velocities: vec![],
+            drawing: Drawing::of_factor(1.0),
             outward_displacements: vec![],
         }
     }
@@ -293,7 +295,7 @@ mod tests {
         let comparison = comparison_of(rest.len());
         let at = |t: f64| trajectories(&rest.iter().map(|p| *p + DVec3::new(0.002, t, -0.001)).collect::<Vec<_>>());
         let step = 1e-4;
-        let block = |t: f64| comparison.block((0, 0.0), &observed, &at(t), &[at(t + step)], &[step]);
+        let block = |t: f64| comparison.block((0, 0.0), &observed, &at(t), &[&at(t + step)], &[step]);
         for t in [-0.004, 0.002, 0.006] {
             let difference = (block(t + step).cost - block(t - step).cost) / (2.0 * step);
             let found = block(t).gradient[0];

@@ -6,6 +6,7 @@ use gic_optimize::Adam;
 use glam::DVec3;
 
 use crate::FitError;
+use crate::forward::drawing::{Drawing, Shown};
 use crate::forward::footprint::IsotropicGaussians;
 use crate::result::Stage;
 use crate::session::Session;
@@ -74,9 +75,11 @@ fn loss_and_gradient(
         let positions: Vec<[f32; 3]> = frame.positions.iter().map(|p| p.as_vec3().to_array()).collect();
         // The widths' own change with the positions is left out of the gradient.
         let scales = identification.splat_widths.scales(&frame.positions);
-        let (opacities, factor) = (&input.opacities, state.splat.exp() as f32);
+        let (opacities, drawing) = (&input.opacities, Drawing::of(state));
+        let factor = drawing.splat_factor;
         let gaussians = IsotropicGaussians { positions: &positions, opacities, scales: &scales, factor };
-        let loss = frame_loss(observed, &identification.comparison, gaussians, true);
+        let shown = Shown { gaussians, velocities: &[], drawing: &drawing };
+        let loss = frame_loss(observed, &identification.comparison, &shown, true);
         total += share * (loss.chamfer_m + loss.mask_l1);
         Some(loss.gradient.iter().map(|g: &DVec3| *g * share).collect())
     })?;

@@ -3,6 +3,7 @@
 use gic_mpm::MaterialKind;
 use glam::DVec3;
 
+use crate::forward::drawing::{Drawing, Sight};
 use crate::forward::flight::{placed, volume_factors};
 use crate::forward::simulation::Simulation;
 use crate::forward::trajectories::{ForwardModel, Trajectories};
@@ -17,7 +18,7 @@ use crate::stages::middle;
 use crate::uncertainty::verdicts;
 use crate::unknowns::parameter::sought_values;
 use crate::unknowns::state::{State, Unknown};
-use crate::{IdentifyError, Parameter, Start, WorldEstimate};
+use crate::{DeviceEstimate, IdentifyError, Parameter, Start, WorldEstimate};
 
 /// The result where nothing is touched.
 pub(crate) fn of_free_flight(identification: &Identification, session: &mut Session) -> Estimates {
@@ -156,6 +157,16 @@ fn world(state: &State, uncertainty: Option<&Uncertainty>) -> WorldEstimate {
     }
 }
 
+/// The devices as they were found.
+fn devices(identification: &Identification, state: &State) -> Vec<DeviceEstimate> {
+    let (drawing, doubts) = (Drawing::of(state), &identification.input.device_doubts);
+    let found = |device: usize| {
+        let Sight { error, late_s } = drawing.sight(device);
+        DeviceEstimate { error, late_s }
+    };
+    (0..doubts.len()).map(found).collect()
+}
+
 /// A minimum as a start of other fits.
 fn start_of(simulation: &Simulation, state: &State) -> Start {
     Start { parameters: sought_values(&simulation.material(state)), grid_spacing_m: Some(simulation.cell_m(state)) }
@@ -206,6 +217,7 @@ fn result(
         colliders: colliders(input, state),
         gravity_m_s2: gravity(input, state),
         world,
+        devices: devices(identification, state),
         positions: placed(input, shape, state).0,
         particle_volume_m3: input.particle_volume_m3,
         volume_factors: volume_factors(input, shape, state),

@@ -27,6 +27,7 @@ use crate::stages::identification::Identification;
 use crate::stages::minima::Minima;
 use crate::stages::neighbours::{moved, where_minima_may_begin};
 use crate::tuning::MaterialTuning;
+use crate::unknowns::devices;
 use crate::unknowns::state::{State, Unknown};
 
 /// Other minima, with how much more they cost.
@@ -185,15 +186,16 @@ fn unknowns(identification: &Identification) -> Vec<Unknown> {
     unknowns.extend(&identification.flight.motion);
     unknowns.extend(identification.unknowns_of_world_and_grid());
     if has_masks {
+        unknowns.extend(devices::unknowns(identification.input));
         unknowns.extend((0..identification.shape.count()).map(Unknown::Shape));
     }
     unknowns
 }
 
 /// What is known of the joint stage's unknowns besides the pictures: of the Gaussians' size, of the shape, of the
-/// world and the grid and, by the outlines, of the motion.
+/// world, the grid and the devices and, by the outlines, of the motion.
 pub(crate) fn prior(identification: &Identification) -> Prior {
-    let is_nuisance = |u: &Unknown| u.is_of_drawing() || matches!(u, Unknown::Shape(_));
+    let is_nuisance = |u: &Unknown| matches!(u, Unknown::Splat | Unknown::Shape(_));
     let unknowns: Vec<Unknown> = unknowns(identification).into_iter().filter(is_nuisance).collect();
     let tuning = &identification.tuning.joint;
     let deviation = |u: &Unknown| match u {
@@ -207,6 +209,7 @@ pub(crate) fn prior(identification: &Identification) -> Prior {
         mean: DVector::from_iterator(unknowns.len(), means),
         unknowns,
     };
-    let known = [&identification.motion_by_outlines, &identification.world_and_grid];
+    let of_devices = devices::prior(identification.input);
+    let known = [&identification.motion_by_outlines, &identification.world_and_grid, &of_devices];
     known.into_iter().flatten().fold(nuisances, |all, prior| all.and(prior.clone()))
 }

@@ -32,7 +32,7 @@ pub(crate) fn wrong_cameras(
                 both += f64::from(a.min(*m));
                 either += f64::from(a.max(*m));
             }
-            (view.camera_index, both / f64::max(either, 1e-9))
+            (view.device, both / f64::max(either, 1e-9))
         })
         .collect();
     let mut sorted: Vec<f64> = overlaps.iter().map(|(_, o)| *o).collect();

@@ -19,7 +19,7 @@ pub(crate) fn unexplained(
     let of_frames = |distance_m: &dyn Fn(usize, &ObservedFrame) -> f64| -> Vec<f64> {
         video.frames.iter().enumerate().map(|(o, observed)| distance_m(o, observed)).collect()
     };
-    let outlines_m = of_frames(&|o, observed| outline_distance_m(observed, trajectories.gaussians(o, opacities)));
+    let outlines_m = of_frames(&|o, observed| outline_distance_m(observed, &trajectories.shown(o, opacities)));
     let surfaces_m = of_frames(&|o, observed| {
         let positions = trajectories.gaussians(o, opacities).positions;
         // The mean of both directions, which the chamfer distance adds.

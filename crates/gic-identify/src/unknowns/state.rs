@@ -22,17 +22,30 @@ pub(crate) enum Unknown {
     World(usize),
     /// Logarithm of the factor on the side of the grid's cells.
     Cell,
+    /// What is unknown of a device that takes pictures, by its place in [`State::devices`] (a nuisance).
+    Device(usize),
 }
 
 impl Unknown {
     /// Whether it changes how particles are drawn, and no motion.
     pub(crate) fn is_of_drawing(self) -> bool {
-        self == Unknown::Splat
+        matches!(self, Unknown::Splat | Unknown::Device(_))
+    }
+
+    /// Whether it changes what a device sees.
+    pub(crate) fn concerns(self, device: usize) -> bool {
+        match self {
+            Unknown::Device(k) => k / DEVICE_UNKNOWNS == device,
+            _ => true,
+        }
     }
 }
 
 /// Numbers that may be unknown of the world.
 pub(crate) const WORLD_UNKNOWNS: usize = 5;
+
+/// Numbers that may be unknown of a device.
+pub(crate) const DEVICE_UNKNOWNS: usize = 8;
 
 /// A point in the space of all unknowns.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -58,6 +71,10 @@ pub(crate) struct State {
     pub world: [f64; WORLD_UNKNOWNS],
     /// Logarithm of the factor on the side of the grid's cells.
     pub log_cell: f64,
+    /// By what each device differs from the input's, one after the other: its turn about each of its axes [rad], its
+    /// shift along them [m], the logarithm of the factor on its focal length, its delay [s]; those that are missing are
+    /// zero.
+    pub devices: Vec<f64>,
 }
 
 impl State {
@@ -72,6 +89,7 @@ impl State {
             shape: Vec::new(),
             world: [0.0; WORLD_UNKNOWNS],
             log_cell: 0.0,
+            devices: Vec::new(),
         }
     }
 
@@ -85,6 +103,7 @@ impl State {
             Unknown::Shape(k) => self.shape.get(k).copied().unwrap_or(0.0),
             Unknown::World(k) => self.world[k],
             Unknown::Cell => self.log_cell,
+            Unknown::Device(k) => self.devices.get(k).copied().unwrap_or(0.0),
         }
     }
 
@@ -97,12 +116,14 @@ impl State {
             Unknown::Splat => self.splat = value,
             Unknown::World(k) => self.world[k] = value,
             Unknown::Cell => self.log_cell = value,
-            Unknown::Shape(k) => {
-                if self.shape.len() <= k {
-                    self.shape.resize(k + 1, 0.0);
-                }
-                self.shape[k] = value;
-            }
+            Unknown::Shape(k) => *entry(&mut self.shape, k) = value,
+            Unknown::Device(k) => *entry(&mut self.devices, k) = value,
         }
     }
+}
+
+/// An entry of a list whose missing ones are zero.
+fn entry(list: &mut Vec<f64>, k: usize) -> &mut f64 {
+    list.resize(list.len().max(k + 1), 0.0);
+    &mut list[k]
 }

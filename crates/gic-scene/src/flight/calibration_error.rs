@@ -34,7 +34,7 @@ pub struct CalibrationError {
 
 impl CalibrationError {
     /// One standard deviation of a camera at this distance from the body [m].
-    pub(super) fn deviation(distance_m: f64) -> CalibrationError {
+    pub fn deviation(distance_m: f64) -> CalibrationError {
         CalibrationError {
             turn_rad: DVec3::splat(TURN_DEVIATION_RAD),
             shift_m: DVec3::splat(SHIFT_DEVIATION * distance_m),

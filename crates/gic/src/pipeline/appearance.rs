@@ -21,7 +21,7 @@ impl Run<'_> {
         let spacing = drawing.particles.spacing;
         let to_f32 = |points: Vec<DVec3>| points.iter().map(|p| p.as_vec3().to_array()).collect::<Vec<[f32; 3]>>();
         let mut posed = Vec::new();
-        let moments = self.scene.moments();
+        let moments = self.identified()?.as_fitted(&self.scene).moments();
         for frame in 0..moments.times.len() {
             let positions = to_f32(drawing.positions(&self.predicted(frame)?));
             posed.push(PosedPoints { frame, normals: outward_normals(&positions, spacing), positions });

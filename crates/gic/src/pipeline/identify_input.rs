@@ -3,8 +3,8 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 
-use gic_identify::{Input, Observation, Settings, View};
-use gic_scene::Camera;
+use gic_identify::{DeviceDoubt, Input, Observation, Settings, View};
+use gic_scene::{CalibrationError, Camera};
 use gic_twin::twin::Obstacle;
 
 use super::clock::Clock;
@@ -25,10 +25,11 @@ impl Run<'_> {
         let (grid_spacing_m, substeps_per_frame) = config.resolution(continuum.grid_spacing_m());
         let scale = (continuum.appearance.scale * particles.spacing) as f32;
         let mut cameras = self.scene.cameras.clone();
+        let mut devices: Vec<usize> = (0..cameras.len()).collect();
         let clock = Clock::of(&self.scene.moments().times, frame_rate_hz);
         let mut observations = Vec::new();
         for frame in 0..self.scene.times.len() {
-            observations.extend(self.observe(frame, continuum, &clock, &mut cameras)?);
+            observations.extend(self.observe(frame, continuum, &clock, (&mut cameras, &mut devices))?);
         }
         let volume_m3 = particles.volume * particles.volume_factors.iter().map(|share| f64::from(*share)).sum::<f64>();
         Ok(Input {
@@ -40,6 +41,8 @@ impl Run<'_> {
             doubts: particles.doubts.clone(),
             surface_error_m: continuum.surface_error_m(),
             cameras,
+            devices,
+            device_doubts: self.device_doubts(),
             observations,
             frame_rate_hz: clock.rate_hz(),
             gravity_m_s2: surroundings.gravity_m_s2,
@@ -66,7 +69,7 @@ impl Run<'_> {
         frame: usize,
         continuum: &Continuum,
         clock: &Clock,
-        cameras: &mut Vec<Camera>,
+        (cameras, devices): (&mut Vec<Camera>, &mut Vec<usize>),
     ) -> Result<Vec<Observation>> {
         let views = self.scene.views_at(frame).iter().zip(self.masks(frame)?);
         if !self.scene.is_seen_at_once(frame) {
@@ -82,6 +85,7 @@ impl Run<'_> {
             Cow::Borrowed(_) => view.camera,
             Cow::Owned(moved) => {
                 cameras.push(moved);
+                devices.push(view.camera);
                 cameras.len() - 1
             }
         };
@@ -94,6 +98,21 @@ impl Run<'_> {
             surface_doubts: surface.doubts,
             views: views.map(|(view, mask)| View { camera: place(view), mask: mask.coverage }).collect(),
         }])
+    }
+
+    /// How well each camera is known; empty where all are as they are said to be.
+    fn device_doubts(&self) -> Vec<DeviceDoubt> {
+        let Some(flight) = self.scene.flight.as_ref().filter(|_| self.has_real_cameras()) else { return Vec::new() };
+        let doubt = |(device, camera): (usize, &Camera)| {
+            let mended = self.scene.calibration_errors.get(device).copied();
+            let deviation = CalibrationError::deviation(camera.centre.distance(flight.about));
+            DeviceDoubt {
+                mended: mended.unwrap_or_default(),
+                deviation: mended.map_or_else(CalibrationError::default, |_| deviation),
+                lags: !self.scene.delays_s.is_empty(),
+            }
+        };
+        self.scene.cameras.iter().enumerate().map(doubt).collect()
     }
 
     /// Observations of the first `frames` of the video.

@@ -1,6 +1,7 @@
 //! `identify.json`: the estimate and how it was found.
 
-use gic_identify::{Estimates, Stage as IdentifyStage, Step, WorldEstimate};
+use gic_identify::{DeviceEstimate, Estimates, Stage as IdentifyStage, Step, WorldEstimate};
+use gic_scene::{CalibrationError, Scene};
 use serde::{Deserialize, Serialize};
 
 /// `identify.json`: the estimate and how it was found.
@@ -32,6 +33,9 @@ pub struct IdentifyRecord {
     /// The factor that its 95 % interval reaches to either side; absent where it was in no doubt.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gravity_interval_95_factor: Option<f64>,
+    /// By what each camera differs from what the free flight shows of it; absent where none was in doubt.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cameras: Vec<CameraRecord>,
     /// Leading frames in which nothing is touched.
     pub free_frames: usize,
     /// Mean chamfer distance of the surfaces [m]; absent where none are fitted.
@@ -92,6 +96,39 @@ pub struct GroundRecord {
     pub friction_interval_95_factor: Option<f64>,
 }
 
+/// By what a camera differs from what the free flight shows of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CameraRecord {
+    /// Its turn, a rotation vector in its own axes [rad].
+    pub turn_rad: [f64; 3],
+    /// Its shift along its own axes [m].
+    pub shift_m: [f64; 3],
+    /// Logarithm of the factor on its focal length.
+    pub log_focal: f64,
+    /// How much later its pictures were taken [s].
+    pub delay_s: f64,
+}
+
+impl From<&DeviceEstimate> for CameraRecord {
+    fn from(found: &DeviceEstimate) -> Self {
+        let CalibrationError { turn_rad, shift_m, focal, .. } = found.error;
+        CameraRecord { turn_rad: turn_rad.into(), shift_m: shift_m.into(), log_focal: focal, delay_s: found.late_s }
+    }
+}
+
+impl CameraRecord {
+    /// The error of its calibration and its delay [s].
+    fn found(&self) -> (CalibrationError, f64) {
+        let error = CalibrationError {
+            turn_rad: self.turn_rad.into(),
+            shift_m: self.shift_m.into(),
+            focal: self.log_focal,
+            radial: 0.0,
+        };
+        (error, self.delay_s)
+    }
+}
+
 fn one() -> f64 {
     1.0
 }
@@ -127,6 +164,11 @@ pub struct StepRecord {
 }
 
 impl IdentifyRecord {
+    /// A scene with the cameras as they were found.
+    pub(crate) fn as_fitted(&self, scene: &Scene) -> Scene {
+        scene.as_fitted(&self.cameras.iter().map(CameraRecord::found).collect::<Vec<_>>())
+    }
+
     /// Each component of the initial velocity: its letter, its value and its 95 % interval [m/s], if that is known.
     pub fn velocity_components(&self) -> [(&'static str, f64, Option<[f64; 2]>); 3] {
         [("x", 0), ("y", 1), ("z", 2)].map(|(letter, axis)| {
@@ -134,6 +176,11 @@ impl IdentifyRecord {
             (letter, v, self.velocity_interval_95_m_s.map(|half| [v - half[axis], v + half[axis]]))
         })
     }
+}
+
+/// A scene with the cameras as a fit found them.
+pub(super) fn cameras_as_found(scene: &Scene, found: &Estimates) -> Scene {
+    scene.as_fitted(&found.devices.iter().map(|device| (device.error, device.late_s)).collect::<Vec<_>>())
 }
 
 /// What a fit found, as it is kept.
@@ -164,6 +211,7 @@ pub(super) fn record(model: &str, found: &Estimates) -> IdentifyRecord {
         gravity_interval_95_factor: found.world.and_then(|world| world.log_gravity_half_width).map(f64::exp),
         grid_spacing_m: found.grid_spacing_m,
         grid_spacing_interval_95_m: found.grid_spacing_interval_95_m.map(Into::into),
+        cameras: found.devices.iter().map(CameraRecord::from).collect(),
         free_frames: found.free_frames,
         chamfer_m: found.loss.chamfer_m,
         mask_l1: found.loss.mask_l1,

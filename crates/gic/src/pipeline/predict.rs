@@ -23,13 +23,14 @@ impl Run<'_> {
             budget: usual_budget(),
         };
         simulate(&request, self.events, self.interrupt)?;
-        if self.video.has_lags() { self.predict_moments() } else { Ok(()) }
+        let video = self.identified()?.as_fitted(&self.video);
+        if video.has_lags() { self.predict_moments(&video) } else { Ok(()) }
     }
 
     /// The twin's motion at the times of pictures that were taken between frames.
-    fn predict_moments(&self) -> Result<()> {
+    fn predict_moments(&self, video: &Scene) -> Result<()> {
         let (twin, mut world) = Twin::read(&self.path("twin.json"), &[])?.to_world()?;
-        let moments = self.video.moments();
+        let moments = video.moments();
         let clock = Clock::of(&moments.times, twin.frame_rate_hz);
         world.frame_rate_hz = clock.rate_hz();
         world.stepping = clock.stepping(world.stepping);
@@ -41,7 +42,7 @@ impl Run<'_> {
                 self.stop_if_asked("the prediction of whole frames")?;
                 frame = simulator.advance_frame().map_err(unstable())?;
             }
-            write_frame(&self.path(moment_file(&self.video, moment)), &frame)?;
+            write_frame(&self.path(moment_file(video, moment)), &frame)?;
         }
         Ok(())
     }

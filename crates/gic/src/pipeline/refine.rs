@@ -7,21 +7,17 @@
 //! left is taken for one of the material else. Each fit goes on from the one before, and so does `identify`: the range
 //! is searched once.
 
-use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-use gic_continuum::{
-    AcrossTime, Filling, Moment, MomentView, Symmetry, calibrate, compare_with_masks, sample_particles,
-};
+use gic_continuum::{AcrossTime, Filling, Symmetry, calibrate, compare_with_masks, sample_particles};
 use gic_files::FileError;
-use gic_identify::{Estimates, Input, Settings, Stage as IdentifyStage, Start};
-use gic_scene::View;
+use gic_identify::{Estimates, Settings, Stage as IdentifyStage, Start};
 use gic_twin::atomic;
 use serde::{Deserialize, Serialize};
 
 use super::field::{FIELD_FILE, FieldGrid, write_field};
 use super::fill::{mean_overlap, overlaps, thin_share, write_body};
-use super::identify::{motion_of, of_everything};
+use super::identify::of_everything;
 use super::stage::REFINED;
 use super::stamp::Recipe;
 use super::surroundings::Surroundings;
@@ -127,44 +123,6 @@ impl Run<'_> {
         let settled = filling.settle_across_time(body, (&moments, off_m), &symmetry, tuning, &stop);
         self.stop_if_asked("a fit of refinement")?;
         self.write_refined(continuum, filling, &found, (settled.unwrap_or_default(), moments.len()))
-    }
-
-    /// The moments of the first observations, which a fit `explained`, with what the cameras saw of them.
-    fn moments(&self, input: &Input, found: &Estimates, explained: usize) -> Result<Vec<Moment>> {
-        let frame_of = |time_s: f64| (time_s * input.frame_rate_hz).round() as usize;
-        let last = input.observations.iter().take(explained).next_back();
-        let last = last.map_or(0, |observation| frame_of(observation.time_s));
-        let motion = motion_of(input, found, last).map_err(Error::stage("simulating a fit"))?;
-        let free_s = input.observations.get(found.free_frames).map_or(f64::INFINITY, |first| first.time_s);
-        let mut moments: Vec<(usize, Moment)> = Vec::new();
-        for frame in 0..self.scene.times.len() {
-            let at_once = self.scene.is_seen_at_once(frame);
-            let time_of = |view: &View| if at_once { self.scene.times[frame] } else { view.time_s };
-            let is_explained = |view: &&View| frame_of(time_of(view)) < motion.len();
-            let views: Vec<View> = self.scene.views_at(frame).iter().filter(is_explained).cloned().collect();
-            let pictures = self.scene.load_all(&views).map_err(Error::stage("reading pictures"))?;
-            for (view, (picture, mask)) in views.iter().zip(pictures) {
-                let time_s = time_of(view);
-                let seen = MomentView::around_mask(&self.camera_of(view, at_once), &picture, &mask);
-                let moment = moments.iter_mut().find(|(at, _)| *at == frame_of(time_s));
-                match (moment, seen) {
-                    (_, None) => (),
-                    (Some((_, moment)), Some(seen)) => moment.views.push(seen),
-                    (None, Some(seen)) => {
-                        let positions = motion[frame_of(time_s)].clone();
-                        let moment = Moment { positions, flies: time_s < free_s, views: vec![seen] };
-                        moments.push((frame_of(time_s), moment));
-                    }
-                }
-            }
-        }
-        moments.sort_by_key(|(at, _)| *at);
-        Ok(moments.into_iter().map(|(_, moment)| moment).collect())
-    }
-
-    /// The camera of a view, as it saw the body at the frame's time where all views are taken as of that time.
-    fn camera_of(&self, view: &View, at_once: bool) -> Cow<'_, gic_scene::Camera> {
-        if at_once { self.scene.camera_at_frame(view) } else { Cow::Borrowed(self.scene.camera_of(view)) }
     }
 
     fn write_refined(

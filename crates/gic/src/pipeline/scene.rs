@@ -4,15 +4,18 @@ use std::path::{Path, PathBuf};
 
 use gic_files::FileError;
 use gic_scene::{Scene, SceneError, Seek, World};
+use gic_twin::atomic::read_json;
 use sha2::{Digest, Sha256};
 
 use super::Stage;
+use super::identify_record::IdentifyRecord;
 use super::results::{hash_file, stamp_file};
 use super::stamp::Stamp;
 use crate::config::{Config, Layer};
 use crate::error::{Error, Result};
 
-/// Opens the scene of a run folder, with all frames of the video; it lies at `elsewhere`, or where the run says.
+/// Opens the scene of a run folder, with all frames of the video and the cameras as they were found; it lies at
+/// `elsewhere`, or where the run says.
 ///
 /// # Errors
 /// Those of [`open_scene`], unusable settings, another scene than the run's.
@@ -24,7 +27,8 @@ pub fn scene_of_run(run: &Path, elsewhere: Option<&Path>) -> Result<Scene> {
     let video = open_scene(&config)?;
     let hash = hash_scene(&fitted_part(&video, &config)?, &config)?;
     check_origin(run, &video.root, &hash)?;
-    Ok(video)
+    let identified = run.join("identify.json");
+    Ok(if identified.exists() { read_json::<IdentifyRecord>(&identified)?.as_fitted(&video) } else { video })
 }
 
 /// The settings that a run keeps.

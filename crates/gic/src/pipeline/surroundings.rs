@@ -123,7 +123,7 @@ impl Run<'_> {
     }
 
     /// Whether cameras lag or are not as stated.
-    fn has_real_cameras(&self) -> bool {
+    pub(super) fn has_real_cameras(&self) -> bool {
         !self.scene.delays_s.is_empty() || !self.scene.calibration_errors.is_empty()
     }
 

@@ -150,6 +150,7 @@ pub(super) mod tests {
             fixed: false,
         };
         IdentifyRecord {
+            cameras: Vec::new(),
             model: "elastic".into(),
             estimates: vec![
                 estimate("youngs_modulus_pa", 318_000.0, [240_000.0, 421_000.0], identifiable[0]),

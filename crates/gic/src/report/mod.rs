@@ -15,7 +15,7 @@ use gic_view::template::{self, Template};
 use serde::Serialize;
 
 use crate::error::Result;
-use crate::pipeline::{IdentifyRecord, Run, Selection, Stage};
+use crate::pipeline::{CameraRecord, IdentifyRecord, Run, Selection, Stage};
 use estimate::EstimateRow;
 use history::History;
 use pictures::Pictures;
@@ -135,6 +135,22 @@ fn sentence(text: String) -> String {
 }
 
 /// What else identification found, a sentence each.
+/// By how much the cameras differ from what the free flight shows of them, at most; `None` where none was in doubt.
+fn cameras_as_found(cameras: &[CameraRecord]) -> Option<String> {
+    let largest = |of: &dyn Fn(&CameraRecord) -> f64| cameras.iter().map(of).fold(0.0, f64::max);
+    let length = |v: [f64; 3]| v[0].hypot(v[1]).hypot(v[2]);
+    (!cameras.is_empty()).then(|| {
+        format!(
+            "The whole video turns cameras by up to {:.2} degrees more than the free flight shows, moves them by up to \
+             {:.1} mm, changes their focal lengths by up to {:.2} % and their delays by up to {:.1} ms.",
+            largest(&|camera| length(camera.turn_rad).to_degrees()),
+            1e3 * largest(&|camera| length(camera.shift_m)),
+            1e2 * largest(&|camera| camera.log_focal.abs()),
+            1e3 * largest(&|camera| camera.delay_s.abs())
+        )
+    })
+}
+
 fn remarks(found: &IdentifyRecord) -> Vec<String> {
     let mut remarks = Vec::new();
     let [x, y, z] = found.angular_velocity_rad_s;
@@ -172,6 +188,7 @@ fn remarks(found: &IdentifyRecord) -> Vec<String> {
             percent(half)
         ));
     }
+    remarks.extend(cameras_as_found(&found.cameras));
     remarks.push(format!("Nothing is touched in the first {} frames.", found.free_frames));
     if let Some(distance_m) = found.chamfer_m {
         let distance_mm = 1e3 * distance_m;

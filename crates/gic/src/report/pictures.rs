@@ -28,7 +28,7 @@ impl Pictures {
     /// # Errors
     /// Missing results, pictures that cannot be read, an interrupt.
     pub(super) fn draw(run: &Run, found: &IdentifyRecord, events: &Events) -> Result<Self> {
-        let scene = run.video();
+        let scene = &found.as_fitted(run.video());
         let moments = scene.moments();
         let frames = scene.times.len();
         let (drawing, appearance) = run.drawing(&run.continuum()?)?;
