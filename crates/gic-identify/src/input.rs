@@ -39,7 +39,8 @@ pub struct WorldDoubt {
     pub collider: usize,
     /// Of its height below the body [m].
     pub height_m: f64,
-    /// Of its tilt about each of two axes in it [rad].
+    /// Of its tilt about each of two axes in it, and of gravity's about two at right angles to it [rad]: cameras that
+    /// are all turned alike see both tilted, and a ground need not be level.
     pub tilt_rad: f64,
     /// Of the logarithm of its friction.
     pub log_friction: f64,
@@ -48,9 +49,10 @@ pub struct WorldDoubt {
 }
 
 impl WorldDoubt {
-    /// The same in the order of the unknowns: height, tilts, friction, gravity.
+    /// The same in the order of the unknowns: height, tilts, friction, gravity, its tilts.
     pub(crate) fn deviations(&self) -> [f64; WORLD_UNKNOWNS] {
-        [self.height_m, self.tilt_rad, self.tilt_rad, self.log_friction, self.log_gravity]
+        let (height, tilt) = (self.height_m, self.tilt_rad);
+        [height, tilt, tilt, self.log_friction, self.log_gravity, tilt, tilt]
     }
 }
 

@@ -89,6 +89,10 @@ pub struct WorldEstimate {
     pub log_gravity: f64,
     /// Half-width of that.
     pub log_gravity_half_width: Option<f64>,
+    /// Gravity's tilts about two axes at right angles to it [rad].
+    pub gravity_tilt_rad: [f64; 2],
+    /// Half-widths of these [rad].
+    pub gravity_tilt_half_width_rad: [Option<f64>; 2],
 }
 
 /// By what a device differs from what the input says of it.

@@ -214,6 +214,24 @@ fn a_gravity_in_other_lengths_is_found() {
     }
 }
 
+/// Where cameras are all turned alike, or up is not quite up, gravity is tilted: the fall and the bounce say by how
+/// much, and the ground's own tilt apart from it.
+#[test]
+fn a_gravity_that_is_tilted_is_found() {
+    let velocity = DVec3::new(0.4, -1.5, 0.2);
+    let mut input = observed(ELASTIC, velocity, 10);
+    input.gravity_m_s2 = DQuat::from_scaled_axis(DVec3::new(0.012, 0.0, -0.008)) * GRAVITY;
+    input.world_doubt = Some(WorldDoubt { tilt_rad: 0.02, ..WorldDoubt::default() });
+    let settings = Settings { target: Target::Surfaces, grid_spacing_m: Some(SPACING), ..Settings::default() };
+    let found = run(&input, ELASTIC.kind(), &settings).expect("identified");
+    let error = found.estimates[0].parameter.error(found.estimates[0].value, 1.0e5);
+    let (off, off_m_s) = (found.gravity_m_s2.angle_between(GRAVITY), (found.velocity_m_s - velocity).length());
+    let normal = found.colliders[0].normal().expect("a plane");
+    let slope = normal.angle_between(DVec3::Y);
+    println!("gravity {off:.5} rad off, the ground {slope:.5}, E by {error:.4}, velocity by {off_m_s:.4} m/s");
+    assert!(off < 0.002 && slope < 0.004 && error.abs() < 0.02 && off_m_s < 3e-3);
+}
+
 /// Identifies from `starts` random starts, two decades wide for moduli and the whole range for the others.
 fn recovers(truth: Material, seed: u64, starts: u64) {
     let velocity = DVec3::new(0.4, -1.5, 0.2);

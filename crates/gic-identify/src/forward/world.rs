@@ -1,5 +1,5 @@
 //! The world as a hypothesis: a ground that is higher or lower than it was given, tilted, or more or less slippery, and
-//! gravity that is stronger or weaker than it should be in the lengths that the cameras see.
+//! gravity that is stronger or weaker than it should be in the lengths that the cameras see, or not straight down.
 
 use gic_mpm::{Collider, ColliderPath, Contact};
 use glam::{DQuat, DVec3};
@@ -11,7 +11,7 @@ use crate::unknowns::state::State;
 pub(crate) fn colliders(input: &Input, state: &State) -> Vec<Collider> {
     let mut colliders = input.colliders.clone();
     if let Some(doubt) = input.world_doubt {
-        let [height, tilt_x, tilt_y, log_friction, _] = state.world;
+        let [height, tilt_x, tilt_y, log_friction, ..] = state.world;
         let plane = &mut colliders[doubt.collider];
         if doubt.tilt_rad > 0.0 {
             turn(plane, input.centre(), [tilt_x, tilt_y]);
@@ -24,8 +24,19 @@ pub(crate) fn colliders(input: &Input, state: &State) -> Vec<Collider> {
 
 /// Gravity of a state [m/s^2].
 pub(crate) fn gravity(input: &Input, state: &State) -> DVec3 {
-    let [.., log_gravity] = state.world;
-    input.gravity_m_s2 * log_gravity.exp()
+    let [.., log_gravity, tilt_x, tilt_y] = state.world;
+    let given = input.gravity_m_s2;
+    if [tilt_x, tilt_y] == [0.0; 2] {
+        return given * log_gravity.exp();
+    }
+    let [x, y] = gravity_axes(given);
+    DQuat::from_scaled_axis(tilt_x * x + tilt_y * y) * given * log_gravity.exp()
+}
+
+/// The axes about which gravity [m/s^2] may be tilted.
+pub(crate) fn gravity_axes(gravity: DVec3) -> [DVec3; 2] {
+    let (x, y) = gravity.try_normalize().unwrap_or(DVec3::NEG_Y).any_orthonormal_pair();
+    [x, y]
 }
 
 /// Raises a plane at rest by `height` [m] along its normal.

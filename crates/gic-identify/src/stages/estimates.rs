@@ -7,7 +7,7 @@ use crate::forward::drawing::{Drawing, Sight};
 use crate::forward::flight::{placed, volume_factors};
 use crate::forward::simulation::Simulation;
 use crate::forward::trajectories::{ForwardModel, Trajectories};
-use crate::forward::world::{colliders, gravity};
+use crate::forward::world::{colliders, gravity, gravity_axes};
 use crate::result::{Estimate, Estimates, Loss, Stage};
 use crate::session::Session;
 use crate::solve::linearisation::Linearisation;
@@ -105,8 +105,14 @@ fn velocity_half_width(
     joint: Option<&Uncertainty>,
     world: Option<&WorldEstimate>,
 ) -> Option<DVec3> {
-    let log_gravity = world.and_then(|world| world.log_gravity_half_width).unwrap_or(0.0);
-    let by_gravity = identification.simulation().halfway_s() * log_gravity * identification.input.gravity_m_s2;
+    let by_gravity = world.map_or(DVec3::ZERO, |world| {
+        let gravity = identification.input.gravity_m_s2;
+        let [x, y] = gravity_axes(gravity).map(|axis| axis.cross(gravity));
+        let [tilt_x, tilt_y] = world.gravity_tilt_half_width_rad;
+        let ways = [(gravity, world.log_gravity_half_width), (x, tilt_x), (y, tilt_y)];
+        let squares: DVec3 = ways.iter().map(|(way, half)| (*way * half.unwrap_or(0.0)).powf(2.0)).sum();
+        identification.simulation().halfway_s() * squares.map(f64::sqrt)
+    });
     let outlines_suffice = identification.motion_by_outlines.is_some() && world.is_none();
     let of_axis = |axis: usize| {
         let unknown = Unknown::Velocity(axis);
@@ -144,7 +150,7 @@ fn estimate(
 /// The world as it was found.
 fn world(state: &State, uncertainty: Option<&Uncertainty>) -> WorldEstimate {
     let half_width = |k: usize| uncertainty.and_then(|all| all.half_width(Unknown::World(k)));
-    let [height_m, tilt_x, tilt_y, log_friction, log_gravity] = state.world;
+    let [height_m, tilt_x, tilt_y, log_friction, log_gravity, gravity_tilt_x, gravity_tilt_y] = state.world;
     WorldEstimate {
         height_m,
         height_half_width_m: half_width(0),
@@ -154,6 +160,8 @@ fn world(state: &State, uncertainty: Option<&Uncertainty>) -> WorldEstimate {
         log_friction_half_width: half_width(3),
         log_gravity,
         log_gravity_half_width: half_width(4),
+        gravity_tilt_rad: [gravity_tilt_x, gravity_tilt_y],
+        gravity_tilt_half_width_rad: [half_width(5), half_width(6)],
     }
 }
 

@@ -210,6 +210,9 @@ pub(crate) fn prior(identification: &Identification) -> Prior {
         unknowns,
     };
     let of_devices = devices::prior(identification.input);
-    let known = [&identification.motion_by_outlines, &identification.world_and_grid, &of_devices];
+    // The motion is as sure as the outlines say where the devices are as they are said to be.
+    let are_exact = identification.input.device_doubts.is_empty();
+    let motion = identification.motion_by_outlines.as_ref().filter(|_| are_exact);
+    let known = [motion, identification.world_and_grid.as_ref(), of_devices.as_ref()];
     known.into_iter().flatten().fold(nuisances, |all, prior| all.and(prior.clone()))
 }

@@ -48,7 +48,7 @@ impl Coordinates<'_> {
             // Standard deviations of a fifth of a particle spacing: a cell.
             Unknown::Shape(_) => 10.0,
             // [m]: a cell; [rad]: a cell under a body of ten; factors of e.
-            Unknown::World(k) => [0.02, 0.1, 0.1, 1.0, 1.0][k],
+            Unknown::World(k) => [0.02, 0.1, 0.1, 1.0, 1.0, 0.1, 0.1][k],
             // Some ten pixels: [rad], [m], a share of the focal length, [s].
             Unknown::Device(k) => [0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 0.1, 0.01][k % DEVICE_UNKNOWNS],
         }

@@ -42,7 +42,7 @@ impl Unknown {
 }
 
 /// Numbers that may be unknown of the world.
-pub(crate) const WORLD_UNKNOWNS: usize = 5;
+pub(crate) const WORLD_UNKNOWNS: usize = 7;
 
 /// Numbers that may be unknown of a device.
 pub(crate) const DEVICE_UNKNOWNS: usize = 8;
@@ -67,7 +67,8 @@ pub(crate) struct State {
     /// Standard deviations along each component of the shape; those that are missing are zero.
     pub shape: Vec<f64>,
     /// How much the world differs from the given one: the ground higher [m], tilted about two axes in it [rad], the
-    /// logarithm of the factor on its friction, and that of the factor on gravity.
+    /// logarithm of the factor on its friction, that of the factor on gravity, and gravity's tilt about two axes at
+    /// right angles to it [rad].
     pub world: [f64; WORLD_UNKNOWNS],
     /// Logarithm of the factor on the side of the grid's cells.
     pub log_cell: f64,

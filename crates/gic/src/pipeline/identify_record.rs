@@ -33,6 +33,13 @@ pub struct IdentifyRecord {
     /// The factor that its 95 % interval reaches to either side; absent where it was in no doubt.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub gravity_interval_95_factor: Option<f64>,
+    /// How far gravity is tilted against what the scene says, about two axes at right angles to it [degrees]; absent
+    /// where it was in no doubt.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gravity_tilt_deg: Option<[f64; 2]>,
+    /// Half-widths of their 95 % intervals [degrees].
+    #[serde(default)]
+    pub gravity_tilt_interval_95_deg: [Option<f64>; 2],
     /// By what each camera differs from what the free flight shows of it; absent where none was in doubt.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub cameras: Vec<CameraRecord>,
@@ -209,6 +216,10 @@ pub(super) fn record(model: &str, found: &Estimates) -> IdentifyRecord {
         ground: found.world.map(GroundRecord::from),
         gravity_factor: found.world.map(|world| world.log_gravity.exp()).filter(|factor| *factor != 1.0),
         gravity_interval_95_factor: found.world.and_then(|world| world.log_gravity_half_width).map(f64::exp),
+        gravity_tilt_deg: found.world.map(|world| world.gravity_tilt_rad.map(f64::to_degrees)),
+        gravity_tilt_interval_95_deg: found
+            .world
+            .map_or([None; 2], |world| world.gravity_tilt_half_width_rad.map(|half| half.map(f64::to_degrees))),
         grid_spacing_m: found.grid_spacing_m,
         grid_spacing_interval_95_m: found.grid_spacing_interval_95_m.map(Into::into),
         cameras: found.devices.iter().map(CameraRecord::from).collect(),

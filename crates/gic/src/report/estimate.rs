@@ -151,6 +151,8 @@ pub(super) mod tests {
         };
         IdentifyRecord {
             cameras: Vec::new(),
+            gravity_tilt_deg: None,
+            gravity_tilt_interval_95_deg: [None; 2],
             model: "elastic".into(),
             estimates: vec![
                 estimate("youngs_modulus_pa", 318_000.0, [240_000.0, 421_000.0], identifiable[0]),
