@@ -216,7 +216,10 @@ pub(super) fn record(model: &str, found: &Estimates) -> IdentifyRecord {
         ground: found.world.map(GroundRecord::from),
         gravity_factor: found.world.map(|world| world.log_gravity.exp()).filter(|factor| *factor != 1.0),
         gravity_interval_95_factor: found.world.and_then(|world| world.log_gravity_half_width).map(f64::exp),
-        gravity_tilt_deg: found.world.map(|world| world.gravity_tilt_rad.map(f64::to_degrees)),
+        gravity_tilt_deg: found
+            .world
+            .map(|world| world.gravity_tilt_rad.map(f64::to_degrees))
+            .filter(|tilt| *tilt != [0.0; 2]),
         gravity_tilt_interval_95_deg: found
             .world
             .map_or([None; 2], |world| world.gravity_tilt_half_width_rad.map(|half| half.map(f64::to_degrees))),

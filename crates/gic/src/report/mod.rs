@@ -188,7 +188,7 @@ fn remarks(found: &IdentifyRecord) -> Vec<String> {
             percent(half)
         ));
     }
-    if let Some([x, y]) = found.gravity_tilt_deg.filter(|tilt| *tilt != [0.0; 2]) {
+    if let Some([x, y]) = found.gravity_tilt_deg {
         let half = found.gravity_tilt_interval_95_deg.iter().flatten().copied().fold(0.0, f64::max);
         remarks.push(format!(
             "Gravity is {:.2} degrees off what was taken to be down (95 % within {half:.2}), as the flight shows.",
