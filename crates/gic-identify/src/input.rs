@@ -1,7 +1,7 @@
 //! What identification is given, and what makes it usable.
 
 use gic_mpm::Collider;
-use gic_scene::{CalibrationError, Camera};
+use gic_scene::{CalibrationError, Camera, CameraOffset};
 use glam::DVec3;
 
 use crate::IdentifyError;
@@ -61,10 +61,9 @@ impl WorldDoubt {
 pub struct DeviceDoubt {
     /// What was found to be wrong with its calibration, which its cameras are without.
     pub mended: CalibrationError,
-    /// What may be wrong with its calibration as it is said to be, standard deviations; zero of what is exact.
-    pub deviation: CalibrationError,
-    /// Whether it may lag by more than the times of its pictures say.
-    pub lags: bool,
+    /// What may be wrong with its calibration as it is said to be, and with the times of its pictures, standard
+    /// deviations: zero of what is exact, infinite of what nothing tells. One clock at least is exact: the motion's.
+    pub deviation: CameraOffset,
 }
 
 /// The Gaussian-informed continuum at the first frame and the video.
@@ -236,9 +235,14 @@ impl Input {
         Ok(())
     }
 
+    /// Number of the simulated frame nearest to a time [s].
+    pub fn frame_at(&self, time_s: f64) -> usize {
+        (time_s * self.frame_rate_hz).round().max(0.0) as usize
+    }
+
     /// Number of the simulated frame at an observation's time.
     pub(crate) fn frame_of(&self, observation: &Observation) -> usize {
-        (observation.time_s * self.frame_rate_hz).round().max(0.0) as usize
+        self.frame_at(observation.time_s)
     }
 
     /// The device that a camera is.

@@ -40,7 +40,7 @@ mod vector;
 pub use checkpoint::{Checkpoint, Event};
 pub use error::{FitError, IdentifyError};
 pub use input::{DeviceDoubt, Input, Observation, View, WorldDoubt};
-pub use result::{DeviceEstimate, Estimate, Estimates, Loss, Stage, Step, WorldEstimate};
+pub use result::{Estimate, Estimates, Loss, Stage, Step, WorldEstimate};
 pub use settings::{MaterialChoice, Optimizer, Settings, Start, Target};
 pub use stages::identify;
 pub use tuning::{

@@ -1,7 +1,7 @@
 //! What identification returns.
 
 use gic_mpm::Material;
-use gic_scene::CalibrationError;
+use gic_scene::CameraOffset;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -95,15 +95,6 @@ pub struct WorldEstimate {
     pub gravity_tilt_half_width_rad: [Option<f64>; 2],
 }
 
-/// By what a device differs from what the input says of it.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct DeviceEstimate {
-    /// In its calibration.
-    pub error: CalibrationError,
-    /// How much later its pictures were taken [s].
-    pub late_s: f64,
-}
-
 /// The identified twin.
 #[derive(Clone, Debug)]
 pub struct Estimates {
@@ -149,7 +140,7 @@ pub struct Estimates {
     /// How the world differs from the given one; `None` where it was in no doubt.
     pub world: Option<WorldEstimate>,
     /// By what each device differs from the input's, shape [devices]; empty where none was in doubt.
-    pub devices: Vec<DeviceEstimate>,
+    pub devices: Vec<CameraOffset>,
     /// The body at time 0 as fitted, shifted and reshaped by what the pictures say against the input's: positions of
     /// the input's particles [m], shape [n].
     pub positions: Vec<DVec3>,

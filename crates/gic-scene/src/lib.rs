@@ -28,7 +28,7 @@ mod world;
 
 pub use camera::Camera;
 pub use error::{Problem, SceneError, Severity};
-pub use flight::{CalibrationError, FlightView, FreeFlight, Seek};
+pub use flight::{CalibrationError, CameraOffset, FlightView, FreeFlight, Seek};
 pub use format::Format;
 pub use hull::{Hull, HullSettings, HullView};
 pub use inspect::{

@@ -6,7 +6,7 @@ use glam::DVec3;
 
 use crate::camera::Camera;
 use crate::error::SceneError;
-use crate::flight::{CalibrationError, FlightView, FreeFlight, Seek};
+use crate::flight::{CameraOffset, FlightView, FreeFlight, Seek};
 use crate::lens::Lens;
 use crate::picture::Mask;
 use crate::scene::Scene;
@@ -75,19 +75,19 @@ impl Scene {
         }
     }
 
-    /// The same scene with cameras that differ from its own by these errors and lag by so much more [s], as a fit to
-    /// the whole video found; as it is where none was found. Times count from the same moment as before.
+    /// The same scene with cameras that differ from its own by these offsets, as a fit to the whole video found; as it
+    /// is where none was found. Times count from the same moment as before.
     #[must_use]
-    pub fn as_fitted(&self, found: &[(CalibrationError, f64)]) -> Scene {
+    pub fn as_fitted(&self, found: &[CameraOffset]) -> Scene {
         let mut scene = self.clone();
         if found.is_empty() {
             return scene;
         }
-        for (camera, (error, _)) in scene.cameras.iter_mut().zip(found) {
-            *camera = error.mended(camera);
+        for (camera, offset) in scene.cameras.iter_mut().zip(found) {
+            *camera = offset.error.mended(camera);
         }
         for view in &mut scene.views {
-            view.time_s += found.get(view.camera).map_or(0.0, |(_, late_s)| *late_s);
+            view.time_s += found.get(view.camera).map_or(0.0, |offset| offset.late_s);
         }
         let of_frame = |(frame, known): (usize, &f64)| {
             let times = scene.views_at(frame).iter().map(|view| view.time_s);

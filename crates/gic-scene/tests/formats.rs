@@ -4,7 +4,7 @@
 mod common;
 
 use common::{BALL, FOCAL, HEIGHT, TIMES, WIDTH};
-use gic_scene::{CalibrationError, Camera, Format, Mask, Scene, Split, View};
+use gic_scene::{CalibrationError, Camera, CameraOffset, Format, Mask, Scene, Split, View};
 use glam::{DVec2, DVec3};
 
 #[test]
@@ -114,14 +114,16 @@ fn cameras_as_a_fit_found_them() {
     let scene = open("pac_nerf");
     assert_eq!(scene.as_fitted(&[]).cameras, scene.cameras);
     let error = CalibrationError { shift_m: DVec3::X, ..CalibrationError::default() };
-    let found: Vec<_> = (0..scene.cameras.len()).map(|camera| (error, 0.01 * camera as f64 - 0.01)).collect();
+    let late_s = |camera: usize| 0.01 * camera as f64 - 0.01;
+    let found: Vec<CameraOffset> =
+        (0..scene.cameras.len()).map(|camera| CameraOffset { error, late_s: late_s(camera) }).collect();
     let fitted = scene.as_fitted(&found);
     for (was, is) in scene.cameras.iter().zip(&fitted.cameras) {
         assert!((is.centre - was.centre - was.world_from_camera.x_axis).length() < 1e-12);
     }
     for (was, is) in scene.views.iter().zip(&fitted.views) {
         assert_eq!((is.camera, is.frame), (was.camera, was.frame));
-        assert!((is.time_s - was.time_s - found[was.camera].1).abs() < 1e-12);
+        assert!((is.time_s - was.time_s - late_s(was.camera)).abs() < 1e-12);
         assert!(fitted.times[is.frame] <= is.time_s);
     }
     assert!(fitted.has_lags() && (fitted.times[1] - scene.times[1] + 0.01).abs() < 1e-12);

@@ -6,19 +6,18 @@
 
 use std::borrow::Cow;
 
-use gic_scene::{CalibrationError, Camera};
-use glam::DVec3;
+use gic_scene::{CalibrationError, Camera, CameraOffset};
 
 use crate::forward::footprint::IsotropicGaussians;
-use crate::unknowns::state::{DEVICE_UNKNOWNS, State, Unknown};
+use crate::unknowns::state::{State, Unknown, entry};
 
 /// How motions are drawn.
 #[derive(Clone, Debug)]
 pub(crate) struct Drawing {
     /// Factor on the Gaussians' standard deviations.
     pub splat_factor: f32,
-    /// The numbers of one device after the other; those that are missing are zero.
-    devices: Vec<f64>,
+    /// The numbers of each device's offset; those that are missing are zero.
+    devices: Vec<[f64; CameraOffset::NUMBERS]>,
 }
 
 impl Drawing {
@@ -36,66 +35,29 @@ impl Drawing {
         let mut nudged = self.clone();
         match unknown {
             Unknown::Splat => nudged.splat_factor *= step.exp() as f32,
-            Unknown::Device(k) => {
-                nudged.devices.resize(nudged.devices.len().max(k + 1), 0.0);
-                nudged.devices[k] += step;
-            }
+            Unknown::Device(device, k) => entry(&mut nudged.devices, device)[k] += step,
             _ => (),
         }
         nudged
     }
 
     /// What a device is off by.
-    pub(crate) fn sight(&self, device: usize) -> Sight {
-        let number = |k: usize| self.devices.get(DEVICE_UNKNOWNS * device + k).copied().unwrap_or(0.0);
-        Sight {
-            error: CalibrationError {
-                turn_rad: DVec3::new(number(0), number(1), number(2)),
-                shift_m: DVec3::new(number(3), number(4), number(5)),
-                focal: number(6),
-                radial: 0.0,
-            },
-            late_s: number(7),
-        }
-    }
-}
-
-/// What a device is off by.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Sight {
-    /// Of its calibration.
-    pub error: CalibrationError,
-    /// By how much its pictures are later than the input says [s].
-    pub late_s: f64,
-}
-
-impl Sight {
-    /// The camera that it is.
-    fn camera<'a>(&self, camera: &'a Camera) -> Cow<'a, Camera> {
-        if self.error == CalibrationError::default() {
-            Cow::Borrowed(camera)
-        } else {
-            Cow::Owned(self.error.mended(camera))
-        }
+    pub(crate) fn offset(&self, device: usize) -> CameraOffset {
+        self.devices.get(device).map_or_else(CameraOffset::default, |numbers| CameraOffset::of_numbers(*numbers))
     }
 }
 
 /// A motion at one moment, and how it is drawn.
 #[derive(Clone, Copy)]
 pub(crate) struct Shown<'a> {
+    /// The particles' Gaussians; the factor on their widths is the drawing's.
     pub gaussians: IsotropicGaussians<'a>,
     /// Of the particles [m/s], shape [n]; empty where all clocks are exact.
     pub velocities: &'a [[f32; 3]],
     pub drawing: &'a Drawing,
 }
 
-impl<'a> Shown<'a> {
-    /// The same drawn otherwise.
-    pub(crate) fn drawn_as<'b>(&'b self, drawing: &'b Drawing) -> Shown<'b> {
-        let gaussians = IsotropicGaussians { factor: drawing.splat_factor, ..self.gaussians };
-        Shown { gaussians, drawing, ..*self }
-    }
-
+impl Shown<'_> {
     /// What `drawn` makes of the Gaussians and the camera with which a device sees them that is said to have `camera`.
     pub(crate) fn seen<T>(
         &self,
@@ -103,12 +65,15 @@ impl<'a> Shown<'a> {
         camera: &Camera,
         drawn: impl FnOnce(IsotropicGaussians, &Camera) -> T,
     ) -> T {
-        let sight = self.drawing.sight(device);
-        let positions = match sight.late_s {
+        let CameraOffset { error, late_s } = self.drawing.offset(device);
+        let positions = match late_s {
             0.0 => Cow::Borrowed(self.gaussians.positions),
             late_s => Cow::Owned(self.positions_after(late_s as f32)),
         };
-        drawn(IsotropicGaussians { positions: &positions, ..self.gaussians }, &sight.camera(camera))
+        let is_exact = error == CalibrationError::default();
+        let camera = if is_exact { Cow::Borrowed(camera) } else { Cow::Owned(error.mended(camera)) };
+        let factor = self.drawing.splat_factor;
+        drawn(IsotropicGaussians { positions: &positions, factor, ..self.gaussians }, &camera)
     }
 
     fn positions_after(&self, time_s: f32) -> Vec<[f32; 3]> {
@@ -119,35 +84,25 @@ impl<'a> Shown<'a> {
 
 #[cfg(test)]
 mod tests {
-    use glam::{DMat3, DVec2};
+    use glam::{DMat3, DVec3};
 
     use super::*;
     use crate::forward::silhouette::coverage;
-
-    fn camera() -> Camera {
-        Camera {
-            width: 80,
-            height: 80,
-            focal: DVec2::splat(200.0),
-            principal: DVec2::splat(40.0),
-            world_from_camera: DMat3::IDENTITY,
-            centre: DVec3::new(0.02, 0.02, -1.0),
-        }
-    }
+    use crate::observe::test_camera::test_camera;
 
     /// What a device sees of a square of particles that move along x, drawn with the device's numbers.
-    fn seen(devices: &[(usize, f64)], device: usize) -> Vec<f32> {
+    fn seen(numbers: &[(Unknown, f64)], device: usize) -> Vec<f32> {
         let place = |i: i32| [0.01 * (i % 5) as f32, 0.01 * (i / 5) as f32, 0.0];
         let positions: Vec<[f32; 3]> = (0..25).map(place).collect();
         let velocities = vec![[2.0, 0.0, 0.0]; positions.len()];
         let (opacities, scales) = (vec![0.9; positions.len()], vec![0.006; positions.len()]);
-        let drawing = devices
-            .iter()
-            .fold(Drawing::of_factor(1.0), |drawing, (k, number)| drawing.nudged(Unknown::Device(*k), *number));
+        let exact = Drawing::of_factor(1.0);
+        let drawing = numbers.iter().fold(exact, |drawing, (unknown, number)| drawing.nudged(*unknown, *number));
+        let camera = test_camera(80, 200.0, DMat3::IDENTITY, DVec3::new(0.02, 0.02, -1.0));
         let gaussians =
             IsotropicGaussians { positions: &positions, opacities: &opacities, scales: &scales, factor: 1.0 };
         let shown = Shown { gaussians, velocities: &velocities, drawing: &drawing };
-        shown.seen(device, &camera(), coverage)
+        shown.seen(device, &camera, coverage)
     }
 
     /// Middle of the picture's light along x [pixels].
@@ -161,11 +116,11 @@ mod tests {
 
     #[test]
     fn a_late_device_and_one_that_is_shifted_see_the_body_elsewhere() {
-        let (at_rest, first) = (seen(&[], 0), DEVICE_UNKNOWNS);
+        let (at_rest, late, shifted) = (seen(&[], 0), Unknown::Device(0, 7), |device| Unknown::Device(device, 3));
         // 2 m/s for 10 ms at 200 pixels a metre, and the same by a camera that is 20 mm to the left.
-        for device in [seen(&[(7, 0.01)], 0), seen(&[(3, -0.02)], 0), seen(&[(first + 3, -0.02)], 1)] {
-            assert!((middle(&device) - middle(&at_rest) - 4.0).abs() < 0.05, "{}", middle(&device));
+        for seen in [seen(&[(late, 0.01)], 0), seen(&[(shifted(0), -0.02)], 0), seen(&[(shifted(1), -0.02)], 1)] {
+            assert!((middle(&seen) - middle(&at_rest) - 4.0).abs() < 0.05, "{}", middle(&seen));
         }
-        assert_eq!(seen(&[(first + 3, -0.02)], 0), at_rest, "that of another device");
+        assert_eq!(seen(&[(shifted(1), -0.02)], 0), at_rest, "that of another device");
     }
 }

@@ -166,7 +166,7 @@ impl ForwardModel for Simulation<'_> {
         let end = selection.end.min(self.video.frames.len());
         let (world, from) = self.world_and_start(state);
         let mut positions = vec![Vec::new(); self.video.frames.len()];
-        let keeps_velocities = self.input.device_doubts.iter().any(|doubt| doubt.lags);
+        let keeps_velocities = self.input.device_doubts.iter().any(|doubt| doubt.deviation.late_s > 0.0);
         let mut velocities = vec![Vec::new(); if keeps_velocities { self.video.frames.len() } else { 0 }];
         let centre = self.input.centre() + state.offset + self.flown(state, from);
         let mut scales = vec![self.splat_widths.rest_scales().to_vec(); self.video.frames.len()];

@@ -47,10 +47,16 @@ impl Trajectories {
 /// A motion that differs from another one along one unknown.
 #[derive(Clone, Debug)]
 pub(crate) enum Neighbour {
-    /// By itself.
+    /// By itself, without velocities: it is as late as the other one is.
     Moved(Trajectories),
     /// Only as it is drawn.
     Drawn(Unknown),
+}
+
+impl Neighbour {
+    pub(crate) fn moved(trajectories: Trajectories) -> Neighbour {
+        Neighbour::Moved(Trajectories { velocities: Vec::new(), ..trajectories })
+    }
 }
 
 /// Which observations take part and how coarsely they are compared.

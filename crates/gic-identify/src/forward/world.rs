@@ -26,17 +26,18 @@ pub(crate) fn colliders(input: &Input, state: &State) -> Vec<Collider> {
 pub(crate) fn gravity(input: &Input, state: &State) -> DVec3 {
     let [.., log_gravity, tilt_x, tilt_y] = state.world;
     let given = input.gravity_m_s2;
-    if [tilt_x, tilt_y] == [0.0; 2] {
-        return given * log_gravity.exp();
-    }
-    let [x, y] = gravity_axes(given);
-    DQuat::from_scaled_axis(tilt_x * x + tilt_y * y) * given * log_gravity.exp()
+    tilt(down(given), [tilt_x, tilt_y]) * given * log_gravity.exp()
 }
 
-/// The axes about which gravity [m/s^2] may be tilted.
-pub(crate) fn gravity_axes(gravity: DVec3) -> [DVec3; 2] {
-    let (x, y) = gravity.try_normalize().unwrap_or(DVec3::NEG_Y).any_orthonormal_pair();
-    [x, y]
+/// The direction of gravity [m/s^2].
+pub(crate) fn down(gravity: DVec3) -> DVec3 {
+    gravity.try_normalize().unwrap_or(DVec3::NEG_Y)
+}
+
+/// The turn by these angles [rad] about two axes at right angles to `normal`.
+fn tilt(normal: DVec3, [about_x, about_y]: [f64; 2]) -> DQuat {
+    let (x, y) = normal.any_orthonormal_pair();
+    DQuat::from_scaled_axis(about_x * x + about_y * y)
 }
 
 /// Raises a plane at rest by `height` [m] along its normal.
@@ -49,12 +50,11 @@ fn raise(plane: &mut Collider, height: f64) {
 
 /// Turns a plane at rest about two axes in it [rad], at the place below the point `above` [m]: there its height means
 /// most and its tilt least.
-fn turn(plane: &mut Collider, above: DVec3, tilt: [f64; 2]) {
+fn turn(plane: &mut Collider, above: DVec3, angles: [f64; 2]) {
     let normal = plane.normal();
     if let (Some(normal), ColliderPath::Uniform { position_m, world_from_collider, .. }) = (normal, &mut plane.path) {
-        let (x, y) = normal.any_orthonormal_pair();
         *position_m = above - (above - *position_m).dot(normal) * normal;
-        *world_from_collider = DQuat::from_scaled_axis(tilt[0] * x + tilt[1] * y) * *world_from_collider;
+        *world_from_collider = tilt(normal, angles) * *world_from_collider;
     }
 }
 

@@ -95,7 +95,7 @@ impl Tangents {
 
     /// Adds a column for something that the fit held: `trajectories` a unit of it away.
     pub(crate) fn push(&mut self, trajectories: Trajectories) {
-        self.neighbours.push(Neighbour::Moved(trajectories));
+        self.neighbours.push(Neighbour::moved(trajectories));
         self.steps.push(1.0);
     }
 
@@ -115,7 +115,7 @@ impl Tangents {
             let forward = if state.get(*unknown) + step <= high { step } else { -step };
             let run = |step: f64| {
                 let moved = problem.coordinates.moved(state, &[*unknown], &[step]);
-                problem.forward.trajectories(&moved, &problem.selection).map(|m| (Neighbour::Moved(m), step))
+                problem.forward.trajectories(&moved, &problem.selection).map(|m| (Neighbour::moved(m), step))
             };
             run(forward).or_else(|_| run(-forward))
         };
@@ -167,7 +167,6 @@ impl Tangents {
             }
         }
         for (run, _) in runs {
-            run.drawing = new.drawing.clone();
             run.outward_displacements =
                 sum_of(&new.outward_displacements, &run.outward_displacements, &old.outward_displacements);
         }

@@ -147,12 +147,12 @@ pub(crate) fn mean_loss(
 
 #[cfg(test)]
 mod tests {
-    use gic_scene::Camera;
-    use glam::{DMat3, DVec2};
+    use glam::DMat3;
 
     use super::*;
     use crate::forward::drawing::Drawing;
     use crate::forward::footprint::IsotropicGaussians;
+    use crate::observe::test_camera::test_camera;
 
     /// Discs of radius r whose centres lie d apart differ by 4 r d, to first order, over an outline of 2 pi r.
     #[test]
@@ -166,14 +166,7 @@ mod tests {
         let drawing = Drawing::of_factor(1.0);
         let gaussians =
             |positions| IsotropicGaussians { positions, opacities: &opacities, scales: &scales, factor: 1.0 };
-        let camera = Camera {
-            width: 160,
-            height: 160,
-            focal: DVec2::splat(400.0),
-            principal: DVec2::splat(80.0),
-            world_from_camera: DMat3::IDENTITY,
-            centre: DVec3::new(0.0, 0.0, -1.0),
-        };
+        let camera = test_camera(160, 400.0, DMat3::IDENTITY, DVec3::NEG_Z);
         let view = MaskView::new(0, &camera, &coverage(gaussians(&shifted), &camera), 1);
         let observed = ObservedFrame { simulated_frame: 0, time_s: 0.0, views: vec![view], surface: None };
         let shown = Shown { gaussians: gaussians(&disc), velocities: &[], drawing: &drawing };

@@ -66,7 +66,7 @@ impl Objective<'_> {
             }
             Neighbour::Drawn(unknown) => unknown
                 .concerns(view.device)
-                .then(|| compared.drawn(&shown.drawn_as(&shown.drawing.nudged(*unknown, *step)))),
+                .then(|| compared.drawn(&Shown { drawing: &base.drawing.nudged(*unknown, *step), ..shown })),
         };
         // None of what changes nothing here.
         let moved: Vec<Option<Vec<f32>>> = neighbours.iter().zip(steps).map(draw).collect();

@@ -137,11 +137,12 @@ fn mean(values: impl ExactSizeIterator<Item = f64>) -> f64 {
 #[cfg(test)]
 mod tests {
     use gic_scene::Camera;
-    use glam::{DMat3, DVec2};
+    use glam::DMat3;
     use proptest::prelude::*;
 
     use super::*;
     use crate::forward::silhouette::coverage;
+    use crate::observe::test_camera::test_camera;
     use crate::observe::video::ObservedFrame;
     use crate::tuning::MaskTuning;
 
@@ -154,14 +155,7 @@ mod tests {
     }
 
     fn cameras() -> Vec<Camera> {
-        let facing = |world_from_camera: DMat3| Camera {
-            width: 160,
-            height: 160,
-            focal: DVec2::splat(400.0),
-            principal: DVec2::splat(80.0),
-            world_from_camera,
-            centre: DVec3::new(0.05, 0.05, 0.03) - world_from_camera.z_axis,
-        };
+        let facing = |turn: DMat3| test_camera(160, 400.0, turn, DVec3::new(0.05, 0.05, 0.03) - turn.z_axis);
         vec![facing(DMat3::IDENTITY), facing(DMat3::from_rotation_y(1.2)), facing(DMat3::from_rotation_x(1.0))]
     }
 

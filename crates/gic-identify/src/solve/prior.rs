@@ -14,6 +14,16 @@ pub(crate) struct Prior {
 }
 
 impl Prior {
+    /// Of unknowns that have nothing to do with each other, with their means and standard deviations: those of which
+    /// the deviation is zero are known, and no unknowns.
+    pub(crate) fn independent(known: impl Iterator<Item = (Unknown, f64, f64)>) -> Prior {
+        let unsure = known.filter(|(_, _, deviation)| *deviation > 0.0);
+        let (unknowns, (mean, information)): (Vec<Unknown>, (Vec<f64>, Vec<f64>)) =
+            unsure.map(|(unknown, mean, deviation)| (unknown, (mean, deviation.powi(-2)))).unzip();
+        let information = DMatrix::from_diagonal(&DVector::from_vec(information));
+        Prior { unknowns, mean: DVector::from_vec(mean), information }
+    }
+
     pub(crate) fn deviation(&self, state: &State) -> DVector<f64> {
         DVector::from_iterator(self.unknowns.len(), self.unknowns.iter().map(|u| state.get(*u))) - &self.mean
     }

@@ -3,11 +3,11 @@
 use gic_mpm::MaterialKind;
 use glam::DVec3;
 
-use crate::forward::drawing::{Drawing, Sight};
+use crate::forward::drawing::Drawing;
 use crate::forward::flight::{placed, volume_factors};
 use crate::forward::simulation::Simulation;
 use crate::forward::trajectories::{ForwardModel, Trajectories};
-use crate::forward::world::{colliders, gravity, gravity_axes};
+use crate::forward::world::{colliders, down, gravity};
 use crate::result::{Estimate, Estimates, Loss, Stage};
 use crate::session::Session;
 use crate::solve::linearisation::Linearisation;
@@ -18,7 +18,7 @@ use crate::stages::middle;
 use crate::uncertainty::verdicts;
 use crate::unknowns::parameter::sought_values;
 use crate::unknowns::state::{State, Unknown};
-use crate::{DeviceEstimate, IdentifyError, Parameter, Start, WorldEstimate};
+use crate::{IdentifyError, Parameter, Start, WorldEstimate};
 
 /// The result where nothing is touched.
 pub(crate) fn of_free_flight(identification: &Identification, session: &mut Session) -> Estimates {
@@ -107,9 +107,9 @@ fn velocity_half_width(
 ) -> Option<DVec3> {
     let by_gravity = world.map_or(DVec3::ZERO, |world| {
         let gravity = identification.input.gravity_m_s2;
-        let [x, y] = gravity_axes(gravity).map(|axis| axis.cross(gravity));
+        let (x, y) = down(gravity).any_orthonormal_pair();
         let [tilt_x, tilt_y] = world.gravity_tilt_half_width_rad;
-        let ways = [(gravity, world.log_gravity_half_width), (x, tilt_x), (y, tilt_y)];
+        let ways = [(gravity, world.log_gravity_half_width), (x.cross(gravity), tilt_x), (y.cross(gravity), tilt_y)];
         let squares: DVec3 = ways.iter().map(|(way, half)| (*way * half.unwrap_or(0.0)).powf(2.0)).sum();
         identification.simulation().halfway_s() * squares.map(f64::sqrt)
     });
@@ -165,16 +165,6 @@ fn world(state: &State, uncertainty: Option<&Uncertainty>) -> WorldEstimate {
     }
 }
 
-/// The devices as they were found.
-fn devices(identification: &Identification, state: &State) -> Vec<DeviceEstimate> {
-    let (drawing, doubts) = (Drawing::of(state), &identification.input.device_doubts);
-    let found = |device: usize| {
-        let Sight { error, late_s } = drawing.sight(device);
-        DeviceEstimate { error, late_s }
-    };
-    (0..doubts.len()).map(found).collect()
-}
-
 /// A minimum as a start of other fits.
 fn start_of(simulation: &Simulation, state: &State) -> Start {
     Start { parameters: sought_values(&simulation.material(state)), grid_spacing_m: Some(simulation.cell_m(state)) }
@@ -196,7 +186,7 @@ fn result(
         )]);
     }
     let world = input.world_doubt.map(|_| world(state, uncertainty));
-    let simulation = identification.simulation();
+    let (simulation, drawing) = (identification.simulation(), Drawing::of(state));
     let cell_m = simulation.cell_m(state);
     let cell_half_width = uncertainty.and_then(|all| all.half_width(Unknown::Cell));
     let found = session.checkpoint();
@@ -225,7 +215,7 @@ fn result(
         colliders: colliders(input, state),
         gravity_m_s2: gravity(input, state),
         world,
-        devices: devices(identification, state),
+        devices: (0..input.device_doubts.len()).map(|device| drawing.offset(device)).collect(),
         positions: placed(input, shape, state).0,
         particle_volume_m3: input.particle_volume_m3,
         volume_factors: volume_factors(input, shape, state),

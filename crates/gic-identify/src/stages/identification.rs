@@ -2,7 +2,6 @@
 
 use gic_mpm::{MaterialKind, Options};
 use glam::DVec3;
-use nalgebra::{DMatrix, DVector};
 
 use crate::forward::flight::Flight;
 use crate::forward::shape::ShapeModes;
@@ -23,6 +22,7 @@ use crate::tuning::{NoiseTuning, STEP_VARIANCE};
 use crate::uncertainty::input_checks;
 use crate::uncertainty::noise::effective_weights;
 use crate::unknowns::coordinates::Coordinates;
+use crate::unknowns::devices;
 use crate::unknowns::parameter::sought;
 use crate::unknowns::state::{State, Unknown};
 use crate::{IdentifyError, Input, Parameter, Settings, Tuning, WorldDoubt};
@@ -42,6 +42,8 @@ pub(crate) struct Identification<'a> {
     pub motion_by_outlines: Option<Prior>,
     /// What is known of the world and of the grid besides the pictures; `None` where both are as they are said to be.
     pub world_and_grid: Option<Prior>,
+    /// What is known of the devices besides the pictures; of nothing where all are as they are said to be.
+    pub devices: Prior,
     pub flight: FreeFlightFit,
     /// Of free flight's noise, for all frames.
     pub weights: Weights,
@@ -96,6 +98,7 @@ impl<'a> Identification<'a> {
             splat_widths,
             motion_by_outlines,
             world_and_grid: world_and_grid(input, settings),
+            devices: devices::prior(input),
             flight,
             weights,
         })
@@ -212,15 +215,9 @@ fn world_and_grid(input: &Input, settings: &Settings) -> Option<Prior> {
     let deviations = input.world_doubt.as_ref().map(WorldDoubt::deviations).unwrap_or_default();
     let is_sought = settings.grid_spacing_m.is_none() && !input.was_filmed;
     let of_cell = is_sought.then_some(settings.tuning.resolution.log_cell_deviation);
-    let world = deviations.into_iter().enumerate().map(|(k, deviation)| (Unknown::World(k), deviation));
-    let unsure = world.chain(of_cell.map(|deviation| (Unknown::Cell, deviation)));
-    let (unknowns, deviations): (Vec<Unknown>, Vec<f64>) = unsure.filter(|(_, deviation)| *deviation > 0.0).unzip();
-    let information = DVector::from_iterator(deviations.len(), deviations.iter().map(|deviation| deviation.powi(-2)));
-    (!unknowns.is_empty()).then(|| Prior {
-        mean: DVector::zeros(unknowns.len()),
-        information: DMatrix::from_diagonal(&information),
-        unknowns,
-    })
+    let world = deviations.into_iter().enumerate().map(|(k, deviation)| (Unknown::World(k), 0.0, deviation));
+    let known = Prior::independent(world.chain(of_cell.map(|deviation| (Unknown::Cell, 0.0, deviation))));
+    Some(known).filter(|known| !known.unknowns.is_empty())
 }
 
 /// Material parameters as given or in the middle of their starts, at the given velocity or at rest.

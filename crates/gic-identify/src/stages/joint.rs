@@ -27,7 +27,6 @@ use crate::stages::identification::Identification;
 use crate::stages::minima::Minima;
 use crate::stages::neighbours::{moved, where_minima_may_begin};
 use crate::tuning::MaterialTuning;
-use crate::unknowns::devices;
 use crate::unknowns::state::{State, Unknown};
 
 /// Other minima, with how much more they cost.
@@ -186,7 +185,7 @@ fn unknowns(identification: &Identification) -> Vec<Unknown> {
     unknowns.extend(&identification.flight.motion);
     unknowns.extend(identification.unknowns_of_world_and_grid());
     if has_masks {
-        unknowns.extend(devices::unknowns(identification.input));
+        unknowns.extend(&identification.devices.unknowns);
         unknowns.extend((0..identification.shape.count()).map(Unknown::Shape));
     }
     unknowns
@@ -209,10 +208,9 @@ pub(crate) fn prior(identification: &Identification) -> Prior {
         mean: DVector::from_iterator(unknowns.len(), means),
         unknowns,
     };
-    let of_devices = devices::prior(identification.input);
+    let devices = &identification.devices;
     // The motion is as sure as the outlines say where the devices are as they are said to be.
-    let are_exact = identification.input.device_doubts.is_empty();
-    let motion = identification.motion_by_outlines.as_ref().filter(|_| are_exact);
-    let known = [motion, identification.world_and_grid.as_ref(), of_devices.as_ref()];
+    let motion = identification.motion_by_outlines.as_ref().filter(|_| devices.unknowns.is_empty());
+    let known = [motion, identification.world_and_grid.as_ref(), Some(devices)];
     known.into_iter().flatten().fold(nuisances, |all, prior| all.and(prior.clone()))
 }

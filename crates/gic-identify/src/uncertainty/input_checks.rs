@@ -4,7 +4,6 @@ use gic_scene::touches_border;
 
 use crate::forward::footprint::IsotropicGaussians;
 use crate::forward::silhouette::coverage;
-use crate::observe::mask_view::MaskView;
 use crate::tuning::VerdictTuning;
 use crate::{Input, Target};
 
@@ -25,14 +24,13 @@ pub(crate) fn wrong_cameras(
         .views
         .iter()
         .map(|view| {
-            let view = MaskView::new(view.camera, &input.cameras[view.camera], &view.mask, 1);
-            let rendered = coverage(gaussians, &view.camera);
+            let rendered = coverage(gaussians, &input.cameras[view.camera]);
             let (mut both, mut either) = (0.0, 0.0);
             for (a, m) in rendered.iter().zip(&view.mask) {
                 both += f64::from(a.min(*m));
                 either += f64::from(a.max(*m));
             }
-            (view.device, both / f64::max(either, 1e-9))
+            (view.camera, both / f64::max(either, 1e-9))
         })
         .collect();
     let mut sorted: Vec<f64> = overlaps.iter().map(|(_, o)| *o).collect();
@@ -83,9 +81,10 @@ pub(crate) fn cut_views(input: &Input, target: Target, warnings: &mut Vec<String
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::observe::test_camera::test_camera;
     use crate::{Observation, View};
     use gic_scene::Camera;
-    use glam::{DMat3, DVec2, DVec3};
+    use glam::{DMat3, DVec3};
 
     const SIZE: usize = 40;
 
@@ -95,16 +94,8 @@ mod tests {
         let grid = |i: usize, step: usize| (i / step % 8) as f64 - 3.5;
         let positions: Vec<DVec3> =
             (0..512).map(|i| DVec3::new(grid(i, 1), grid(i, 8), grid(i, 64)) * 0.02 + DVec3::Z).collect();
-        let cameras: Vec<Camera> = (0..5)
-            .map(|k| Camera {
-                width: SIZE,
-                height: SIZE,
-                focal: DVec2::splat(100.0),
-                principal: DVec2::splat(0.5 * SIZE as f64),
-                world_from_camera: DMat3::IDENTITY,
-                centre: DVec3::new(0.02 * f64::from(k), 0.0, 0.0),
-            })
-            .collect();
+        let camera = |k: i32| test_camera(SIZE, 100.0, DMat3::IDENTITY, DVec3::new(0.02 * f64::from(k), 0.0, 0.0));
+        let cameras: Vec<Camera> = (0..5).map(camera).collect();
         let opacities = vec![0.95; positions.len()];
         let mut input = Input { opacities, cameras, ..Input::of_body(positions, 0.02) };
         let frame =

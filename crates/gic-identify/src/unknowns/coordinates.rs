@@ -4,7 +4,7 @@ use std::f64::consts::LN_2;
 
 use crate::tuning::DescentTuning;
 use crate::unknowns::parameter::Parameter;
-use crate::unknowns::state::{DEVICE_UNKNOWNS, State, Unknown};
+use crate::unknowns::state::{State, Unknown};
 
 /// The coordinates of a search.
 #[derive(Clone, Copy, Debug)]
@@ -50,7 +50,7 @@ impl Coordinates<'_> {
             // [m]: a cell; [rad]: a cell under a body of ten; factors of e.
             Unknown::World(k) => [0.02, 0.1, 0.1, 1.0, 1.0, 0.1, 0.1][k],
             // Some ten pixels: [rad], [m], a share of the focal length, [s].
-            Unknown::Device(k) => [0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 0.1, 0.01][k % DEVICE_UNKNOWNS],
+            Unknown::Device(_, k) => [0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 0.1, 0.01][k],
         }
     }
 

@@ -1,66 +1,36 @@
 //! What is unknown of the devices that took the pictures, and what their calibration says of it.
 
-use gic_scene::CalibrationError;
-use nalgebra::{DMatrix, DVector};
+use gic_scene::CameraOffset;
 
-use crate::Input;
 use crate::solve::prior::Prior;
-use crate::unknowns::state::{DEVICE_UNKNOWNS, Unknown};
+use crate::unknowns::state::Unknown;
+use crate::{DeviceDoubt, Input};
 
-/// The place of the delay among the numbers of a device.
-const DELAY: usize = DEVICE_UNKNOWNS - 1;
-
-/// What is sought of the devices. The clock of the first is that of the motion.
-pub(crate) fn unknowns(input: &Input) -> Vec<Unknown> {
-    let lag = |device: usize| device > 0 && input.device_doubts[device].lags;
-    let of_device = |device: usize| {
-        let deviations = numbers(&input.device_doubts[device].deviation);
-        let is_sought = move |k: &usize| {
-            if *k == DELAY { lag(device) } else { deviations.get(*k).is_some_and(|deviation| *deviation > 0.0) }
-        };
-        (0..DEVICE_UNKNOWNS).filter(is_sought).map(move |k| Unknown::Device(DEVICE_UNKNOWNS * device + k))
+/// What is sought of the devices, and what is known of it besides the pictures; of nothing where all are exact.
+pub(crate) fn prior(input: &Input) -> Prior {
+    let of_device = |(device, doubt): (usize, &DeviceDoubt)| {
+        // What was mended is the error that was there.
+        let mended = CameraOffset { error: doubt.mended, late_s: 0.0 }.numbers();
+        let deviation = doubt.deviation.numbers();
+        (0..CameraOffset::NUMBERS).map(move |k| (Unknown::Device(device, k), -mended[k], deviation[k]))
     };
-    (0..input.device_doubts.len()).flat_map(of_device).collect()
-}
-
-/// What the calibration says of the devices: nothing of their delays. `None` where it is exact.
-pub(crate) fn prior(input: &Input) -> Option<Prior> {
-    let of = |unknown: Unknown| match unknown {
-        Unknown::Device(k) if k % DEVICE_UNKNOWNS != DELAY => {
-            let doubt = &input.device_doubts[k / DEVICE_UNKNOWNS];
-            let of_number = |error: &CalibrationError| numbers(error)[k % DEVICE_UNKNOWNS];
-            // What was mended is the error that was there.
-            Some((unknown, (-of_number(&doubt.mended), of_number(&doubt.deviation).powi(-2))))
-        }
-        _ => None,
-    };
-    let known = unknowns(input).into_iter().filter_map(of);
-    let (unknowns, (means, information)): (Vec<Unknown>, (Vec<f64>, Vec<f64>)) = known.unzip();
-    (!unknowns.is_empty()).then(|| Prior {
-        unknowns,
-        mean: DVector::from_vec(means),
-        information: DMatrix::from_diagonal(&DVector::from_vec(information)),
-    })
-}
-
-/// Those of an error that are sought, in their order.
-fn numbers(error: &CalibrationError) -> [f64; DELAY] {
-    let (turn, shift) = (error.turn_rad, error.shift_m);
-    [turn.x, turn.y, turn.z, shift.x, shift.y, shift.z, error.focal]
+    Prior::independent(input.device_doubts.iter().enumerate().flat_map(of_device))
 }
 
 #[cfg(test)]
 mod tests {
     use std::ops::ControlFlow;
 
-    use gic_scene::Camera;
-    use glam::{DMat3, DVec2, DVec3};
+    use gic_scene::{CalibrationError, Camera};
+    use glam::{DMat3, DVec3};
 
     use super::*;
+    use crate::FitError;
     use crate::forward::drawing::Drawing;
     use crate::forward::silhouette::coverage;
     use crate::forward::trajectories::{ForwardModel, FrameSelection, Trajectories};
     use crate::observe::mask_view::MaskView;
+    use crate::observe::test_camera::test_camera;
     use crate::observe::video::{ObservedFrame, ObservedVideo};
     use crate::solve::levenberg_marquardt::{Limits, minimise};
     use crate::solve::objective::Objective;
@@ -70,26 +40,26 @@ mod tests {
     use crate::tuning::{DescentTuning, Tuning};
     use crate::unknowns::coordinates::Coordinates;
     use crate::unknowns::state::State;
-    use crate::{DeviceDoubt, FitError};
 
-    const FRAMES: usize = 8;
-    const SPACING: f64 = 0.01;
-
-    /// A block that flies and falls, drawn as a state's devices see it.
-    struct Falling;
+    /// A block whose particles lie this far apart [m] that flies and falls through so many frames, drawn as a state's
+    /// devices see it.
+    struct Falling {
+        spacing: f64,
+        frames: usize,
+    }
 
     impl ForwardModel for Falling {
         fn trajectories(&self, state: &State, _: &FrameSelection) -> Result<Trajectories, FitError> {
-            let place = |i: i32| DVec3::new(f64::from(i % 9), f64::from(i / 9 % 6), f64::from(i / 54)) * SPACING;
+            let place = |i: i32| DVec3::new(f64::from(i % 9), f64::from(i / 9 % 6), f64::from(i / 54)) * self.spacing;
             let (velocity, gravity) = (DVec3::new(0.6, 0.5, -0.4), DVec3::new(0.0, -9.8, 0.0));
             let time = |o: usize| 0.04 * o as f64;
             let moved = |o: usize| velocity * time(o) + 0.5 * gravity * time(o).powi(2);
             let at = |o: usize| (0..9 * 6 * 5).map(|i| (place(i) + moved(o)).as_vec3().to_array()).collect::<Vec<_>>();
             let fast = |o: usize| vec![(velocity + gravity * time(o)).as_vec3().to_array(); 9 * 6 * 5];
             Ok(Trajectories {
-                positions: (0..FRAMES).map(at).collect(),
-                velocities: (0..FRAMES).map(fast).collect(),
-                scales: vec![vec![0.6 * SPACING as f32; 9 * 6 * 5]; FRAMES],
+                positions: (0..self.frames).map(at).collect(),
+                velocities: (0..self.frames).map(fast).collect(),
+                scales: vec![vec![0.6 * self.spacing as f32; 9 * 6 * 5]; self.frames],
                 drawing: Drawing::of(state),
                 outward_displacements: Vec::new(),
             })
@@ -97,35 +67,30 @@ mod tests {
     }
 
     fn cameras() -> Vec<Camera> {
-        let facing = |world_from_camera: DMat3| Camera {
-            width: 160,
-            height: 160,
-            focal: DVec2::splat(300.0),
-            principal: DVec2::splat(80.0),
-            world_from_camera,
-            centre: DVec3::new(0.1, 0.0, -0.02) - world_from_camera.z_axis,
-        };
+        let facing = |turn: DMat3| test_camera(160, 300.0, turn, DVec3::new(0.1, 0.0, -0.02) - turn.z_axis);
         vec![facing(DMat3::IDENTITY), facing(DMat3::from_rotation_y(1.3)), facing(DMat3::from_rotation_y(-1.0))]
     }
 
     /// Turns and delays of three devices that a falling body shows are found as they are.
     #[test]
     fn devices_that_are_turned_and_late_are_found() {
-        let input = {
-            let turn_rad = DVec3::splat(0.005);
-            let deviation = CalibrationError { turn_rad, ..CalibrationError::default() };
-            let doubt = DeviceDoubt { deviation, lags: true, ..DeviceDoubt::default() };
-            Input { device_doubts: vec![doubt; 3], ..Input::of_body(vec![DVec3::ZERO; 9 * 6 * 5], SPACING) }
+        let model = Falling { spacing: 0.01, frames: 8 };
+        let error = CalibrationError { turn_rad: DVec3::splat(0.005), ..CalibrationError::default() };
+        let doubt = |late_s: f64| DeviceDoubt {
+            mended: CalibrationError::default(),
+            deviation: CameraOffset { error, late_s },
         };
-        let unknowns = unknowns(&input);
+        let device_doubts = [0.0, f64::INFINITY, f64::INFINITY].map(doubt).to_vec();
+        let input = Input { device_doubts, ..Input::of_body(vec![DVec3::ZERO; 9 * 6 * 5], model.spacing) };
+        let prior = prior(&input);
         let mut truth = State::new(Vec::new());
-        for (k, unknown) in unknowns.iter().enumerate() {
-            let Unknown::Device(place) = *unknown else { panic!("{unknown:?}") };
-            let size = if place % DEVICE_UNKNOWNS == DELAY { 2e-3 } else { 4e-3 };
+        for (k, unknown) in prior.unknowns.iter().enumerate() {
+            let Unknown::Device(_, number) = *unknown else { panic!("{unknown:?}") };
+            let size = if number + 1 == CameraOffset::NUMBERS { 2e-3 } else { 4e-3 };
             truth.set(*unknown, size * (1.7 * k as f64).sin());
         }
-        let selection = FrameSelection { first: 0, end: FRAMES, pooling: 1 };
-        let seen = Falling.trajectories(&truth, &selection).unwrap();
+        let selection = FrameSelection { first: 0, end: model.frames, pooling: 1 };
+        let seen = model.trajectories(&truth, &selection).unwrap();
         let frame = |o: usize| {
             let shown = seen.shown(o, &input.opacities);
             let drawn = |(device, camera): (usize, &Camera)| {
@@ -135,28 +100,28 @@ mod tests {
             let views = cameras().iter().enumerate().map(drawn).collect();
             ObservedFrame { simulated_frame: o, time_s: 0.04 * o as f64, views, surface: None }
         };
-        let video = ObservedVideo { frames: (0..FRAMES).map(frame).collect() };
-        let (weights, prior) = (Weights::uniform(1e4, 1.0, FRAMES), prior(&input));
+        let video = ObservedVideo { frames: (0..model.frames).map(frame).collect() };
+        let weights = Weights::uniform(1e4, 1.0, model.frames);
         let (comparison, descent) =
             (SurfaceComparison::new(&input, None, &Tuning::default()), DescentTuning::default());
         let problem = Problem {
-            forward: &Falling,
+            forward: &model,
             objective: Objective {
                 video: &video,
                 opacities: &input.opacities,
                 surface_comparison: &comparison,
                 weights: &weights,
             },
-            unknowns: unknowns.clone(),
+            unknowns: prior.unknowns.clone(),
             coordinates: Coordinates { parameters: &[], tuning: &descent },
             descent: &descent,
             selection,
-            prior: prior.as_ref(),
+            prior: Some(&prior),
         };
         let limits = Limits::to_the_end(30, 1e-6);
         let start = State::new(Vec::new());
         let found = minimise(&problem, start, None, limits, &mut |_| Ok(ControlFlow::Continue(()))).unwrap().state;
-        for unknown in unknowns {
+        for unknown in prior.unknowns.iter().copied() {
             let (was, is) = (truth.get(unknown), found.get(unknown));
             println!("{unknown:?}: {is:.5}, truth {was:.5}");
             assert!((is - was).abs() < 2e-4, "{unknown:?}: {is} instead of {was}");

@@ -1,5 +1,6 @@
 //! A hypothesis, and the coordinates in which it is varied.
 
+use gic_scene::CameraOffset;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -22,30 +23,25 @@ pub(crate) enum Unknown {
     World(usize),
     /// Logarithm of the factor on the side of the grid's cells.
     Cell,
-    /// What is unknown of a device that takes pictures, by its place in [`State::devices`] (a nuisance).
-    Device(usize),
+    /// One of the numbers by which a device that takes pictures is off, by their places in [`State::devices`] (a
+    /// nuisance).
+    Device(usize, usize),
 }
 
 impl Unknown {
     /// Whether it changes how particles are drawn, and no motion.
     pub(crate) fn is_of_drawing(self) -> bool {
-        matches!(self, Unknown::Splat | Unknown::Device(_))
+        matches!(self, Unknown::Splat | Unknown::Device(..))
     }
 
     /// Whether it changes what a device sees.
     pub(crate) fn concerns(self, device: usize) -> bool {
-        match self {
-            Unknown::Device(k) => k / DEVICE_UNKNOWNS == device,
-            _ => true,
-        }
+        !matches!(self, Unknown::Device(other, _) if other != device)
     }
 }
 
 /// Numbers that may be unknown of the world.
 pub(crate) const WORLD_UNKNOWNS: usize = 7;
-
-/// Numbers that may be unknown of a device.
-pub(crate) const DEVICE_UNKNOWNS: usize = 8;
 
 /// A point in the space of all unknowns.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -72,10 +68,8 @@ pub(crate) struct State {
     pub world: [f64; WORLD_UNKNOWNS],
     /// Logarithm of the factor on the side of the grid's cells.
     pub log_cell: f64,
-    /// By what each device differs from the input's, one after the other: its turn about each of its axes [rad], its
-    /// shift along them [m], the logarithm of the factor on its focal length, its delay [s]; those that are missing are
-    /// zero.
-    pub devices: Vec<f64>,
+    /// The numbers of each device's [`CameraOffset`] from the input's; those that are missing are zero.
+    pub devices: Vec<[f64; CameraOffset::NUMBERS]>,
 }
 
 impl State {
@@ -104,7 +98,7 @@ impl State {
             Unknown::Shape(k) => self.shape.get(k).copied().unwrap_or(0.0),
             Unknown::World(k) => self.world[k],
             Unknown::Cell => self.log_cell,
-            Unknown::Device(k) => self.devices.get(k).copied().unwrap_or(0.0),
+            Unknown::Device(device, k) => self.devices.get(device).map_or(0.0, |numbers| numbers[k]),
         }
     }
 
@@ -118,13 +112,13 @@ impl State {
             Unknown::World(k) => self.world[k] = value,
             Unknown::Cell => self.log_cell = value,
             Unknown::Shape(k) => *entry(&mut self.shape, k) = value,
-            Unknown::Device(k) => *entry(&mut self.devices, k) = value,
+            Unknown::Device(device, k) => entry(&mut self.devices, device)[k] = value,
         }
     }
 }
 
 /// An entry of a list whose missing ones are zero.
-fn entry(list: &mut Vec<f64>, k: usize) -> &mut f64 {
-    list.resize(list.len().max(k + 1), 0.0);
+pub(crate) fn entry<T: Clone + Default>(list: &mut Vec<T>, k: usize) -> &mut T {
+    list.resize(list.len().max(k + 1), T::default());
     &mut list[k]
 }

@@ -14,6 +14,7 @@
 //! well as all together do.
 
 mod calibration_error;
+mod camera_offset;
 mod fit;
 mod moment;
 mod outline;
@@ -27,6 +28,7 @@ use nalgebra::Matrix6;
 
 use crate::Camera;
 pub use calibration_error::CalibrationError;
+pub use camera_offset::CameraOffset;
 pub use fit::Seek;
 pub use moment::FlightView;
 

@@ -21,13 +21,14 @@ impl Run<'_> {
         let spacing = drawing.particles.spacing;
         let to_f32 = |points: Vec<DVec3>| points.iter().map(|p| p.as_vec3().to_array()).collect::<Vec<[f32; 3]>>();
         let mut posed = Vec::new();
-        let moments = self.identified()?.as_fitted(&self.scene).moments();
+        let found = self.identified()?;
+        let moments = found.as_fitted(&self.scene).moments();
         for frame in 0..moments.times.len() {
             let positions = to_f32(drawing.positions(&self.predicted(frame)?));
             posed.push(PosedPoints { frame, normals: outward_normals(&positions, spacing), positions });
         }
         let rest = drawing.positions(&read_particles(&self.path(TWIN_MATTER))?.positions);
-        let drawn = Appearance { scale: self.identified()?.splat_factor * drawn.scale, ..drawn };
+        let drawn = Appearance { scale: found.splat_factor * drawn.scale, ..drawn };
         let bare = informed_gaussians(&rest, &drawing.particles, &drawn);
         let settings = &self.config.appearance.train;
         let mut tell = |progress: &AppearanceProgress| self.report_appearance(progress, settings.steps);

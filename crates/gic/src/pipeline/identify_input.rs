@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use gic_identify::{DeviceDoubt, Input, Observation, Settings, View};
-use gic_scene::{CalibrationError, Camera};
+use gic_scene::{CalibrationError, Camera, CameraOffset};
 use gic_twin::twin::Obstacle;
 
 use super::clock::Clock;
@@ -105,11 +105,15 @@ impl Run<'_> {
         let Some(flight) = self.scene.flight.as_ref().filter(|_| self.has_real_cameras()) else { return Vec::new() };
         let doubt = |(device, camera): (usize, &Camera)| {
             let mended = self.scene.calibration_errors.get(device).copied();
-            let deviation = CalibrationError::deviation(camera.centre.distance(flight.about));
+            let error = mended.map(|_| CalibrationError::deviation(camera.centre.distance(flight.about)));
+            // The clock of the first is the scene's.
+            let lags = device > 0 && !self.scene.delays_s.is_empty();
             DeviceDoubt {
                 mended: mended.unwrap_or_default(),
-                deviation: mended.map_or_else(CalibrationError::default, |_| deviation),
-                lags: !self.scene.delays_s.is_empty(),
+                deviation: CameraOffset {
+                    error: error.unwrap_or_default(),
+                    late_s: if lags { f64::INFINITY } else { 0.0 },
+                },
             }
         };
         self.scene.cameras.iter().enumerate().map(doubt).collect()

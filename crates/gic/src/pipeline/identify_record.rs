@@ -1,7 +1,7 @@
 //! `identify.json`: the estimate and how it was found.
 
-use gic_identify::{DeviceEstimate, Estimates, Stage as IdentifyStage, Step, WorldEstimate};
-use gic_scene::{CalibrationError, Scene};
+use gic_identify::{Estimates, Stage as IdentifyStage, Step, WorldEstimate};
+use gic_scene::{CalibrationError, CameraOffset, Scene};
 use serde::{Deserialize, Serialize};
 
 /// `identify.json`: the estimate and how it was found.
@@ -116,23 +116,18 @@ pub struct CameraRecord {
     pub delay_s: f64,
 }
 
-impl From<&DeviceEstimate> for CameraRecord {
-    fn from(found: &DeviceEstimate) -> Self {
+impl From<&CameraOffset> for CameraRecord {
+    fn from(found: &CameraOffset) -> Self {
         let CalibrationError { turn_rad, shift_m, focal, .. } = found.error;
         CameraRecord { turn_rad: turn_rad.into(), shift_m: shift_m.into(), log_focal: focal, delay_s: found.late_s }
     }
 }
 
-impl CameraRecord {
-    /// The error of its calibration and its delay [s].
-    fn found(&self) -> (CalibrationError, f64) {
-        let error = CalibrationError {
-            turn_rad: self.turn_rad.into(),
-            shift_m: self.shift_m.into(),
-            focal: self.log_focal,
-            radial: 0.0,
-        };
-        (error, self.delay_s)
+impl From<&CameraRecord> for CameraOffset {
+    fn from(found: &CameraRecord) -> Self {
+        let (turn_rad, shift_m) = (found.turn_rad.into(), found.shift_m.into());
+        let error = CalibrationError { turn_rad, shift_m, focal: found.log_focal, radial: 0.0 };
+        CameraOffset { error, late_s: found.delay_s }
     }
 }
 
@@ -173,7 +168,7 @@ pub struct StepRecord {
 impl IdentifyRecord {
     /// A scene with the cameras as they were found.
     pub(crate) fn as_fitted(&self, scene: &Scene) -> Scene {
-        scene.as_fitted(&self.cameras.iter().map(CameraRecord::found).collect::<Vec<_>>())
+        scene.as_fitted(&self.cameras.iter().map(CameraOffset::from).collect::<Vec<_>>())
     }
 
     /// Each component of the initial velocity: its letter, its value and its 95 % interval [m/s], if that is known.
@@ -183,11 +178,6 @@ impl IdentifyRecord {
             (letter, v, self.velocity_interval_95_m_s.map(|half| [v - half[axis], v + half[axis]]))
         })
     }
-}
-
-/// A scene with the cameras as a fit found them.
-pub(super) fn cameras_as_found(scene: &Scene, found: &Estimates) -> Scene {
-    scene.as_fitted(&found.devices.iter().map(|device| (device.error, device.late_s)).collect::<Vec<_>>())
 }
 
 /// What a fit found, as it is kept.

@@ -9,30 +9,28 @@ use glam::DVec3;
 
 use super::Run;
 use super::identify::motion_of;
-use super::identify_record::cameras_as_found;
 use crate::error::{Error, Result};
 
 impl Run<'_> {
     /// The moments of the first observations, which a fit `explained`, with what the cameras saw of them, as it found
     /// these to be.
     pub(super) fn moments(&self, input: &Input, found: &Estimates, explained: usize) -> Result<Vec<Moment>> {
-        let tick_of = |time_s: f64| (time_s * input.frame_rate_hz).round() as usize;
         let last = input.observations.iter().take(explained).next_back();
-        let last = last.map_or(0, |observation| tick_of(observation.time_s));
+        let last = last.map_or(0, |observation| input.frame_at(observation.time_s));
         // What a camera saw between two ticks hangs on the next one, too.
         let motion = motion_of(input, found, last + 1).map_err(Error::stage("simulating a fit"))?;
         let motion = Motion { positions: motion, rate_hz: input.frame_rate_hz };
-        let cameras = cameras_as_found(&self.scene, found);
+        let cameras = self.scene.as_fitted(&found.devices);
         let free_s = input.observations.get(found.free_frames).map_or(f64::INFINITY, |first| first.time_s);
         let mut moments: Vec<(usize, Moment)> = Vec::new();
         for frame in 0..self.scene.times.len() {
             let at_once = self.scene.is_seen_at_once(frame);
             let time_of = |view: &View| if at_once { self.scene.times[frame] } else { view.time_s };
-            let is_explained = |view: &&View| tick_of(time_of(view)) <= last;
+            let is_explained = |view: &&View| input.frame_at(time_of(view)) <= last;
             let views: Vec<View> = self.scene.views_at(frame).iter().filter(is_explained).cloned().collect();
             let pictures = self.scene.load_all(&views).map_err(Error::stage("reading pictures"))?;
             for (view, (picture, mask)) in views.iter().zip(pictures) {
-                let tick = tick_of(time_of(view));
+                let tick = input.frame_at(time_of(view));
                 let camera = motion.camera_at(tick, view, &cameras, at_once);
                 let moment = moments.iter_mut().find(|(at, _)| *at == tick);
                 match (moment, MomentView::around_mask(&camera, &picture, &mask)) {
@@ -63,7 +61,7 @@ impl Motion {
     /// the picture was taken: against the free flight where all are taken as of one time, else against the body's mean
     /// velocity.
     fn camera_at<'a>(&self, tick: usize, view: &View, cameras: &'a Scene, at_once: bool) -> Cow<'a, Camera> {
-        let found = cameras.views_at(view.frame).iter().find(|found| found.camera == view.camera).unwrap_or(view);
+        let found = cameras.view(view.camera, view.frame).unwrap_or(view);
         if at_once {
             return cameras.camera_at_frame(found);
         }

@@ -234,7 +234,7 @@ impl Run<'_> {
         fitted: usize,
     ) -> Result<Vec<f64>> {
         let last = input.observations.len() - 1;
-        let frame_of = |frame: usize| (input.observations[frame].time_s * input.frame_rate_hz).round() as usize;
+        let frame_of = |frame: usize| input.frame_at(input.observations[frame].time_s);
         let moved = motion_of(input, found, frame_of(last)).map_err(Error::stage("prediction"))?;
         let appearance = Appearance { scale: found.splat_factor * drawn.scale, ..*drawn };
         let mut differing = vec![0.0; input.cameras.len()];
