@@ -17,7 +17,7 @@
 //! - `unknowns`: material parameters and motion as coordinates of a search;
 //! - `forward`: what a hypothesis predicts, by free flight or by simulation, and how it is drawn;
 //! - `solve`: residuals, their linearisation, and Levenberg-Marquardt with Broyden's secants;
-//! - `uncertainty`: effective noise, sandwich covariance, verdicts;
+//! - `uncertainty`: effective noise, the jackknife's covariance, profiles, verdicts;
 //! - `stages`: free flight, search, material, joint fit, intervals. [`identify`] runs them in order.
 //!
 //! [`Tuning`] has every tuned number with its origin.

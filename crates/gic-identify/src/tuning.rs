@@ -217,14 +217,14 @@ pub struct NoiseTuning {
     /// Errors of frames are correlated over one in so many of them; so many of a frame's neighbours to each side help
     /// to measure its noise. Fitted on: the nine scenes.
     pub frames_per_lag: usize,
-    /// Half-width of a 95 % interval in standard deviations. Derived: Student's t at 97.5 % for the ten-odd independent
-    /// groups of residuals of a typical scene.
-    pub student_t: f64,
+    /// By how many independent pieces of information the errors are known that priors and the flight have. Derived: the
+    /// ten-odd frames whose outlines measure them.
+    pub freedom: f64,
 }
 
 impl Default for NoiseTuning {
     fn default() -> NoiseTuning {
-        NoiseTuning { surface_error_inflation: 3.0, frames_per_lag: 4, student_t: 2.2 }
+        NoiseTuning { surface_error_inflation: 3.0, frames_per_lag: 4, freedom: 10.0 }
     }
 }
 

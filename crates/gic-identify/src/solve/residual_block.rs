@@ -1,8 +1,7 @@
 //! Gauss-Newton's normal equations, kept apart by block (one picture, or one frame's surface).
 //!
 //! The residuals of one picture are correlated: a shape that is a millimetre too fat is wrong along its whole outline.
-//! The blocks' gradients at the optimum measure that correlation, which is what the sandwich estimate of the covariance
-//! needs.
+//! The blocks' gradients at the optimum measure that correlation, which is what the covariance by the jackknife needs.
 
 use nalgebra::{DMatrix, DVector};
 

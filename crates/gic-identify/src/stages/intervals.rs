@@ -16,14 +16,12 @@ use crate::solve::problem::Problem;
 use crate::solve::residual_block::{ResidualBlock, Weights};
 use crate::stages::identification::Identification;
 use crate::stages::joint;
-use crate::tuning::NoiseTuning;
-use crate::uncertainty::interval::{Curvature, half_width, told, united};
+use crate::uncertainty::interval::{Covariance, Curvature, Variance, told, united};
 use crate::uncertainty::profile::reach;
 use crate::unknowns::state::{State, Unknown};
 
 /// Covariance of the joint stage's unknowns.
-pub(crate) struct Uncertainty<'a> {
-    tuning: &'a NoiseTuning,
+pub(crate) struct Uncertainty {
     unknowns: Vec<Unknown>,
     /// `None` where they could not be measured.
     covariances: Option<Covariances>,
@@ -36,7 +34,7 @@ pub(crate) struct Uncertainty<'a> {
 /// What the fit's residuals tell of how sure it is.
 struct Covariances {
     /// Covariance of the unknowns.
-    robust: DMatrix<f64>,
+    robust: Covariance,
     /// What it would be if all residuals were independent.
     independent: DMatrix<f64>,
     /// The curvature of the cost along the unknowns.
@@ -48,22 +46,22 @@ struct Covariances {
 impl Covariances {
     /// How far the video tells the fit from a state that costs so much `more`, as far as the `k`-th unknown goes; 1 at
     /// the end of the interval.
-    fn told(&self, k: usize, more: f64, tuning: &NoiseTuning) -> f64 {
-        told(more, self.robust[(k, k)], self.independent[(k, k)], tuning)
+    fn told(&self, k: usize, more: f64) -> f64 {
+        told(more, self.robust.variance(k), self.independent[(k, k)])
     }
 }
 
-impl Uncertainty<'_> {
+impl Uncertainty {
     /// Half-width of the 95 % interval, in the unknown's coordinate.
     pub(crate) fn half_width(&self, unknown: Unknown) -> Option<f64> {
         let k = self.place(unknown)?;
-        self.covariances.as_ref().map(|c| half_width(c.robust[(k, k)], self.tuning))
+        self.covariances.as_ref().map(|c| c.robust.variance(k).half_width())
     }
 
     /// Covariance of some unknowns' coordinates.
-    pub(crate) fn covariance_of(&self, unknowns: &[Unknown]) -> Option<DMatrix<f64>> {
+    pub(crate) fn covariance_of(&self, unknowns: &[Unknown]) -> Option<Covariance> {
         let places: Vec<usize> = unknowns.iter().map(|unknown| self.place(*unknown)).collect::<Option<_>>()?;
-        self.covariances.as_ref().map(|c| c.robust.select_rows(&places).select_columns(&places))
+        self.covariances.as_ref().map(|c| c.robust.of(&places))
     }
 
     /// The weights that the fit's residuals give.
@@ -83,7 +81,7 @@ impl Uncertainty<'_> {
     /// Whether the video tells the fit from a state that costs so much more, as far as an unknown goes.
     pub(crate) fn tells_apart(&self, unknown: Unknown, more_cost: f64) -> bool {
         let places = self.place(unknown).zip(self.covariances.as_ref());
-        places.is_some_and(|(k, covariances)| covariances.told(k, more_cost, self.tuning) >= 1.0)
+        places.is_some_and(|(k, covariances)| covariances.told(k, more_cost) >= 1.0)
     }
 
     fn place(&self, unknown: Unknown) -> Option<usize> {
@@ -95,12 +93,12 @@ impl Uncertainty<'_> {
 ///
 /// # Errors
 /// Where the state cannot be simulated, and interruption.
-pub(crate) fn uncertainty<'a>(
-    identification: &'a Identification,
+pub(crate) fn uncertainty(
+    identification: &Identification,
     session: &mut Session,
     state: &State,
     known: Option<Linearisation>,
-) -> Result<(Trajectories, Uncertainty<'a>), FitError> {
+) -> Result<(Trajectories, Uncertainty), FitError> {
     let (simulation, prior) = (identification.simulation(), joint::prior(identification));
     let problem = joint::problem(identification, (&simulation, &prior), 1);
     let (measured, on_other_cells) = rayon::join(
@@ -122,13 +120,11 @@ pub(crate) fn uncertainty<'a>(
             None
         }
     };
-    let (tuning, unknowns) = (&identification.tuning.noise, problem.unknowns.clone());
-    let of_fit = (state, &trajectories);
-    let reaches =
-        covariances.as_ref().map_or_else(Vec::new, |covariances| profiled(&problem, of_fit, covariances, tuning));
+    let (unknowns, of_fit) = (problem.unknowns.clone(), (state, &trajectories));
+    let reaches = covariances.as_ref().map_or_else(Vec::new, |covariances| profiled(&problem, of_fit, covariances));
     session.pause()?;
     let other_minima = session.checkpoint().other_minima.clone();
-    Ok((trajectories, Uncertainty { tuning, unknowns, covariances, reaches, other_minima }))
+    Ok((trajectories, Uncertainty { unknowns, covariances, reaches, other_minima }))
 }
 
 /// How far the interval of each parameter of the material reaches below and above the fit, by the profile of the
@@ -137,7 +133,6 @@ fn profiled(
     problem: &Problem,
     (state, trajectories): (&State, &Trajectories),
     covariances: &Covariances,
-    tuning: &NoiseTuning,
 ) -> Vec<(Unknown, (f64, f64))> {
     let problem = problem.weighted_by(&covariances.weights);
     // At a minimum nothing else pulls.
@@ -148,11 +143,11 @@ fn profiled(
         let step = problem.step(&normal, state, 0.0, vec![(k, length)])?;
         let (moved, _) = problem.moved(state, step.as_slice());
         let moved_cost = problem.cost(&moved, &problem.forward.trajectories(&moved, &problem.selection).ok()?);
-        Some(covariances.told(k, moved_cost - least, tuning))
+        Some(covariances.told(k, moved_cost - least))
     };
     let sides = |k: usize| {
         let (at, (low, high)) = (state.get(problem.unknowns[k]), problem.coordinates.limits(problem.unknowns[k]));
-        let half_width = half_width(covariances.robust[(k, k)], tuning);
+        let half_width = covariances.robust.variance(k).half_width();
         rayon::join(
             || reach(half_width, at - low, &|distance| told(k, -distance)),
             || reach(half_width, high - at, &|distance| told(k, distance)),
@@ -189,25 +184,25 @@ fn covariances(
     let curvature = Curvature::measure(blocks, &weights, known)?;
     let is_component = |k: &usize| problem.unknowns.get(*k).is_none_or(|u| matches!(u, Unknown::Shape(_)));
     let components: Vec<usize> = (0..columns).filter(is_component).collect();
-    let of_fit = curvature.covariance(blocks, &weights, &identification.tuning.noise)?;
-    let robust = of_fit + curvature.prior_covariance(&components);
+    let tuning = &identification.tuning.noise;
+    let mut parts = curvature.parts(tuning)?;
+    parts.push((curvature.prior_covariance(&components), tuning.freedom));
+    let robust = Covariance::sum(&parts)?;
     let hessian = curvature.hessian(count);
-    Some(Covariances { robust, independent: curvature.into_independent_covariance(), hessian, weights })
+    let independent = curvature.into_independent_covariance();
+    Some(Covariances { robust, independent, hessian, weights })
 }
 
 /// Half-width of an unknown's interval from free flight alone, by the outlines, given what the flight does not seek, or
 /// from the fit, where the position is uncertain, too; `None` where it was not fitted or cannot be measured.
 pub(crate) fn flight_half_width(identification: &Identification, unknown: Unknown) -> Option<f64> {
     let (flight, weights, tuning) = (&identification.flight, &identification.weights, &identification.tuning.noise);
-    let (unknowns, covariance) = match &identification.motion_by_outlines {
-        Some(motion) => (&flight.motion, motion.information_of(&flight.motion).try_inverse()),
-        None => {
-            let count = flight.unknowns.len();
-            let curvature = Curvature::measure(&flight.blocks, weights, DMatrix::zeros(count, count));
-            let covariance = curvature.and_then(|curvature| curvature.covariance(&flight.blocks, weights, tuning));
-            (&flight.unknowns, covariance)
-        }
-    };
-    let place = unknowns.iter().position(|u| *u == unknown);
-    place.zip(covariance).map(|(k, covariance)| half_width(covariance[(k, k)], tuning))
+    if let Some(motion) = &identification.motion_by_outlines {
+        let place = flight.motion.iter().position(|u| *u == unknown)?;
+        let value = motion.information_of(&flight.motion).try_inverse()?[(place, place)];
+        return Some(Variance { value, freedom: tuning.freedom }.half_width());
+    }
+    let (place, count) = (flight.unknowns.iter().position(|u| *u == unknown)?, flight.unknowns.len());
+    let curvature = Curvature::measure(&flight.blocks, weights, DMatrix::zeros(count, count))?;
+    Some(Covariance::sum(&curvature.parts(tuning)?)?.variance(place).half_width())
 }

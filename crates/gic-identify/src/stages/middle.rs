@@ -7,7 +7,7 @@
 
 use std::ops::ControlFlow;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 use crate::FitError;
 use crate::forward::trajectories::Trajectories;
@@ -18,7 +18,7 @@ use crate::solve::problem::Problem;
 use crate::stages::identification::Identification;
 use crate::stages::intervals::Uncertainty;
 use crate::stages::joint;
-use crate::uncertainty::interval::half_width;
+use crate::uncertainty::interval::Covariance;
 use crate::unknowns::state::{State, Unknown};
 
 /// The state in the middle of what the video leaves open about the joint `fit`, and its trajectories. It is the fit
@@ -65,11 +65,12 @@ fn held(identification: &Identification, fit: &State, uncertainty: &Uncertainty)
     while let Some((k, mean)) = most_cut(identification, &open, &centre, &covariance) {
         held.push(open[k]);
         // The Gaussian of the others, given this one.
-        let slopes = covariance.column(k) / covariance[(k, k)];
+        let matrix = &mut covariance.matrix;
+        let slopes = matrix.column(k) / matrix[(k, k)];
         centre += &slopes * (mean - centre[k]);
-        covariance -= &slopes * covariance.row(k);
-        covariance.fill_row(k, 0.0);
-        covariance.fill_column(k, 0.0);
+        *matrix -= &slopes * matrix.row(k);
+        matrix.fill_row(k, 0.0);
+        matrix.fill_column(k, 0.0);
     }
     let moves: Vec<f64> = open.iter().zip(centre.iter()).map(|(unknown, at)| at - fit.get(*unknown)).collect();
     (held, coordinates.moved(fit, &open, &moves))
@@ -81,15 +82,15 @@ fn most_cut(
     identification: &Identification,
     open: &[Unknown],
     centre: &DVector<f64>,
-    covariance: &DMatrix<f64>,
+    covariance: &Covariance,
 ) -> Option<(usize, f64)> {
     let cut = |(k, unknown): (usize, &Unknown)| {
         let Unknown::Material(i) = *unknown else { return None };
-        let (parameter, variance) = (&identification.parameters()[i], covariance[(k, k)]);
-        let (half_width, (low, high)) = (half_width(variance, &identification.tuning.noise), parameter.limits());
+        let (parameter, variance) = (&identification.parameters()[i], covariance.variance(k));
+        let (half_width, (low, high)) = (variance.half_width(), parameter.limits());
         let at = centre[k].clamp(low, high);
         let is_cut = at - half_width < low || at + half_width > high;
-        is_cut.then(|| (k, parameter.mean_within_bounds(at, variance.sqrt()), half_width / (high - low)))
+        is_cut.then(|| (k, parameter.mean_within_bounds(at, variance.value.sqrt()), half_width / (high - low)))
     };
     let most = open.iter().enumerate().filter_map(cut).max_by(|a, b| a.2.total_cmp(&b.2));
     most.map(|(k, mean, _)| (k, mean))

@@ -1,23 +1,85 @@
-//! 95 % intervals: Gauss-Newton's covariance with a noise that includes errors of the model and of the reconstruction.
+//! 95 % intervals: how far the fit moves when a part of the pictures is left out.
 //!
 //! Residuals inside a picture, along a camera's frames (the same wrong shape), and across the cameras of a frame (the
-//! same wrong simulation) are correlated, so the textbook covariance s^2 H^-1 is far too narrow. The sandwich H^-1 M
-//! H^-1 takes M from the scatter of whole blocks' gradients at the optimum, clustered both ways: by camera and by
-//! frame. An error that is common to all blocks leaves no scatter: what can be wrong with the shape is therefore among
-//! the unknowns, with its prior, and so are the cells of the grid.
+//! same wrong simulation) are correlated, so the textbook covariance s^2 H^-1 is far too narrow. The jackknife needs no
+//! model of that (Efron 1982): without all pictures of a camera, or without a frame, the fit moves by
+//! (H - H_c)^-1 g_c, where g_c and H_c are gradient and curvature of what is left out. The covariance is the sum over
+//! both ways to group the pictures. Where cameras are few, each pulls the fit to itself: what its residuals show of its
+//! error is but a part of it, and the jackknife sees the rest.
 //!
-//! A few components stand for all ways in which a shape can be wrong. What they explain of the others' effect makes the
-//! estimate better without making it certain: the intervals of all other unknowns have the whole of their prior, as if
-//! they were not sought, while these adapt. Cells of the grid that the fit held count as one component more.
+//! A variance that a few groups measure is itself uncertain, so an interval is as wide as Student's distribution has it
+//! for the freedom that its parts have together (Welch 1947, Satterthwaite 1946).
+//!
+//! An error that is common to all blocks leaves no scatter: what can be wrong with the shape is therefore among the
+//! unknowns, with its prior, and so are the cells of the grid. A few components stand for all ways in which a shape can
+//! be wrong. What they explain of the others' effect makes the estimate better without making it certain: the intervals
+//! of all other unknowns have the whole of their prior, as if they were not sought, while these adapt. Cells of the
+//! grid that the fit held count as one component more.
+
+use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
+use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use crate::solve::normal_equations::Normal;
 use crate::solve::residual_block::{ResidualBlock, Weights};
 use crate::tuning::NoiseTuning;
 
+/// A variance, and by how many independent pieces of information it is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Variance {
+    pub value: f64,
+    pub freedom: f64,
+}
+
+impl Variance {
+    /// Half-width of the 95 % interval.
+    pub(crate) fn half_width(self) -> f64 {
+        self.quantile() * self.value.max(0.0).sqrt()
+    }
+
+    /// How many standard deviations a 95 % interval reaches to each side.
+    pub(crate) fn quantile(self) -> f64 {
+        // Of a freedom of one at least the distribution is defined.
+        StudentsT::new(0.0, 1.0, self.freedom.max(1.0)).map_or(f64::INFINITY, |student| student.inverse_cdf(0.975))
+    }
+}
+
+/// A covariance, and the freedom of each unknown's variance.
+#[derive(Clone, Debug)]
+pub(crate) struct Covariance {
+    pub matrix: DMatrix<f64>,
+    pub freedom: Vec<f64>,
+}
+
+impl Covariance {
+    /// The sum of independent parts, each of which has one freedom.
+    pub(crate) fn sum(parts: &[(DMatrix<f64>, f64)]) -> Option<Covariance> {
+        let matrix = parts.iter().map(|(part, _)| part.clone()).reduce(|sum, part| sum + part)?;
+        let freedom = |k: usize| {
+            let square_over_freedom = |(part, freedom): &(DMatrix<f64>, f64)| part[(k, k)].powi(2) / freedom;
+            matrix[(k, k)].powi(2) / parts.iter().map(square_over_freedom).sum::<f64>()
+        };
+        let freedom = (0..matrix.nrows()).map(freedom).collect();
+        matrix.iter().all(|entry| entry.is_finite()).then_some(Covariance { matrix, freedom })
+    }
+
+    /// The variance of the `k`-th unknown.
+    pub(crate) fn variance(&self, k: usize) -> Variance {
+        Variance { value: self.matrix[(k, k)], freedom: self.freedom[k] }
+    }
+
+    /// That of some unknowns.
+    pub(crate) fn of(&self, places: &[usize]) -> Covariance {
+        let matrix = self.matrix.select_rows(places).select_columns(places);
+        Covariance { matrix, freedom: places.iter().map(|k| self.freedom[*k]).collect() }
+    }
+}
+
 /// The curvature of the cost at a fit, given what is known of its unknowns besides.
-pub(crate) struct Curvature {
+pub(crate) struct Curvature<'a> {
+    blocks: &'a [ResidualBlock],
+    weights: &'a Weights,
     /// Of the unknowns, with what is known of them.
     own: DMatrix<f64>,
     /// Inverse of that: the covariance if all residuals were independent.
@@ -26,13 +88,17 @@ pub(crate) struct Curvature {
     known: DMatrix<f64>,
 }
 
-impl Curvature {
+impl<'a> Curvature<'a> {
     /// The columns of `blocks` are the unknowns, of which `known` is an information matrix. `None` without blocks, and
     /// where it is not finite.
-    pub(crate) fn measure(blocks: &[ResidualBlock], weights: &Weights, known: DMatrix<f64>) -> Option<Curvature> {
+    pub(crate) fn measure(
+        blocks: &'a [ResidualBlock],
+        weights: &'a Weights,
+        known: DMatrix<f64>,
+    ) -> Option<Curvature<'a>> {
         let own = Normal::sum(blocks, weights, blocks.first()?.gradient.len()).hessian + &known;
         let inverse = regularised_inverse(&own)?;
-        Some(Curvature { own, inverse, known })
+        Some(Curvature { blocks, weights, own, inverse, known })
     }
 
     /// Along the first `count` unknowns.
@@ -45,21 +111,40 @@ impl Curvature {
         self.inverse
     }
 
-    /// Covariance of the unknowns from the scatter of `blocks`. `None` where it is not finite.
-    pub(crate) fn covariance(
-        &self,
-        blocks: &[ResidualBlock],
-        weights: &Weights,
-        tuning: &NoiseTuning,
-    ) -> Option<DMatrix<f64>> {
-        let unknowns = self.own.nrows();
-        let mut middle = self.known.clone();
-        let weight = |c: &ResidualBlock| weights.of_errors(c);
-        middle += scatter(&groups(blocks, &weight, unknowns, &|c| c.camera.unwrap_or(usize::MAX)), 0);
-        let frames = groups(blocks, &weight, unknowns, &|c| c.observation);
-        middle += scatter(&frames, frames.len() / tuning.frames_per_lag);
-        let covariance = &self.inverse * middle * &self.inverse;
-        covariance.iter().all(|entry| entry.is_finite()).then_some(covariance)
+    /// The parts of the unknowns' covariance with their freedom: by leaving out cameras, and frames, and of what is
+    /// known besides. `None` where a fit without one of them is not finite.
+    pub(crate) fn parts(&self, tuning: &NoiseTuning) -> Option<Vec<(DMatrix<f64>, f64)>> {
+        let known = &self.inverse * &self.known * &self.inverse;
+        let mut parts = vec![(known, tuning.freedom)];
+        let cameras = self.groups(&|block| block.camera.unwrap_or(usize::MAX));
+        let frames = self.groups(&|block| block.observation);
+        let lags = frames.len() / tuning.frames_per_lag;
+        // Without the only group nothing is left.
+        for (groups, lags) in [(cameras, 0), (frames, lags)].into_iter().filter(|(groups, _)| groups.len() > 1) {
+            let moves: Vec<DVector<f64>> =
+                groups.values().map(|group| self.move_without(group)).collect::<Option<_>>()?;
+            parts.push((jackknife(&moves, lags), freedom(moves.len(), lags)));
+        }
+        Some(parts)
+    }
+
+    fn groups(&self, key: &dyn Fn(&ResidualBlock) -> usize) -> BTreeMap<usize, Vec<usize>> {
+        let mut groups = BTreeMap::<usize, Vec<usize>>::new();
+        self.blocks.iter().enumerate().for_each(|(i, block)| groups.entry(key(block)).or_default().push(i));
+        groups
+    }
+
+    /// How far the fit moves without the blocks of a group.
+    fn move_without(&self, group: &[usize]) -> Option<DVector<f64>> {
+        let (mut rest, mut pull) = (self.known.clone(), DVector::zeros(self.own.nrows()));
+        for (i, block) in self.blocks.iter().enumerate() {
+            if group.contains(&i) {
+                pull += &block.gradient * self.weights.of_errors(block);
+            } else {
+                rest += &block.hessian * self.weights.of(block);
+            }
+        }
+        Some(regularised_inverse(&rest)? * pull)
     }
 
     /// Covariance of the unknowns, zero of the `components`, from the whole prior (unit variances) of these, as if they
@@ -79,16 +164,25 @@ impl Curvature {
     }
 }
 
-/// Half-width of the 95 % interval for a variance.
-pub(crate) fn half_width(variance: f64, tuning: &NoiseTuning) -> f64 {
-    tuning.student_t * variance.max(0.0).sqrt()
-}
-
 /// How far the residuals tell a fit from a state that costs `more`, as far as an unknown goes with this `robust`
 /// variance, and this one if they were `independent`: the likelihood ratio, in units in which it is chi-squared
 /// although they are not (Rotnitzky and Jewell 1990), over its value at the end of a 95 % interval.
-pub(crate) fn told(more: f64, robust: f64, independent: f64, tuning: &NoiseTuning) -> f64 {
-    2.0 * more * independent / (tuning.student_t.powi(2) * robust)
+pub(crate) fn told(more: f64, robust: Variance, independent: f64) -> f64 {
+    2.0 * more * independent / robust.half_width().powi(2)
+}
+
+/// The jackknife's covariance from how far the fit moves without each group, with the products of groups up to `lags`
+/// apart by Bartlett's weights (Newey and West 1987): neighbouring frames show the same wrong shape.
+fn jackknife(moves: &[DVector<f64>], lags: usize) -> DMatrix<f64> {
+    let count = moves.len() as f64;
+    products(moves, lags) * ((count - 1.0) / count)
+}
+
+/// By how many independent groups a scatter of so many is known, of which those up to `lags` apart count together
+/// (Priestley 1981, for Bartlett's weights).
+fn freedom(groups: usize, lags: usize) -> f64 {
+    let count = groups as f64;
+    (count - 1.0).min(1.5 * count / (lags + 1) as f64).max(1.0)
 }
 
 /// The interval about a value, which reaches so far below and above it, and those about the same unknown's values in
@@ -105,7 +199,7 @@ pub(crate) fn groups(
     unknowns: usize,
     key: &dyn Fn(&ResidualBlock) -> usize,
 ) -> Vec<DVector<f64>> {
-    let mut groups = std::collections::BTreeMap::<usize, DVector<f64>>::new();
+    let mut groups = BTreeMap::<usize, DVector<f64>>::new();
     for block in blocks {
         let g = block.gradient.rows(0, unknowns) * weight(block);
         *groups.entry(key(block)).or_insert_with(|| DVector::zeros(unknowns)) += g;
@@ -113,14 +207,18 @@ pub(crate) fn groups(
     groups.into_values().collect()
 }
 
-/// Sum of g_c g_c^T with the usual small-sample factor, plus the products of groups up to `lags` apart with Bartlett's
-/// weights (Newey and West): neighbouring frames show the same wrong shape.
+/// Sum of g_c g_c^T with the usual small-sample factor, with the products of groups up to `lags` apart; zero of one
+/// group.
 pub(crate) fn scatter(groups: &[DVector<f64>], lags: usize) -> DMatrix<f64> {
+    let count = groups.len() as f64;
+    let factor = if groups.len() < 2 { 0.0 } else { count / (count - 1.0) };
+    products(groups, lags) * factor
+}
+
+/// Sum of v_c v_c^T, plus the products of those up to `lags` apart with Bartlett's weights.
+fn products(groups: &[DVector<f64>], lags: usize) -> DMatrix<f64> {
     let unknowns = groups.first().map_or(0, |g| g.len());
     let mut sum = DMatrix::zeros(unknowns, unknowns);
-    if groups.len() < 2 {
-        return sum;
-    }
     for lag in 0..=lags {
         let weight = 1.0 - lag as f64 / (lags + 1) as f64;
         for (early, late) in groups.iter().zip(&groups[lag..]) {
@@ -128,8 +226,7 @@ pub(crate) fn scatter(groups: &[DVector<f64>], lags: usize) -> DMatrix<f64> {
             sum += if lag == 0 { product } else { &product + product.transpose() };
         }
     }
-    let count = groups.len() as f64;
-    sum * (count / (count - 1.0))
+    sum
 }
 
 /// Inverse of a positive semi-definite matrix; directions without curvature get a large variance instead of none.
@@ -154,8 +251,9 @@ mod tests {
     use crate::solve::residual_block::Modality;
     use rand::{RngExt, SeedableRng};
 
-    fn covariance(blocks: &[ResidualBlock], weights: &Weights, known: DMatrix<f64>) -> Option<DMatrix<f64>> {
-        Curvature::measure(blocks, weights, known)?.covariance(blocks, weights, &NoiseTuning::default())
+    fn covariance(blocks: &[ResidualBlock], weights: &Weights, known: DMatrix<f64>) -> Option<Covariance> {
+        let parts = Curvature::measure(blocks, weights, known)?.parts(&NoiseTuning::default())?;
+        Covariance::sum(&parts)
     }
 
     #[test]
@@ -168,7 +266,7 @@ mod tests {
             })
             .collect();
         let weights = Weights::uniform(1.0, 1.0, 8);
-        let variance = |weights: &Weights| covariance(&blocks, weights, DMatrix::zeros(1, 1)).unwrap()[(0, 0)];
+        let variance = |weights: &Weights| covariance(&blocks, weights, DMatrix::zeros(1, 1)).unwrap().matrix[(0, 0)];
         let wider = Weights { error_inflation: vec![3.0; 8], ..weights.clone() };
         assert!((variance(&wider) / variance(&weights) - 9.0).abs() < 1e-9);
     }
@@ -177,10 +275,10 @@ mod tests {
     /// lies inside is not.
     #[test]
     fn a_minimum_is_told_apart_where_it_lies_outside_of_the_interval() {
-        let (tuning, curvature, robust) = (NoiseTuning::default(), 40.0, 1.7);
+        let (curvature, robust) = (40.0, Variance { value: 1.7, freedom: 4.0 });
         for share in [0.5, 0.9, 1.1] {
-            let away = share * half_width(robust, &tuning);
-            let told = told(0.5 * curvature * away * away, robust, 1.0 / curvature, &tuning);
+            let away = share * robust.half_width();
+            let told = told(0.5 * curvature * away * away, robust, 1.0 / curvature);
             assert!((told - share * share).abs() < 1e-12, "{told} at {share}");
         }
         assert_eq!(united(2.0, (0.5, 0.25), &[]), (1.5, 2.25));
@@ -218,15 +316,63 @@ mod tests {
                 })
                 .collect();
             let tuning = NoiseTuning::default();
-            let of_fit = covariance(&blocks, &weights, known.clone()).unwrap();
             let curvature = Curvature::measure(&blocks, &weights, known.clone()).unwrap();
-            let of_shape = curvature.prior_covariance(&components);
-            for (count, variance) in inside.iter_mut().zip([of_fit[(0, 0)] + of_shape[(0, 0)], of_fit[(0, 0)]]) {
-                *count += usize::from(fit[0].abs() < half_width(variance, &tuning));
+            let of_fit = curvature.parts(&tuning).unwrap();
+            let of_shape = (curvature.prior_covariance(&components), tuning.freedom);
+            let whole = [of_fit.clone(), vec![of_shape]].concat();
+            for (count, parts) in inside.iter_mut().zip([whole, of_fit]) {
+                let covariance = Covariance::sum(&parts).unwrap();
+                *count += usize::from(fit[0].abs() < covariance.variance(0).half_width());
             }
         }
         println!("{inside:?} of {trials}");
         assert!(inside[0] >= trials * 90 / 100 && inside[1] < inside[0], "{inside:?}");
+    }
+
+    /// Two cameras or three that err each by itself, and a fit of as many unknowns: each pulls the fit to itself, so
+    /// that its residuals show a part of its error only.
+    #[test]
+    fn few_cameras_are_covered() {
+        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(5);
+        let mut gauss = move || (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
+        let trials = 400;
+        for cameras in [2, 3] {
+            let (mut inside, mut sandwich) = (0, 0);
+            for _ in 0..trials {
+                // Unknowns of a common truth, zero, that each camera sees in its own way, known to one besides.
+                let seen: Vec<(usize, [f64; 2], f64)> = (0..cameras)
+                    .flat_map(|camera| {
+                        let (error, way) = (0.1 * gauss(), 0.3 * gauss());
+                        let rows: Vec<f64> = (0..12).map(|_| gauss()).collect();
+                        rows.into_iter().map(move |b| (camera, [1.0 + way, 0.2 * b], error)).collect::<Vec<_>>()
+                    })
+                    .collect();
+                let known = DMatrix::identity(2, 2);
+                let row = |row: &[f64; 2]| DVector::from_column_slice(row);
+                let curvature: DMatrix<f64> =
+                    seen.iter().map(|(_, a, _)| row(a) * row(a).transpose() * 100.0).sum::<DMatrix<f64>>() + &known;
+                let pull: DVector<f64> = seen.iter().map(|(_, a, error)| row(a) * (100.0 * error)).sum();
+                let fit = curvature.try_inverse().unwrap() * pull;
+                let blocks: Vec<ResidualBlock> = (0..cameras)
+                    .map(|camera| {
+                        let mut block = ResidualBlock::new(Modality::Mask, 0, Some(camera), 2);
+                        for (_, a, error) in seen.iter().filter(|(own, _, _)| *own == camera) {
+                            block.add(row(a).dot(&fit) - error, a, 1.0);
+                        }
+                        block.finish()
+                    })
+                    .collect();
+                let weights = Weights::uniform(100.0, 1.0, 1);
+                let variance = covariance(&blocks, &weights, known.clone()).unwrap().variance(0);
+                inside += usize::from(fit[0].abs() < variance.half_width());
+                let curvature = Curvature::measure(&blocks, &weights, known).unwrap();
+                let gradients = groups(&blocks, &|c| weights.of(c), 2, &|c| c.camera.unwrap_or(0));
+                let spread = &curvature.inverse * scatter(&gradients, 0) * &curvature.inverse;
+                sandwich += usize::from(fit[0].abs() < 1.96 * spread[(0, 0)].sqrt());
+            }
+            println!("{cameras} cameras: {inside} of {trials}, {sandwich} by the sandwich");
+            assert!(inside >= trials * 90 / 100 && sandwich < trials * 85 / 100, "{inside}, {sandwich} of {trials}");
+        }
     }
 
     /// A line y = a + b x seen by 11 "cameras" in 14 "frames" with errors that are common to a camera: the nominal 95 %
@@ -256,7 +402,7 @@ mod tests {
                 })
                 .collect();
             let c = covariance(&blocks, &Weights::uniform(1.0, 1.0, 14), DMatrix::zeros(1, 1)).unwrap();
-            inside += usize::from(estimate.abs() < half_width(c[(0, 0)], &NoiseTuning::default()));
+            inside += usize::from(estimate.abs() < c.variance(0).half_width());
             let noise: f64 = data.iter().map(|(_, _, s, e)| (e - s * estimate).powi(2)).sum::<f64>() / 154.0;
             textbook += usize::from(estimate.abs() < 1.96 * (noise / h).sqrt());
         }
