@@ -16,8 +16,9 @@ use crate::solve::problem::Problem;
 use crate::solve::residual_block::{ResidualBlock, Weights};
 use crate::stages::identification::Identification;
 use crate::stages::joint;
-use crate::uncertainty::interval::{Covariance, Curvature, Variance, told, united};
+use crate::uncertainty::interval::{Curvature, told, united};
 use crate::uncertainty::profile::reach;
+use crate::uncertainty::variance::{Covariance, Variance};
 use crate::unknowns::state::{State, Unknown};
 
 /// Covariance of the joint stage's unknowns.

@@ -18,7 +18,7 @@ use crate::solve::problem::Problem;
 use crate::stages::identification::Identification;
 use crate::stages::intervals::Uncertainty;
 use crate::stages::joint;
-use crate::uncertainty::interval::Covariance;
+use crate::uncertainty::variance::Covariance;
 use crate::unknowns::state::{State, Unknown};
 
 /// The state in the middle of what the video leaves open about the joint `fit`, and its trajectories. It is the fit

@@ -7,9 +7,6 @@
 //! both ways to group the pictures. Where cameras are few, each pulls the fit to itself: what its residuals show of its
 //! error is but a part of it, and the jackknife sees the rest.
 //!
-//! A variance that a few groups measure is itself uncertain, so an interval is as wide as Student's distribution has it
-//! for the freedom that its parts have together (Welch 1947, Satterthwaite 1946).
-//!
 //! An error that is common to all blocks leaves no scatter: what can be wrong with the shape is therefore among the
 //! unknowns, with its prior, and so are the cells of the grid. A few components stand for all ways in which a shape can
 //! be wrong. What they explain of the others' effect makes the estimate better without making it certain: the intervals
@@ -19,62 +16,11 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
-use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use crate::solve::normal_equations::Normal;
 use crate::solve::residual_block::{ResidualBlock, Weights};
 use crate::tuning::NoiseTuning;
-
-/// A variance, and by how many independent pieces of information it is known.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Variance {
-    pub value: f64,
-    pub freedom: f64,
-}
-
-impl Variance {
-    /// Half-width of the 95 % interval.
-    pub(crate) fn half_width(self) -> f64 {
-        self.quantile() * self.value.max(0.0).sqrt()
-    }
-
-    /// How many standard deviations a 95 % interval reaches to each side.
-    pub(crate) fn quantile(self) -> f64 {
-        // Of a freedom of one at least the distribution is defined.
-        StudentsT::new(0.0, 1.0, self.freedom.max(1.0)).map_or(f64::INFINITY, |student| student.inverse_cdf(0.975))
-    }
-}
-
-/// A covariance, and the freedom of each unknown's variance.
-#[derive(Clone, Debug)]
-pub(crate) struct Covariance {
-    pub matrix: DMatrix<f64>,
-    pub freedom: Vec<f64>,
-}
-
-impl Covariance {
-    /// The sum of independent parts, each of which has one freedom.
-    pub(crate) fn sum(parts: &[(DMatrix<f64>, f64)]) -> Option<Covariance> {
-        let matrix = parts.iter().map(|(part, _)| part.clone()).reduce(|sum, part| sum + part)?;
-        let freedom = |k: usize| {
-            let square_over_freedom = |(part, freedom): &(DMatrix<f64>, f64)| part[(k, k)].powi(2) / freedom;
-            matrix[(k, k)].powi(2) / parts.iter().map(square_over_freedom).sum::<f64>()
-        };
-        let freedom = (0..matrix.nrows()).map(freedom).collect();
-        matrix.iter().all(|entry| entry.is_finite()).then_some(Covariance { matrix, freedom })
-    }
-
-    /// The variance of the `k`-th unknown.
-    pub(crate) fn variance(&self, k: usize) -> Variance {
-        Variance { value: self.matrix[(k, k)], freedom: self.freedom[k] }
-    }
-
-    /// That of some unknowns.
-    pub(crate) fn of(&self, places: &[usize]) -> Covariance {
-        let matrix = self.matrix.select_rows(places).select_columns(places);
-        Covariance { matrix, freedom: places.iter().map(|k| self.freedom[*k]).collect() }
-    }
-}
+use crate::uncertainty::variance::Variance;
 
 /// The curvature of the cost at a fit, given what is known of its unknowns besides.
 pub(crate) struct Curvature<'a> {
@@ -249,6 +195,7 @@ fn regularised_inverse(h: &DMatrix<f64>) -> Option<DMatrix<f64>> {
 mod tests {
     use super::*;
     use crate::solve::residual_block::Modality;
+    use crate::uncertainty::variance::Covariance;
     use rand::{RngExt, SeedableRng};
 
     fn covariance(blocks: &[ResidualBlock], weights: &Weights, known: DMatrix<f64>) -> Option<Covariance> {

@@ -4,4 +4,5 @@ pub(crate) mod input_checks;
 pub(crate) mod interval;
 pub(crate) mod noise;
 pub(crate) mod profile;
+pub(crate) mod variance;
 pub(crate) mod verdicts;
