@@ -1,7 +1,7 @@
 //! Variances, and how well they are known.
 //!
-//! A variance that a few groups measure is itself uncertain: an interval is as wide as Student's distribution has it for
-//! the freedom of the variance.
+//! A variance that a few groups measure is itself uncertain: an interval is as wide as Student's distribution has it
+//! for the freedom of the variance.
 
 use nalgebra::DMatrix;
 use statrs::distribution::{ContinuousCDF, StudentsT};
