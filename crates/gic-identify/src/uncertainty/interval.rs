@@ -1,11 +1,13 @@
-//! 95 % intervals: how far the fit moves when a part of the pictures is left out.
+//! 95 % intervals: Gauss-Newton's covariance with a noise that includes errors of the model and of the reconstruction.
 //!
 //! Residuals inside a picture, along a camera's frames (the same wrong shape), and across the cameras of a frame (the
-//! same wrong simulation) are correlated, so the textbook covariance s^2 H^-1 is far too narrow. The jackknife needs no
-//! model of that (Efron 1982): without all pictures of a camera, or without a frame, the fit moves by
-//! (H - H_c)^-1 g_c, where g_c and H_c are gradient and curvature of what is left out. The covariance is the sum over
-//! both ways to group the pictures. Where cameras are few, each pulls the fit to itself: what its residuals show of its
-//! error is but a part of it, and the jackknife sees the rest.
+//! same wrong simulation) are correlated, so the textbook covariance s^2 H^-1 is far too narrow. It is measured twice:
+//!
+//! - Cameras see the same, each with its own error: the jackknife (Efron 1982). Without a camera's pictures the fit
+//!   moves by (H - H_c)^-1 g_c, where g_c and H_c are their gradient and curvature. Where cameras are few, each pulls
+//!   the fit to itself: what its residuals show of its error is but a part of it, and the jackknife sees the rest.
+//! - Frames see each something else: without that of the impact little is told at all. Their gradients' scatter M at
+//!   the fit gives H^-1 M H^-1, with lags, for neighbouring frames show the same wrong shape.
 //!
 //! An error that is common to all blocks leaves no scatter: what can be wrong with the shape is therefore among the
 //! unknowns, with its prior, and so are the cells of the grid. A few components stand for all ways in which a shape can
@@ -13,7 +15,7 @@
 //! of all other unknowns have the whole of their prior, as if they were not sought, while these adapt. Cells of the
 //! grid that the fit held count as one component more.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{DMatrix, DVector};
 
@@ -57,40 +59,41 @@ impl<'a> Curvature<'a> {
         self.inverse
     }
 
-    /// The parts of the unknowns' covariance with their freedom: by leaving out cameras, and frames, and of what is
-    /// known besides. `None` where a fit without one of them is not finite.
+    /// The parts of the unknowns' covariance with their freedom: of what is known besides, by leaving out cameras, and
+    /// by the scatter of frames. `None` where a fit without one of the cameras is not finite.
     pub(crate) fn parts(&self, tuning: &NoiseTuning) -> Option<Vec<(DMatrix<f64>, f64)>> {
         let known = &self.inverse * &self.known * &self.inverse;
         let mut parts = vec![(known, tuning.freedom)];
-        let cameras = self.groups(&|block| block.camera.unwrap_or(usize::MAX));
-        let frames = self.groups(&|block| block.observation);
-        let lags = frames.len() / tuning.frames_per_lag;
-        // Without the only group nothing is left.
-        for (groups, lags) in [(cameras, 0), (frames, lags)].into_iter().filter(|(groups, _)| groups.len() > 1) {
-            let moves: Vec<DVector<f64>> =
-                groups.values().map(|group| self.move_without(group)).collect::<Option<_>>()?;
-            parts.push((jackknife(&moves, lags), freedom(moves.len(), lags)));
+        let moves = self.moves_without_cameras()?;
+        if moves.len() > 1 {
+            parts.push((jackknife(&moves), freedom(moves.len(), 0)));
         }
+        let weight = |block: &ResidualBlock| self.weights.of_errors(block);
+        let frames = groups(self.blocks, &weight, self.own.nrows(), &|block| block.observation);
+        let lags = frames.len() / tuning.frames_per_lag;
+        parts.push((&self.inverse * scatter(&frames, lags) * &self.inverse, freedom(frames.len(), lags)));
         Some(parts)
     }
 
-    fn groups(&self, key: &dyn Fn(&ResidualBlock) -> usize) -> BTreeMap<usize, Vec<usize>> {
-        let mut groups = BTreeMap::<usize, Vec<usize>>::new();
-        self.blocks.iter().enumerate().for_each(|(i, block)| groups.entry(key(block)).or_default().push(i));
-        groups
-    }
-
-    /// How far the fit moves without the blocks of a group.
-    fn move_without(&self, group: &[usize]) -> Option<DVector<f64>> {
-        let (mut rest, mut pull) = (self.known.clone(), DVector::zeros(self.own.nrows()));
-        for (i, block) in self.blocks.iter().enumerate() {
-            if group.contains(&i) {
-                pull += &block.gradient * self.weights.of_errors(block);
-            } else {
-                rest += &block.hessian * self.weights.of(block);
-            }
+    /// How far the fit moves without each of the cameras; not at all without the only one.
+    fn moves_without_cameras(&self) -> Option<Vec<DVector<f64>>> {
+        let camera_of = |block: &ResidualBlock| block.camera.unwrap_or(usize::MAX);
+        let cameras: BTreeSet<usize> = self.blocks.iter().map(camera_of).collect();
+        if cameras.len() < 2 {
+            return Some(Vec::new());
         }
-        Some(regularised_inverse(&rest)? * pull)
+        let move_without = |camera: usize| {
+            let (mut rest, mut pull) = (self.known.clone(), DVector::zeros(self.own.nrows()));
+            for block in self.blocks {
+                if camera_of(block) == camera {
+                    pull += &block.gradient * self.weights.of_errors(block);
+                } else {
+                    rest += &block.hessian * self.weights.of(block);
+                }
+            }
+            Some(regularised_inverse(&rest)? * pull)
+        };
+        cameras.into_iter().map(move_without).collect()
     }
 
     /// Covariance of the unknowns, zero of the `components`, from the whole prior (unit variances) of these, as if they
@@ -117,11 +120,10 @@ pub(crate) fn told(more: f64, robust: Variance, independent: f64) -> f64 {
     2.0 * more * independent / robust.half_width().powi(2)
 }
 
-/// The jackknife's covariance from how far the fit moves without each group, with the products of groups up to `lags`
-/// apart by Bartlett's weights (Newey and West 1987): neighbouring frames show the same wrong shape.
-fn jackknife(moves: &[DVector<f64>], lags: usize) -> DMatrix<f64> {
+/// The jackknife's covariance from how far the fit moves without each group.
+fn jackknife(moves: &[DVector<f64>]) -> DMatrix<f64> {
     let count = moves.len() as f64;
-    products(moves, lags) * ((count - 1.0) / count)
+    products(moves, 0) * ((count - 1.0) / count)
 }
 
 /// By how many independent groups a scatter of so many is known, of which those up to `lags` apart count together
@@ -161,7 +163,7 @@ pub(crate) fn scatter(groups: &[DVector<f64>], lags: usize) -> DMatrix<f64> {
     products(groups, lags) * factor
 }
 
-/// Sum of v_c v_c^T, plus the products of those up to `lags` apart with Bartlett's weights.
+/// Sum of v_c v_c^T, plus the products of those up to `lags` apart with Bartlett's weights (Newey and West 1987).
 fn products(groups: &[DVector<f64>], lags: usize) -> DMatrix<f64> {
     let unknowns = groups.first().map_or(0, |g| g.len());
     let mut sum = DMatrix::zeros(unknowns, unknowns);
