@@ -3,7 +3,7 @@
 # takes for links, so that its lint is off in Cargo.toml; here every unresolved link that is no unit or count is an error.
 set -euo pipefail
 cd "$(dirname "$0")/.."
-units='m|s|devices|GB|n|frames|kg|N|Pa|J|rad|dB|degrees|decades|pixels|voxels|cells|bytes|spacings|sizes|radii|vertices|colliders'
+units='m|s|GB|n|frames|kg|N|Pa|J|rad|dB|degrees|decades|pixels|voxels|cells|bytes|spacings|sizes|radii|vertices|colliders|devices'
 log=$(mktemp)
 RUSTDOCFLAGS="-D warnings --force-warn rustdoc::broken_intra_doc_links" \
   cargo doc --workspace --no-deps --locked --quiet 2>"$log" || { grep -A 6 '^error' "$log" >&2; exit 1; }

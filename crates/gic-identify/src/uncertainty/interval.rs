@@ -65,7 +65,7 @@ impl<'a> Curvature<'a> {
         let known = &self.inverse * &self.known * &self.inverse;
         let mut parts = vec![(known, tuning.freedom)];
         let moves = self.moves_without_cameras()?;
-        if moves.len() > 1 {
+        if !moves.is_empty() {
             parts.push((jackknife(&moves), freedom(moves.len(), 0)));
         }
         let weight = |block: &ResidualBlock| self.weights.of_errors(block);
@@ -75,7 +75,7 @@ impl<'a> Curvature<'a> {
         Some(parts)
     }
 
-    /// How far the fit moves without each of the cameras; not at all without the only one.
+    /// How far the fit moves without each of the cameras; empty of a single one, without which nothing is left.
     fn moves_without_cameras(&self) -> Option<Vec<DVector<f64>>> {
         let camera_of = |block: &ResidualBlock| block.camera.unwrap_or(usize::MAX);
         let cameras: BTreeSet<usize> = self.blocks.iter().map(camera_of).collect();
