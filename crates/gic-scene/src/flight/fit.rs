@@ -158,13 +158,13 @@ impl FreeFlight {
         flight
     }
 
-    /// The same, the weight of the prior following from the misses that the last fit left.
+    /// The same, the weight of the prior following from the outlines' errors that the last fit left.
     fn fitted_once(&self, seen: &Sightings, sought: Sought) -> FreeFlight {
         let moments = seen.until(self.frames());
         let pairs = pairs(moments, |_, _| true);
         let unknowns = Unknowns::new(sought, self, moments);
         let shared = moments.len().saturating_sub(1) as f64;
-        let noise = self.miss_px.hypot(PIXEL_NOISE_PX);
+        let noise = if self.is_told() { self.spread_px } else { self.miss_px }.hypot(PIXEL_NOISE_PX);
         let residuals = |values: &DVector<f64>| {
             let misses = unknowns.put(self, values).misses(moments, &pairs);
             unknowns.with_prior(misses, values, noise * shared.sqrt())
@@ -179,7 +179,8 @@ impl FreeFlight {
         let spread_px = miss_px * (2.0 * moments.len() as f64 / told.max(0.0)).sqrt();
         // Each of the outlines takes part in as many pairs as there are others, and these share its error: together
         // they say no more than one of them.
-        let covariance = inverse * (miss_px * miss_px * shared);
+        let error_px = if spread_px.is_finite() { spread_px } else { noise };
+        let covariance = inverse * (error_px * error_px * shared);
         FreeFlight {
             miss_px,
             spread_px,
