@@ -19,13 +19,15 @@ use super::stamp::Recipe;
 use super::{Run, Stage};
 use crate::error::{Error, Result};
 
-/// Share of the frames that the laws have to predict.
+/// Share of the frames that the laws have to predict. Paper: it predicts 10 of 30 frames.
 const HELD_BACK_SHARE: f64 = 0.3;
-/// A law is fitted in full if its rough fit predicts at most this many times as badly as the best one's.
+/// A law is fitted in full if its rough fit predicts at most this many times as badly as the best one's. Budget: a full
+/// fit costs three rough ones.
 const FULL_FIT_ERROR_RATIO: f64 = 3.0;
-/// Two laws are close if their errors differ by less than this share of the smaller one ...
+/// Two laws are close if their errors differ by less than this share of the smaller one. Fitted on: five scenes, in
+/// which the true law is chosen or close ...
 const CLOSE_RELATIVE_DIFFERENCE: f64 = 0.1;
-/// ... or by less than so many standard errors of the difference, over the cameras.
+/// ... or by less than so many standard errors of the difference, over the cameras. Derived: 95 % of a Gaussian's.
 const CLOSE_STANDARD_ERRORS: f64 = 2.0;
 
 /// `selection.json`: how the laws predict.
