@@ -39,20 +39,21 @@ pub struct WorldDoubt {
     pub collider: usize,
     /// Of its height below the body [m].
     pub height_m: f64,
-    /// Of its tilt about each of two axes in it, and of gravity's about two at right angles to it [rad]: cameras that
-    /// are all turned alike see both tilted, and a ground need not be level.
+    /// Of its tilt about each of two axes in it [rad].
     pub tilt_rad: f64,
     /// Of the logarithm of its friction.
     pub log_friction: f64,
     /// Of the logarithm of gravity in the lengths that the cameras see.
     pub log_gravity: f64,
+    /// Of gravity's tilt about each of two axes at right angles to it [rad].
+    pub gravity_tilt_rad: f64,
 }
 
 impl WorldDoubt {
     /// The same in the order of the unknowns: height, tilts, friction, gravity, its tilts.
     pub(crate) fn deviations(&self) -> [f64; WORLD_UNKNOWNS] {
-        let (height, tilt) = (self.height_m, self.tilt_rad);
-        [height, tilt, tilt, self.log_friction, self.log_gravity, tilt, tilt]
+        let (tilt, of_gravity) = (self.tilt_rad, self.gravity_tilt_rad);
+        [self.height_m, tilt, tilt, self.log_friction, self.log_gravity, of_gravity, of_gravity]
     }
 }
 

@@ -184,7 +184,9 @@ fn a_ground_that_slopes_and_grips_otherwise_is_found() {
     let mut input = observed_on(truth.clone(), Vec::new(), ELASTIC, DVec3::new(0.9, -1.5, 0.4), 12);
     input.colliders = vec![floor(DVec3::Y, 0.5)];
     let log_friction = std::f64::consts::LN_2;
-    input.world_doubt = Some(WorldDoubt { height_m: 0.005, tilt_rad: 0.03, log_friction, ..WorldDoubt::default() });
+    let (height_m, tilt_rad, gravity_tilt_rad) = (0.005, 0.03, 0.03);
+    let doubt = WorldDoubt { height_m, tilt_rad, log_friction, gravity_tilt_rad, ..WorldDoubt::default() };
+    input.world_doubt = Some(doubt);
     let settings = Settings { target: Target::Surfaces, grid_spacing_m: Some(SPACING), ..Settings::default() };
     let found = run(&input, ELASTIC.kind(), &settings).expect("identified");
     let ground = found.world.expect("it was sought");
@@ -221,7 +223,7 @@ fn a_gravity_that_is_tilted_is_found() {
     let velocity = DVec3::new(0.4, -1.5, 0.2);
     let mut input = observed(ELASTIC, velocity, 10);
     input.gravity_m_s2 = DQuat::from_scaled_axis(DVec3::new(0.012, 0.0, -0.008)) * GRAVITY;
-    input.world_doubt = Some(WorldDoubt { tilt_rad: 0.02, ..WorldDoubt::default() });
+    input.world_doubt = Some(WorldDoubt { tilt_rad: 0.02, gravity_tilt_rad: 0.02, ..WorldDoubt::default() });
     let settings = Settings { target: Target::Surfaces, grid_spacing_m: Some(SPACING), ..Settings::default() };
     let found = run(&input, ELASTIC.kind(), &settings).expect("identified");
     let error = found.estimates[0].parameter.error(found.estimates[0].value, 1.0e5);

@@ -18,9 +18,21 @@ const GUESSED_HEIGHT_SHARE: f64 = 0.1;
 const FILMED_FRICTION: f64 = 0.5;
 /// Standard deviation of its logarithm. Judgement: a factor of two to either side.
 const FILMED_LOG_FRICTION: f64 = std::f64::consts::LN_2;
-/// Standard deviation of the tilt of a filmed floor about each of its axes [rad]. Judgement: floors and tables are
-/// level to a degree.
+/// Standard deviation of the angle between up and what is taken for it in a film, about each axis [rad]. Judgement:
+/// floors and tables are level to a degree.
 const FILMED_TILT_RAD: f64 = 0.02;
+
+/// What the errors of all cameras may have in common, which no flight tells, standard deviations: the world is off by
+/// as much as they see it.
+#[derive(Clone, Copy, Default)]
+struct SharedCameraError {
+    /// How far everything is off along each axis [m].
+    lateral_m: f64,
+    /// How far it is turned about each axis [rad].
+    turn_rad: f64,
+    /// The logarithm of the factor on its lengths.
+    log_length: f64,
+}
 
 /// Gravity and obstacles of a run.
 pub(super) struct Surroundings {
@@ -48,7 +60,7 @@ impl Run<'_> {
         }
         let (obstacles, doubt) = match (self.scene.world.ground, seen) {
             (Some(plane), _) => {
-                let doubt = self.doubt(self.scene.world.ground_deviation_m);
+                let doubt = self.doubt(self.scene.world.ground_deviation_m, 0.0);
                 (self.floor(plane.point.into(), plane.normal.into()), doubt)
             }
             (None, Some(seen)) => self.guessed_floor(&seen),
@@ -90,31 +102,38 @@ impl Run<'_> {
             2e3 * height_m
         );
         self.events.warn(Stage::Identify.name(), text);
-        (self.floor(point, normal), self.doubt(height_m))
+        (self.floor(point, normal), self.doubt(height_m, FILMED_TILT_RAD))
     }
 
-    /// How well the world is known whose floor's height is known to `height_m` [m]; `None` where it is exact.
-    fn doubt(&self, height_m: f64) -> Option<WorldDoubt> {
-        let (shared_m, log_length) = self.shared_camera_error().unwrap_or_default();
-        let doubt = floor_doubt(height_m.hypot(shared_m), self.is_film(), self.has_real_cameras())?;
-        Some(WorldDoubt { log_gravity: log_length, ..doubt })
+    /// How well the world is known whose floor's height is known to `height_m` [m] and whose tilt to `tilt_rad` [rad],
+    /// as the cameras have them; `None` where it is exact.
+    fn doubt(&self, height_m: f64, tilt_rad: f64) -> Option<WorldDoubt> {
+        let shared = self.shared_camera_error().unwrap_or_default();
+        let (height_m, tilt_rad) = (height_m.hypot(shared.lateral_m), tilt_rad.hypot(shared.turn_rad));
+        let doubt = floor_doubt(height_m, tilt_rad, self.is_film(), self.has_real_cameras())?;
+        Some(WorldDoubt { log_gravity: shared.log_length, ..doubt })
     }
 
-    /// What the errors of all cameras may have in common, which no flight tells: how far the body is higher or lower
-    /// than they say [m], and the logarithm of the factor on its lengths, standard deviations. `None` where the cameras
-    /// are as they are said to be.
-    fn shared_camera_error(&self) -> Option<(f64, f64)> {
+    /// What the errors of all cameras may have in common. `None` where the cameras are as they are said to be.
+    fn shared_camera_error(&self) -> Option<SharedCameraError> {
         let (deviations, about) = (&self.scene.calibration_error_deviations, self.scene.flight.as_ref()?.about);
+        let count = (!deviations.is_empty()).then_some(deviations.len() as f64)?;
         let lateral_m2 = |(error, camera): (&CalibrationError, &Camera)| {
             let turned_m = error.turn_rad.length() * camera.centre.distance(about);
-            (turned_m.powi(2) + error.shift_m.length_squared()) / 3.0
+            turned_m.powi(2) + error.shift_m.length_squared()
         };
-        let count = (!deviations.is_empty()).then_some(deviations.len() as f64)?;
         let lateral_m2: f64 = deviations.iter().zip(&self.scene.cameras).map(lateral_m2).sum();
-        let log_length = deviations.iter().map(|error| error.focal).sum::<f64>() / count;
-        // The mean of independent errors; focal lengths are told apart by the flight, but hardly their common factor.
-        let shared = (lateral_m2.sqrt() / count, log_length);
-        (shared.0.is_finite() && shared.1.is_finite()).then_some(shared)
+        let turn_rad2: f64 = deviations.iter().map(|error| error.turn_rad.length_squared()).sum();
+        // Of a vector along each axis, the mean of independent errors.
+        let along_axis = |squares: f64| (squares / 3.0).sqrt() / count;
+        let shared = SharedCameraError {
+            lateral_m: along_axis(lateral_m2),
+            turn_rad: along_axis(turn_rad2),
+            // Focal lengths are told apart by the flight, but hardly their common factor.
+            log_length: deviations.iter().map(|error| error.focal).sum::<f64>() / count,
+        };
+        let all = [shared.lateral_m, shared.turn_rad, shared.log_length];
+        all.iter().all(|deviation| deviation.is_finite()).then_some(shared)
     }
 
     /// Whether it shows something real, which no simulator made on a grid.
@@ -143,12 +162,18 @@ impl Run<'_> {
     }
 }
 
-/// The doubt of a floor. Where cameras lag or are not as stated, somebody filmed, whatever the format: then a floor
-/// whose height is known is not quite level either.
-fn floor_doubt(height_m: f64, is_film: bool, has_real_cameras: bool) -> Option<WorldDoubt> {
-    let tilt_rad = if is_film || has_real_cameras { FILMED_TILT_RAD } else { 0.0 };
-    let log_friction = if is_film { FILMED_LOG_FRICTION } else { 0.0 };
-    let doubt = WorldDoubt { height_m, tilt_rad, log_friction, ..WorldDoubt::default() };
+/// The doubt of a floor, whose friction is guessed in a film, and of gravity. Where cameras lag or are not as stated,
+/// somebody filmed, whatever the format: then up is not quite up.
+fn floor_doubt(height_m: f64, tilt_rad: f64, is_film: bool, has_real_cameras: bool) -> Option<WorldDoubt> {
+    let was_filmed = is_film || has_real_cameras;
+    let of_film = |deviation: f64| if was_filmed { deviation } else { 0.0 };
+    let doubt = WorldDoubt {
+        height_m,
+        tilt_rad: of_film(tilt_rad),
+        log_friction: if is_film { FILMED_LOG_FRICTION } else { 0.0 },
+        gravity_tilt_rad: of_film(FILMED_TILT_RAD),
+        ..WorldDoubt::default()
+    };
     (height_m > 0.0 || has_real_cameras).then_some(doubt)
 }
 
@@ -174,11 +199,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_was_filmed_has_a_floor_that_may_slope() {
-        assert_eq!(floor_doubt(0.0, false, false), None, "a suite states its floor");
-        let tilt = |doubt: Option<WorldDoubt>| doubt.expect("in doubt").tilt_rad;
-        assert_eq!(tilt(floor_doubt(0.01, false, false)), 0.0, "of a suite only the height");
-        assert!(tilt(floor_doubt(0.0, false, true)) > 0.0, "cameras that lag are real");
-        assert!(floor_doubt(0.01, true, false).is_some_and(|doubt| doubt.tilt_rad > 0.0 && doubt.log_friction > 0.0));
+    fn up_is_not_quite_up_where_somebody_filmed() {
+        assert_eq!(floor_doubt(0.0, 0.0, false, false), None, "a suite states its floor");
+        let tilts = |doubt: Option<WorldDoubt>| doubt.map(|doubt| (doubt.tilt_rad, doubt.gravity_tilt_rad));
+        assert_eq!(tilts(floor_doubt(0.01, 0.01, false, false)), Some((0.0, 0.0)), "of a suite only the height");
+        let stated = floor_doubt(0.0, 0.001, false, true);
+        assert_eq!(tilts(stated), Some((0.001, FILMED_TILT_RAD)), "cameras that lag are real");
+        let guessed = floor_doubt(0.01, FILMED_TILT_RAD, true, false);
+        assert_eq!(tilts(guessed), Some((FILMED_TILT_RAD, FILMED_TILT_RAD)));
+        assert!(guessed.is_some_and(|doubt| doubt.log_friction > 0.0));
     }
 }
