@@ -105,8 +105,8 @@ impl Run<'_> {
         (self.floor(point, normal), self.doubt(height_m, FILMED_TILT_RAD))
     }
 
-    /// How well the world is known whose floor's height is known to `height_m` [m] and whose tilt to `tilt_rad` [rad],
-    /// as the cameras have them; `None` where it is exact.
+    /// How well the world is known whose floor's height is known to `height_m` [m] and, in a film, whose tilt to
+    /// `tilt_rad` [rad], but for what the cameras have wrong; `None` where it is exact.
     fn doubt(&self, height_m: f64, tilt_rad: f64) -> Option<WorldDoubt> {
         let shared = self.shared_camera_error().unwrap_or_default();
         let (height_m, tilt_rad) = (height_m.hypot(shared.lateral_m), tilt_rad.hypot(shared.turn_rad));
