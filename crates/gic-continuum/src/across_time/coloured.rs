@@ -52,13 +52,17 @@ impl Coloured<'_> {
         visibility: &Visibility,
         outward: &AtDepths<f64>,
     ) -> Option<SeenColours> {
-        let (i, _, depth) = self.pixel(point)?;
         let towards = (self.camera.centre - point).normalize_or_zero();
+        if normal.dot(towards) <= visibility.least_cosine {
+            return None;
+        }
+        let (i, _, depth) = self.pixel(point)?;
         let ShadeFree { picture, steepest, own, .. } = self.picture;
-        let seen =
-            own[i] && depth < f64::from(depths[i]) + visibility.depth && normal.dot(towards) > visibility.least_cosine;
+        if !own[i] || depth >= f64::from(depths[i]) + visibility.depth {
+            return None;
+        }
         let mut colours = outward.map(|_| Vec3::ZERO);
-        for (colour, distance) in colours.iter_mut().zip(outward).filter(|_| seen) {
+        for (colour, distance) in colours.iter_mut().zip(outward) {
             let (i, at, _) = self.pixel(point + *distance * normal)?;
             if !own[i] {
                 return None;
@@ -67,7 +71,7 @@ impl Coloured<'_> {
         }
         // Its noise, and how much it changes within the error of its place.
         let variance = Vec3::splat(self.noise * self.noise) + self.error_px * self.error_px * steepest[i];
-        seen.then_some(SeenColours { colours, variance })
+        Some(SeenColours { colours, variance })
     }
 }
 

@@ -141,17 +141,17 @@ impl ViewOutline<'_> {
             let point = mesh.vertices[vertex];
             let (pixel, depth) = camera.project(point)?;
             let (within, towards) = outline.gap_px(pixel)?;
-            // Vertices lie a little within the edge that the triangles around them make.
-            let edge = silhouette.outward_px(pixel);
-            if edge < -1.0 {
-                return None;
-            }
             let direction = towards.x * right + towards.y * down;
             let alignment = direction.dot(mesh.normals[vertex]);
+            // Where the mask's outline looks another way than the surface, it is another part's.
+            if alignment <= 0.0 {
+                return None;
+            }
+            // Vertices lie a little within the edge that the triangles around them make.
+            let edge = silhouette.outward_px(pixel);
             let deformation = surface.deformation[vertex];
             let gap = (within + edge) * depth / focal;
-            // Where the mask's outline looks another way than the surface, it is another part's.
-            (alignment > 0.0).then_some(ContourPoint { vertex, point, direction, gap, deformation, alignment })
+            (edge >= -1.0).then_some(ContourPoint { vertex, point, direction, gap, deformation, alignment })
         };
         (0..sides.len()).filter(|vertex| sides[*vertex] == [true; 2]).filter_map(point).collect()
     }

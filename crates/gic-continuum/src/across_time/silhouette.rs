@@ -6,6 +6,9 @@ use glam::{DVec2, DVec3};
 
 /// Pixels of a silhouette along each side of one of the mask. Derived: outlines are told to a quarter of a pixel each.
 const FINENESS: usize = 2;
+/// Fine pixels within which an edge is looked for: a place that is within a pixel of the edge lies between fine pixels
+/// that are within two. Derived.
+const REACH: usize = 2 * FINENESS;
 /// Pixels around a mask's box in which a silhouette's edge is looked for. Derived: a turn of ten degrees moves the ends
 /// of a body that is 250 pixels long by so much.
 pub(super) const MARGIN_PX: usize = 24;
@@ -44,7 +47,8 @@ impl SilhouetteWindow {
         for triangle in &mesh.triangles {
             cover(&mut inside, width, triangle.map(|corner| places[corner as usize]));
         }
-        Some(Silhouette { width, inside, window: *self })
+        let beside = inside.chunks_exact(width).flat_map(other_beside).collect();
+        Some(Silhouette { width, inside, beside, window: *self })
     }
 }
 
@@ -55,6 +59,8 @@ pub(super) struct Silhouette {
     width: usize,
     /// The fine pixels that are covered, row-major.
     inside: Vec<bool>,
+    /// How far beside each fine pixel the nearest of its row is that is not as it is, at most [`REACH`], row-major.
+    beside: Vec<u8>,
 }
 
 impl Silhouette {
@@ -71,22 +77,31 @@ impl Silhouette {
         row(y) + t * (row(y + 1) - row(y))
     }
 
-    /// Whether a fine pixel is inside, and how far it is from the nearest that is not as it is, or two pixels: a place
-    /// that is within a pixel of the edge lies between fine pixels that are within two.
+    /// Whether a fine pixel is inside, and how far it is from the nearest that is not as it is, at most [`REACH`].
     fn edge_distance(&self, x: usize, y: usize) -> (bool, f32) {
         let height = self.inside.len() / self.width;
         let (x, y) = (x.min(self.width - 1), y.min(height - 1));
         let is_inside = self.inside[y * self.width + x];
-        let reach = 2 * FINENESS;
-        let near = |at: usize, size: usize| at.saturating_sub(reach)..(at + reach + 1).min(size);
-        let mut least = reach * reach;
-        for row in near(y, height) {
-            for column in near(x, self.width).filter(|column| self.inside[row * self.width + column] != is_inside) {
-                least = least.min(row.abs_diff(y).pow(2) + column.abs_diff(x).pow(2));
-            }
+        let mut least = REACH * REACH;
+        for row in y.saturating_sub(REACH)..(y + REACH + 1).min(height) {
+            let at = row * self.width + x;
+            let beside = if self.inside[at] == is_inside { usize::from(self.beside[at]) } else { 0 };
+            least = least.min(row.abs_diff(y).pow(2) + beside.pow(2));
         }
         (is_inside, (least as f32).sqrt())
     }
+}
+
+/// How far beside each pixel of a row the nearest is that is not as it is, at most [`REACH`].
+fn other_beside(row: &[bool]) -> Vec<u8> {
+    let mut beside = vec![REACH as u8; row.len()];
+    for distance in (1..REACH.min(row.len())).rev() {
+        let others = || row.iter().zip(&row[distance..]).map(|(left, right)| left != right);
+        let mark = |(to, is_other): (&mut u8, bool)| *to = if is_other { distance as u8 } else { *to };
+        beside.iter_mut().zip(others()).for_each(mark);
+        beside[distance..].iter_mut().zip(others()).for_each(mark);
+    }
+    beside
 }
 
 /// Marks the pixels whose centres lie in a triangle that runs around them one way, pixel centres being at whole
@@ -97,12 +112,64 @@ fn cover(inside: &mut [bool], width: usize, [a, b, c]: [DVec2; 3]) {
     }
     let (low, high) = (a.min(b).min(c), a.max(b).max(c));
     let last = |end: f64, size: usize| end.floor().min(size as f64 - 1.0) as i64;
+    let (first_x, last_x) = (low.x.ceil().max(0.0), high.x.floor().min(width as f64 - 1.0));
     for y in low.y.ceil().max(0.0) as i64..=last(high.y, inside.len() / width) {
-        for x in low.x.ceil().max(0.0) as i64..=last(high.x, width) {
-            let p = DVec2::new(x as f64, y as f64);
-            if [(a, b), (b, c), (c, a)].iter().all(|(from, to)| (*to - *from).perp_dot(p - *from) >= 0.0) {
-                inside[y as usize * width + x as usize] = true;
+        // Each side cuts the row: what is inside lies to the right of those that run up and to the left of the others.
+        let (mut first, mut end) = (first_x, last_x);
+        for (from, to) in [(a, b), (b, c), (c, a)] {
+            let side = to - from;
+            let cut = from.x + side.x * (y as f64 - from.y) / side.y;
+            if side.y < 0.0 {
+                first = first.max(cut.ceil());
+            } else if side.y > 0.0 {
+                end = end.min(cut.floor());
             }
+        }
+        if first <= end {
+            inside[y as usize * width..][first as usize..=end as usize].fill(true);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    proptest! {
+        #[test]
+        fn a_triangle_covers_the_centres_within_its_sides(
+            corners in prop::array::uniform3(prop::array::uniform2(-8.0f64..40.0)),
+            whole in prop::bool::ANY,
+        ) {
+            let round = |at: f64| if whole { at.round() } else { at };
+            let [a, b, c] = corners.map(|[x, y]| DVec2::new(round(x), round(y)));
+            let mut inside = vec![false; 32 * 24];
+            cover(&mut inside, 32, [a, b, c]);
+            let runs_around = (b - a).perp_dot(c - a) > 0.0;
+            for (at, is_inside) in inside.iter().enumerate() {
+                let p = DVec2::new((at % 32) as f64, (at / 32) as f64);
+                let sides = [(a, b), (b, c), (c, a)].map(|(from, to)| (to - from).perp_dot(p - from));
+                let least = sides.into_iter().fold(f64::INFINITY, f64::min);
+                // On a side itself rounding decides.
+                prop_assert!(*is_inside == (runs_around && least >= 0.0) || least.abs() < 1e-9, "{p}: {least}");
+            }
+        }
+
+        #[test]
+        fn an_edge_is_as_far_as_the_nearest_pixel_that_is_otherwise(
+            covered in prop::collection::vec(prop::bool::weighted(0.9), 14 * 11),
+            (x, y) in (0usize..16, 0usize..13),
+        ) {
+            let beside = covered.chunks_exact(14).flat_map(other_beside).collect();
+            let window = SilhouetteWindow { x: 0, y: 0, width: 7, height: 5 };
+            let silhouette = Silhouette { window, width: 14, inside: covered.clone(), beside };
+            let (x, y) = (x.min(13), y.min(10));
+            let other = (0..14 * 11).filter(|at| covered[*at] != covered[y * 14 + x]);
+            let squared = other.map(|at| (at % 14).abs_diff(x).pow(2) + (at / 14).abs_diff(y).pow(2));
+            let nearest = squared.fold(REACH * REACH, usize::min);
+            prop_assert_eq!(silhouette.edge_distance(x, y), (covered[y * 14 + x], (nearest as f32).sqrt()));
         }
     }
 }

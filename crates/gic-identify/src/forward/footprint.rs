@@ -66,7 +66,7 @@ impl Projection {
         &self,
         gaussians: &IsotropicGaussians,
         first: usize,
-    ) -> [Footprint; MAX_LANES] {
+    ) -> Footprints {
         let end = (first + L::LANES).min(gaussians.positions.len());
         let mut world = [[f32::NAN; MAX_LANES]; 3];
         for (lane, p) in gaussians.positions[first..end].iter().enumerate() {
@@ -96,24 +96,48 @@ impl Projection {
         // The low pass widens the Gaussian; its peak falls so that its integral stays.
         let peak = L::load_partial(&gaussians.opacities[first..end], 0.0) * squared / variance;
         let (columns, rows) = (Span::new(centre[0], radius, self.size.0), Span::new(centre[1], radius, self.size.1));
-        let seen = L::bits(L::and(in_front, L::and(columns.inside, rows.inside)));
-
-        let (camera, centre) =
-            ([list(camera[0]), list(camera[1]), list(camera[2])], [list(centre[0]), list(centre[1])]);
-        let (variance, peak) = (list(variance), list(peak));
-        let (columns, rows) = ([list(columns.first), list(columns.end)], [list(rows.first), list(rows.end)]);
-        let mut all = [Footprint::default(); MAX_LANES];
-        for (k, footprint) in all.iter_mut().enumerate().take(L::LANES).filter(|(k, _)| seen & (1 << k) != 0) {
-            *footprint = Footprint {
-                camera: glam::Vec3::new(camera[0][k], camera[1][k], camera[2][k]),
-                centre: (centre[0][k], centre[1][k]),
-                variance: variance[k],
-                peak: peak[k],
-                columns: (columns[0][k] as usize, columns[1][k] as usize),
-                rows: (rows[0][k] as usize, rows[1][k] as usize),
-            };
+        Footprints {
+            seen: L::bits(L::and(in_front, L::and(columns.inside, rows.inside))),
+            camera: camera.map(list),
+            centre: centre.map(list),
+            variance: list(variance),
+            peak: list(peak),
+            columns: [list(columns.first), list(columns.end)],
+            rows: [list(rows.first), list(rows.end)],
         }
-        all
+    }
+}
+
+/// Those of as many particles as there are lanes.
+pub(crate) struct Footprints {
+    /// Which of them are in the picture.
+    seen: u32,
+    camera: [[f32; MAX_LANES]; 3],
+    centre: [[f32; MAX_LANES]; 2],
+    variance: [f32; MAX_LANES],
+    peak: [f32; MAX_LANES],
+    columns: [[f32; MAX_LANES]; 2],
+    rows: [[f32; MAX_LANES]; 2],
+}
+
+impl Footprints {
+    /// Those in the picture, each with its lane.
+    #[inline(always)]
+    pub(crate) fn seen(&self) -> impl Iterator<Item = (usize, Footprint)> {
+        let is_seen = |lane: &usize| self.seen & (1 << lane) != 0;
+        (0..MAX_LANES).filter(is_seen).map(|lane| (lane, self.at(lane)))
+    }
+
+    #[inline(always)]
+    fn at(&self, k: usize) -> Footprint {
+        Footprint {
+            camera: self.camera.map(|axis| axis[k]).into(),
+            centre: (self.centre[0][k], self.centre[1][k]),
+            variance: self.variance[k],
+            peak: self.peak[k],
+            columns: (self.columns[0][k] as usize, self.columns[1][k] as usize),
+            rows: (self.rows[0][k] as usize, self.rows[1][k] as usize),
+        }
     }
 }
 
@@ -149,10 +173,6 @@ impl<L: Lanes<Scalar = f32>> Span<L> {
 }
 
 impl Footprint {
-    pub(crate) fn is_empty(&self) -> bool {
-        self.columns.0 >= self.columns.1
-    }
-
     /// Writes exp(-d^2 / 2 variance) of each column to the beginning of `row`, zeros behind them up to a whole number
     /// of lanes, and returns how many numbers these are.
     #[inline(always)]

@@ -4,6 +4,7 @@
 pub(crate) mod drawing;
 pub(crate) mod flight;
 pub(crate) mod footprint;
+pub(crate) mod occlusion;
 pub(crate) mod outline_window;
 pub(crate) mod shape;
 pub(crate) mod silhouette;

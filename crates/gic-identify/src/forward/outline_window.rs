@@ -27,7 +27,7 @@ impl Kernel for Extent<'_> {
     fn run<L: Lanes<Scalar = f32>>(self) -> Window {
         let (projection, mut window) = (Projection::new(self.camera), self.known);
         for first in (0..self.gaussians.positions.len()).step_by(L::LANES) {
-            for footprint in projection.footprints::<L>(&self.gaussians, first).iter().filter(|f| !f.is_empty()) {
+            for (_, footprint) in projection.footprints::<L>(&self.gaussians, first).seen() {
                 window.join(footprint.columns, footprint.rows);
             }
         }

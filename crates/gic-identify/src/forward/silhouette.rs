@@ -14,12 +14,19 @@
 use gic_scene::Camera;
 use gic_simd::{Kernel, Lanes, Level, MAX_LANES, dispatch};
 
-use crate::forward::footprint::{IsotropicGaussians, Projection};
+use crate::forward::footprint::{Footprint, IsotropicGaussians, Projection};
+use crate::forward::occlusion::Occlusion;
 use crate::tuning::STEP_VARIANCE;
 
 /// Coverage of the pixels of `camera` by the particles, row-major, shape [height * width].
 pub(crate) fn coverage(gaussians: IsotropicGaussians, camera: &Camera) -> Vec<f32> {
-    dispatch(Level::active(), Draw { gaussians, camera })
+    dispatch(Level::active(), Draw { gaussians, camera, occlusion: None })
+}
+
+/// The same where the particles are less than a pixel away from where they were when the picture with `occlusion` was
+/// drawn.
+pub(crate) fn coverage_nearby(gaussians: IsotropicGaussians, camera: &Camera, occlusion: &Occlusion) -> Vec<f32> {
+    dispatch(Level::active(), Draw { gaussians, camera, occlusion: Some(occlusion) })
 }
 
 /// Coverage of a pixel with a transmittance: the odds of its alpha are squared.
@@ -40,6 +47,15 @@ fn slope_times_transmittance(coverage: f32) -> f32 {
 struct Draw<'a> {
     gaussians: IsotropicGaussians<'a>,
     camera: &'a Camera,
+    /// What stays opaque; `None` where that is not known.
+    occlusion: Option<&'a Occlusion>,
+}
+
+impl Draw<'_> {
+    #[inline]
+    fn is_hidden(&self, footprint: &Footprint) -> bool {
+        self.occlusion.is_some_and(|occlusion| occlusion.hides(footprint.columns, footprint.rows))
+    }
 }
 
 impl Kernel for Draw<'_> {
@@ -51,21 +67,25 @@ impl Kernel for Draw<'_> {
         let projection = Projection::new(self.camera);
         // Whole lanes are drawn: what lies beyond a Gaussian's last column is multiplied by one, in the next row or
         // behind the picture.
-        let mut transmittance = vec![1.0f32; width * height + MAX_LANES];
+        let mut transmittance: Vec<f32> = match self.occlusion {
+            Some(occlusion) => occlusion.transmittance().chain([1.0; MAX_LANES]).collect(),
+            None => vec![1.0; width * height + MAX_LANES],
+        };
         let (mut row, mut column) = (vec![0.0f32; width + MAX_LANES], vec![0.0f32; height + MAX_LANES]);
         for first in (0..self.gaussians.positions.len()).step_by(L::LANES) {
-            for footprint in projection.footprints::<L>(&self.gaussians, first).iter().take(L::LANES) {
-                if footprint.is_empty() {
+            for (_, footprint) in projection.footprints::<L>(&self.gaussians, first).seen() {
+                if self.is_hidden(&footprint) {
                     continue;
                 }
                 let whole = footprint.column_falloff::<L>(&mut row);
                 footprint.row_falloff::<L>(&mut column);
-                for (j, weight) in (footprint.rows.0..footprint.rows.1).zip(&column) {
-                    let (start, weight) = (j * width + footprint.columns.0, L::of(-weight));
-                    for at in (0..whole).step_by(L::LANES) {
-                        let to = &mut transmittance[start + at..];
+                let first = footprint.rows.0 * width + footprint.columns.0;
+                for at in (0..whole).step_by(L::LANES) {
+                    let falloff = L::load(&row[at..]);
+                    for (j, weight) in (0..footprint.rows.1 - footprint.rows.0).zip(&column) {
+                        let to = &mut transmittance[first + j * width + at..];
                         let t = L::load(to);
-                        (t * weight).mul_add(L::load(&row[at..]), t).store(to);
+                        (t * L::of(-weight)).mul_add(falloff, t).store(to);
                     }
                 }
             }
@@ -113,12 +133,7 @@ impl Kernel for DrawBackward<'_> {
         pull.resize(width * height + MAX_LANES, 0.0);
         let (mut row, mut column) = (vec![0.0f32; width + MAX_LANES], vec![0.0f32; height + MAX_LANES]);
         for first in (0..self.gaussians.positions.len()).step_by(L::LANES) {
-            for (lane, footprint) in
-                projection.footprints::<L>(&self.gaussians, first).iter().enumerate().take(L::LANES)
-            {
-                if footprint.is_empty() {
-                    continue;
-                }
+            for (lane, footprint) in projection.footprints::<L>(&self.gaussians, first).seen() {
                 let whole = footprint.column_falloff::<L>(&mut row);
                 footprint.row_falloff::<L>(&mut column);
                 let start_u = footprint.columns.0 as f32 + 0.5 - footprint.centre.0;
@@ -273,7 +288,7 @@ mod tests {
             let gaussians = gaussians(&positions, &opacities, &scales);
             let exact = plain(gaussians, &far);
             for level in Level::supported() {
-                let found = dispatch(level, Draw { gaussians, camera: &far });
+                let found = dispatch(level, Draw { gaussians, camera: &far, occlusion: None });
                 prop_assert_eq!(found.len(), exact.len());
                 for (found, exact) in found.iter().zip(&exact) {
                     // A pixel at the very end may fall on the other side of it: exp(-8).
@@ -282,6 +297,29 @@ mod tests {
                 let errors = found.iter().zip(&exact).map(|(a, b)| (f64::from(*a) - b).abs());
                 let mean = errors.sum::<f64>() / exact.len() as f64;
                 prop_assert!(mean < 2e-6, "{}: {}", level, mean);
+            }
+        }
+    }
+
+    /// A ball as particles fill it, in whose middle all is opaque.
+    #[test]
+    fn what_is_opaque_need_not_be_drawn_again() {
+        let axis = |i: usize| 0.01 * (i as f32 - 10.0);
+        let cube = (0..21usize.pow(3)).map(|i| [axis(i % 21), axis(i / 21 % 21), axis(i / 441)]);
+        let positions: Vec<[f32; 3]> = cube.filter(|p| glam::Vec3::from_array(*p).length() < 0.1).collect();
+        let (opacities, scales) = (vec![0.9; positions.len()], vec![0.005; positions.len()]);
+        let camera = Camera { focal: DVec2::splat(150.0), centre: DVec3::new(-0.3, 0.2, -0.9), ..camera() };
+        let occlusion = Occlusion::of(&coverage(gaussians(&positions, &opacities, &scales), &camera), camera.width);
+        let opaque = occlusion.transmittance().filter(|transmittance| *transmittance == 0.0).count();
+        assert!(opaque > 100, "{opaque} pixels");
+        // A quarter of a pixel.
+        for axis in 0..3 {
+            let mut moved = positions.clone();
+            moved.iter_mut().for_each(|p| p[axis] += 0.0015);
+            let moved = gaussians(&moved, &opacities, &scales);
+            let (all, nearby) = (coverage(moved, &camera), coverage_nearby(moved, &camera, &occlusion));
+            for (at, (all, nearby)) in all.iter().zip(&nearby).enumerate() {
+                assert!((all - nearby).abs() < 1e-7, "{at}: {nearby} instead of {all}");
             }
         }
     }

@@ -1,10 +1,14 @@
 //! A mask and the drawing of a motion, where they are compared.
 
+use std::cell::LazyCell;
+
 use gic_scene::Camera;
 
 use crate::forward::drawing::Shown;
+use crate::forward::footprint::IsotropicGaussians;
+use crate::forward::occlusion::Occlusion;
 use crate::forward::outline_window::outline_window;
-use crate::forward::silhouette::coverage;
+use crate::forward::silhouette::{coverage, coverage_nearby};
 use crate::observe::mask_view::{MaskView, pool};
 
 /// The pixels of a view that particles or its mask cover, averaged in blocks.
@@ -12,8 +16,12 @@ pub(crate) struct ComparedView {
     device: usize,
     camera: Camera,
     pooling: usize,
+    /// What the particles cover of each pixel, in [0, 1].
+    coverage: Vec<f32>,
     /// What the mask covers of each block, in [0, 1].
     pub observed: Vec<f32>,
+    /// What the particles cover of each block, in [0, 1].
+    pub drawn: Vec<f32>,
 }
 
 impl ComparedView {
@@ -23,13 +31,20 @@ impl ComparedView {
         let window =
             shown.seen(view.device, &view.camera, |gaussians, camera| outline_window(view, gaussians, camera, pooling));
         let camera = window.camera(&view.camera);
-        let observed = pool(&window.cut(&view.mask, view.camera.width), camera.width, camera.height, pooling);
-        ComparedView { device: view.device, camera, pooling, observed }
+        let pooled = |picture: &[f32]| pool(picture, camera.width, camera.height, pooling);
+        let observed = pooled(&window.cut(&view.mask, view.camera.width));
+        let coverage = shown.seen(view.device, &camera, coverage);
+        let drawn = pooled(&coverage);
+        ComparedView { device: view.device, camera, pooling, coverage, observed, drawn }
     }
 
-    /// What is shown covers of each block, in [0, 1].
-    pub(crate) fn drawn(&self, shown: &Shown) -> Vec<f32> {
-        let drawn = shown.seen(self.device, &self.camera, coverage);
-        pool(&drawn, self.camera.width, self.camera.height, self.pooling)
+    /// Draws motions that are less than a pixel away from that which is shown: what they cover of each block, in
+    /// [0, 1].
+    pub(crate) fn nearby(&self) -> impl Fn(&Shown) -> Vec<f32> {
+        let occlusion = LazyCell::new(|| Occlusion::of(&self.coverage, self.camera.width));
+        move |shown| {
+            let drawn = |gaussians: IsotropicGaussians, camera: &Camera| coverage_nearby(gaussians, camera, &occlusion);
+            pool(&shown.seen(self.device, &self.camera, drawn), self.camera.width, self.camera.height, self.pooling)
+        }
     }
 }

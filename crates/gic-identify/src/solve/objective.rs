@@ -59,14 +59,12 @@ impl Objective<'_> {
     ) -> ResidualBlock {
         let shown = base.shown(o, self.opacities);
         let compared = ComparedView::new(view, &shown, pooling);
-        let reference = compared.drawn(&shown);
+        let nearby = compared.nearby();
         let draw = |(neighbour, step): (&Neighbour, &f64)| match neighbour {
-            Neighbour::Moved(moved) => {
-                Some(compared.drawn(&Shown { gaussians: moved.gaussians(o, self.opacities), ..shown }))
-            }
+            Neighbour::Moved(moved) => Some(nearby(&Shown { gaussians: moved.gaussians(o, self.opacities), ..shown })),
             Neighbour::Drawn(unknown) => unknown
                 .concerns(view.device)
-                .then(|| compared.drawn(&Shown { drawing: &base.drawing.nudged(*unknown, *step), ..shown })),
+                .then(|| nearby(&Shown { drawing: &base.drawing.nudged(*unknown, *step), ..shown })),
         };
         // None of what changes nothing here.
         let moved: Vec<Option<Vec<f32>>> = neighbours.iter().zip(steps).map(draw).collect();
@@ -74,7 +72,7 @@ impl Objective<'_> {
         let mut row = vec![0.0; steps.len()];
         // A pooled pixel stands for that many working pixels.
         let weight = (pooling * pooling) as f64;
-        for (i, (a, m)) in reference.iter().zip(&compared.observed).enumerate() {
+        for (i, (a, m)) in compared.drawn.iter().zip(&compared.observed).enumerate() {
             let residual = f64::from(a - m);
             let mut touched = residual != 0.0;
             for ((slot, image), step) in row.iter_mut().zip(&moved).zip(steps) {

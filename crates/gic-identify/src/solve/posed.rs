@@ -104,10 +104,10 @@ impl Body<'_> {
         let drawing = Drawing::of_factor(self.gaussians.factor);
         let shown = |positions| Shown { gaussians: self.at(positions), velocities: &[], drawing: &drawing };
         let compared = ComparedView::new(view, &shown(here), pooling);
-        let drawn = compared.drawn(&shown(here));
-        let nudged = nudged.each_ref().map(|positions| compared.drawn(&shown(positions)));
+        let nearby = compared.nearby();
+        let nudged = nudged.each_ref().map(|positions| nearby(&shown(positions)));
         let (mut hessian, mut gradient) = (Matrix6::zeros(), Vector6::zeros());
-        for (i, (drawn, observed)) in drawn.iter().zip(&compared.observed).enumerate() {
+        for (i, (drawn, observed)) in compared.drawn.iter().zip(&compared.observed).enumerate() {
             let slope = Vector6::from_fn(|k, _| f64::from(nudged[k][i] - drawn) / self.difference);
             if slope != Vector6::zeros() {
                 hessian += slope * slope.transpose();
