@@ -107,28 +107,35 @@ fn other_beside(row: &[bool]) -> Vec<u8> {
 /// Marks the pixels whose centres lie in a triangle that runs around them one way, pixel centres being at whole
 /// numbers: the sides of a closed surface that face the camera cover as much as those that do not.
 fn cover(inside: &mut [bool], width: usize, [a, b, c]: [DVec2; 3]) {
-    if (b - a).perp_dot(c - a) <= 0.0 {
+    let runs_around = (b - a).perp_dot(c - a) > 0.0;
+    if !runs_around {
         return;
     }
     let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-    let last = |end: f64, size: usize| end.floor().min(size as f64 - 1.0) as i64;
-    let (first_x, last_x) = (low.x.ceil().max(0.0), high.x.floor().min(width as f64 - 1.0));
-    for y in low.y.ceil().max(0.0) as i64..=last(high.y, inside.len() / width) {
+    let end = |high: f64, size: usize| if high < 0.0 { 0 } else { (high as usize).saturating_add(1).min(size) };
+    for y in whole_from(low.y)..end(high.y, inside.len() / width) {
         // Each side cuts the row: what is inside lies to the right of those that run up and to the left of the others.
-        let (mut first, mut end) = (first_x, last_x);
+        let (mut left, mut right) = (low.x, high.x);
         for (from, to) in [(a, b), (b, c), (c, a)] {
             let side = to - from;
             let cut = from.x + side.x * (y as f64 - from.y) / side.y;
             if side.y < 0.0 {
-                first = first.max(cut.ceil());
+                left = left.max(cut);
             } else if side.y > 0.0 {
-                end = end.min(cut.floor());
+                right = right.min(cut);
             }
         }
-        if first <= end {
-            inside[y as usize * width..][first as usize..=end as usize].fill(true);
+        let columns = whole_from(left)..end(right, width);
+        if !columns.is_empty() {
+            inside[y * width..][columns].fill(true);
         }
     }
+}
+
+/// The first whole number that is neither below zero nor below `low`.
+fn whole_from(low: f64) -> usize {
+    let below = low.max(0.0) as usize;
+    below + usize::from((below as f64) < low)
 }
 
 #[cfg(test)]
