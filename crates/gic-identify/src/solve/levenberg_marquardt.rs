@@ -2,9 +2,11 @@
 //!
 //! A hypothesis x has residuals r(x), weighted, and a prior with information P around m. The cost is `1/2 r^T r + 1/2
 //! (x - m)^T P (x - m)`. A step solves `(H + lambda diag H) d = -g` with `H = J^T J + P` and `g = J^T r + P (x - m)`.
-//! The Jacobian J comes from finite differences of the trajectories, one rollout per unknown; a step that gains about
-//! what the quadratic model predicts only corrects them by what it showed (a rank-one update), so that most steps cost
-//! two rollouts. A failed rollout is a rejected step.
+//! The Jacobian J comes from finite differences of the trajectories, one rollout per unknown. A step only corrects them
+//! by what it showed (a rank-one update), so that most steps cost two rollouts. They are measured anew when a step gains
+//! much less than the quadratic model predicts, and less per rollout than the last did whose Jacobian was measured: along
+//! a bent valley with many unknowns no model holds for long, but a step along an old one costs next to nothing. A failed
+//! rollout is a rejected step.
 
 use std::ops::ControlFlow;
 
@@ -18,6 +20,9 @@ use crate::solve::normal_equations::Normal;
 use crate::solve::problem::Problem;
 use crate::tuning::DescentTuning;
 use crate::unknowns::state::State;
+
+/// Dampings that a step tries at once: the second core would idle otherwise.
+const TRIALS: usize = 2;
 
 /// When to stop.
 #[derive(Clone, Copy, Debug)]
@@ -94,6 +99,8 @@ pub(crate) fn minimise(
     let mut fit = Fit { state: start, cost, linearisation };
     let tuning = problem.descent;
     let (mut damping, mut steps) = (FIRST_DAMPING, 0);
+    // What a rollout gained when the Jacobian was measured last.
+    let mut measured_rate = f64::INFINITY;
     while steps < limits.iterations {
         let normal = problem.normal(fit.linearisation.blocks(problem), &fit.state);
         let largest_decrease = problem.largest_decrease(&normal, &fit.state).unwrap_or(f64::INFINITY);
@@ -115,6 +122,10 @@ pub(crate) fn minimise(
         damping = if trial.damping > damping { trial.damping } else { damping / DAMPING_FACTOR };
         let answer = accepted(&Iterate { state: trial.state.clone(), cost: trial.cost })?;
         let trusted = was_fresh || gain >= tuning.trusted_gain_share * trial.predicted_decrease;
+        let rate = gain / (TRIALS + if was_fresh { problem.unknowns.len() } else { 0 }) as f64;
+        if was_fresh {
+            measured_rate = rate;
+        }
         fit = trial.accept(problem, fit, limits.secants)?;
         // A small gain along a stale direction says little about what is left.
         let converged =
@@ -122,7 +133,8 @@ pub(crate) fn minimise(
         if converged || answer.is_break() {
             break;
         }
-        if limits.secants && !trusted && steps < limits.iterations {
+        let pays = rate >= measured_rate && gain >= limits.least_gain;
+        if limits.secants && !trusted && !pays && steps < limits.iterations {
             fit.linearisation = fit.linearisation.measured_anew(problem, &fit.state)?;
         }
     }
@@ -162,11 +174,9 @@ fn find_decrease(
     (damping, least_gain): (&mut f64, f64),
 ) -> Option<Trial> {
     loop {
-        // Two dampings at once: the second core would idle otherwise.
-        let trials: Vec<Option<Trial>> = [*damping, *damping * DAMPING_FACTOR]
-            .into_par_iter()
-            .map(|damping| try_step(problem, &fit.state, normal, damping))
-            .collect();
+        let dampings: [f64; TRIALS] = [*damping, *damping * DAMPING_FACTOR];
+        let tried = dampings.into_par_iter().map(|damping| try_step(problem, &fit.state, normal, damping));
+        let trials: Vec<Option<Trial>> = tried.collect();
         let best = trials.into_iter().flatten().min_by(|a, b| a.cost.total_cmp(&b.cost));
         if let Some(trial) = best.filter(|trial| trial.cost < fit.cost) {
             return Some(trial);
