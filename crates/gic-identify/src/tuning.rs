@@ -189,10 +189,10 @@ pub struct DescentTuning {
     /// costs Gauss-Newton a fraction of an iteration and does not move its fixed point to first order. Derived: about
     /// 1 % of what matters.
     pub difference: f64,
-    /// A Jacobian that was carried along is measured anew when a step gains less than this share of what it predicted,
-    /// and the fit may still gain enough by this share of what it predicts. A state belongs to a minimum where its cost
-    /// rises by at least this share of what that one's quadratic model predicts, and by at most its inverse. Fitted on:
-    /// the nine scenes.
+    /// A Jacobian that was carried along may be measured anew when a step gains less than this share of what it
+    /// predicted, and the fit may still gain enough by this share of what it predicts. A state belongs to a minimum
+    /// where its cost rises by at least this share of what that one's quadratic model predicts, and by at most its
+    /// inverse. Fitted on: the nine scenes.
     pub trusted_gain_share: f64,
     /// A fit that only hands over a start ends when the cost falls by less than this share. Budget: the stage that
     /// follows goes on.

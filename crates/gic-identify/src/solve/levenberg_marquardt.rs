@@ -3,10 +3,10 @@
 //! A hypothesis x has residuals r(x), weighted, and a prior with information P around m. The cost is `1/2 r^T r + 1/2
 //! (x - m)^T P (x - m)`. A step solves `(H + lambda diag H) d = -g` with `H = J^T J + P` and `g = J^T r + P (x - m)`.
 //! The Jacobian J comes from finite differences of the trajectories, one rollout per unknown. A step only corrects them
-//! by what it showed (a rank-one update), so that most steps cost two rollouts. They are measured anew when a step gains
-//! much less than the quadratic model predicts, and less per rollout than the last did whose Jacobian was measured: along
-//! a bent valley with many unknowns no model holds for long, but a step along an old one costs next to nothing. A failed
-//! rollout is a rejected step.
+//! by what it showed (a rank-one update), so that most steps cost two rollouts. They are measured anew when a step
+//! gains much less than the quadratic model predicts, and less per rollout than the last did whose Jacobian was
+//! measured: along a bent valley with many unknowns no model holds for long, but a step along an old one costs next to
+//! nothing. A failed rollout is a rejected step.
 
 use std::ops::ControlFlow;
 
@@ -21,7 +21,7 @@ use crate::solve::problem::Problem;
 use crate::tuning::DescentTuning;
 use crate::unknowns::state::State;
 
-/// Dampings that a step tries at once: the second core would idle otherwise.
+/// Dampings that a step tries at once. Budget: the second core would idle otherwise.
 const TRIALS: usize = 2;
 
 /// When to stop.
