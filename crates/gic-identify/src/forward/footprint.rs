@@ -19,7 +19,7 @@ pub(crate) struct IsotropicGaussians<'a> {
 }
 
 /// One Gaussian as a camera sees it: what both passes over the pixels need.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Footprint {
     /// Camera coordinates [m].
     pub camera: glam::Vec3,
@@ -29,8 +29,7 @@ pub(crate) struct Footprint {
     pub variance: f32,
     /// Alpha at the centre.
     pub peak: f32,
-    /// Columns and rows that it covers, from the first up to, not including, the second; empty where it is not in the
-    /// picture.
+    /// Columns and rows that it covers, from the first up to, not including, the second.
     pub columns: (usize, usize),
     pub rows: (usize, usize),
 }
