@@ -19,6 +19,9 @@ pub struct Evaluation {
     pub frames: Vec<FrameError>,
     /// Volume of the continuum over that of the truth, less one.
     pub volume_error: Option<f64>,
+    /// The same of the twin, whose shape is fitted with its material.
+    #[serde(default)]
+    pub twin_volume_error: Option<f64>,
     /// Mean overlap of re-rendered masks at the first frame.
     pub mask_iou: f64,
     /// Where a scan was registered and the truth tells where it lies.
@@ -144,6 +147,7 @@ pub(crate) mod tests {
             velocity: VelocityError { estimate_m_s: [0.0; 3], truth_m_s: [0.0; 3], error_x100: 0.0, inside: 3 },
             frames: values.iter().enumerate().map(frame).collect(),
             volume_error: None,
+            twin_volume_error: None,
             mask_iou: 1.0,
             registration: None,
         }

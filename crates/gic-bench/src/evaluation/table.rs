@@ -44,6 +44,9 @@ impl Evaluation {
         if let Some(error) = self.volume_error {
             text += &format!("volume {:+.2} %, ", 100.0 * error);
         }
+        if let Some(error) = self.twin_volume_error {
+            text += &format!("of the twin {:+.2} %, ", 100.0 * error);
+        }
         text + &format!("masks re-rendered at the first frame: IoU {:.4}\n", self.mask_iou)
     }
 }

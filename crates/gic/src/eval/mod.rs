@@ -12,6 +12,7 @@ use gic_twin::Interrupt;
 use gic_twin::atomic;
 use gic_twin::events::Events;
 use gic_twin::matter::read_particles;
+use gic_twin::twin::Twin;
 
 use crate::config::{Config, Layer};
 use crate::error::{Error, Result};
@@ -24,6 +25,12 @@ use registration::registration_error;
 const STAGE: &str = "eval";
 /// Seed of the random points that clouds are compared with: the same for every run, so that runs can be compared.
 const SEED: u64 = 0;
+
+/// Volume of the run's twin [m^3].
+fn twin_volume_m3(run: &Path) -> Result<f64> {
+    let (_, world) = Twin::read(&run.join("twin.json"), &[])?.to_world()?;
+    Ok(world.bodies.iter().map(|body| body.masses_kg().iter().sum::<f64>() / body.density_kg_m3).sum())
+}
 
 /// Compares a run with the truth; its scene lies at `scene`, or where the run says.
 ///
@@ -76,13 +83,15 @@ pub fn evaluate(
             events.step(STAGE, "", frame as u64 + 1, None, &[]);
         }
     }
-    let volume = summary.particle_volume_m3 * summary.particles as f64;
+    let reconstructed_m3 = summary.particle_volume_m3 * summary.particles as f64;
+    let error_of = |volume_m3: f64| truth.volume_m3.map(|true_m3| volume_m3 / true_m3 - 1.0);
     Ok(Evaluation {
         model: found.model.clone(),
         parameters: parameter_errors(&found, truth),
         velocity: velocity_error(&found, truth),
         frames,
-        volume_error: truth.volume_m3.map(|true_volume| volume / true_volume - 1.0),
+        volume_error: error_of(reconstructed_m3),
+        twin_volume_error: error_of(twin_volume_m3(run)?),
         mask_iou: mean(summary.mask_iou.iter().copied()),
         registration: registration_error(run, truth)?,
     })
