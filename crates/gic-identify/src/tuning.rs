@@ -152,8 +152,8 @@ pub struct ShapeTuning {
     /// Radius of the ball around a place whose emptiness tells whether it is an edge or a notch [particle spacings].
     /// Fitted on: the eight crosses.
     pub bluntness_radius_spacings: f64,
-    /// Distance over which errors are correlated, and height over which all that touches first fades out [particle
-    /// spacings]. Fitted on: the nine scenes.
+    /// Distance over which errors of what pictures tell are correlated, and height over which all that touches first
+    /// fades out [particle spacings]. Fitted on: the nine scenes.
     pub correlation_length_spacings: f64,
     /// Distance of anchors on the surface, and reach of their displacement into the body [particle spacings]. Budget:
     /// some hundred anchors.

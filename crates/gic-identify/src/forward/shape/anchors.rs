@@ -16,6 +16,8 @@ pub(crate) struct Anchor {
     pub is_told: bool,
     /// Of its displacement along the normal [m].
     pub deviation: f64,
+    /// Over which displacements are correlated [m].
+    pub correlation_length: f64,
     /// How much emptier its vicinity is than that of a flat face, twice the share of a ball: positive at edges,
     /// negative in notches.
     pub bluntness: f64,
@@ -57,8 +59,10 @@ pub(crate) fn anchors(input: &Input, normals: &[Option<DVec3>], scale: Scale) ->
         .into_iter()
         .map(|i| {
             let (position, normal, is_told) = (input.positions[i], normals[i].unwrap_or(DVec3::Y), is_told(i));
-            let deviation = error_m.hypot(tuning.untold_deviation_per_distance * to_told(position));
-            Anchor { position, normal, is_told, deviation, bluntness: bluntness(position) }
+            let to_told = to_told(position);
+            let deviation = error_m.hypot(tuning.untold_deviation_per_distance * to_told);
+            let correlation_length = (tuning.correlation_length_spacings * spacing).hypot(to_told);
+            Anchor { position, normal, is_told, deviation, correlation_length, bluntness: bluntness(position) }
         })
         .collect()
 }

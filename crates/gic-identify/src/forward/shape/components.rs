@@ -12,13 +12,17 @@ pub(crate) fn covariance(anchors: &[Anchor], scale: Scale) -> DMatrix<f64> {
     let Scale { spacing, common_error_m, tuning, .. } = scale;
     DMatrix::from_fn(anchors.len(), anchors.len(), |i, j| {
         let (a, b) = (&anchors[i], &anchors[j]);
-        let near = (-0.5 * a.position.distance_squared(b.position)
-            / (tuning.correlation_length_spacings * spacing).powi(2))
-        .exp();
         let parallel = 0.5 * (1.0 + a.normal.dot(b.normal));
         let rounding = (tuning.rounding_deviation_spacings * spacing).powi(2) * a.bluntness * b.bluntness;
-        a.deviation * b.deviation * near * parallel + common_error_m * common_error_m + rounding
+        a.deviation * b.deviation * near(a, b) * parallel + common_error_m * common_error_m + rounding
     })
+}
+
+/// Correlation of two places by how near they are (Gibbs 1997): positive definite although each has its own length.
+fn near(a: &Anchor, b: &Anchor) -> f64 {
+    let squares = a.correlation_length.powi(2) + b.correlation_length.powi(2);
+    let alike = 2.0 * a.correlation_length * b.correlation_length / squares;
+    alike.powf(1.5) * (-a.position.distance_squared(b.position) / squares).exp()
 }
 
 /// Values of the components at the anchors [m]: first those of the functionals, then those of what they leave, each

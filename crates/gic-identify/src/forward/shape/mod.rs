@@ -4,19 +4,21 @@
 //! may be too far in or out as a whole, too: by the mean of what the cameras are off, each by itself. A part that no
 //! picture tells of (an underside, which meets the ground first) errs the more the further it is from what one tells.
 //! The error of the surface along its normal is modelled as a Gaussian process of these standard deviations, correlated
-//! over a few particle spacings and among places that face the same way. Of its many directions those count that change
-//! what the motion depends on most: volume, centre and second moments of the mass, where the lowest parts are, and how
-//! far what no picture tells of is filled (a notch that is filled at the root of an arm makes it much stiffer). For
-//! functionals l_i of the surface and the covariance K, the fields K l_i span all of the prior's variation of the
-//! functionals. Then come those of what is left that move the surface by as much as matters (Karhunen and Loeve):
-//! refinement settles the surface to the motion of a fit, whose errors it takes up in parts that are too thick or too
-//! thin, and these have to be undone.
+//! over a few particle spacings, or the distance to what is told, and among places that face the same way. Of its many
+//! directions those count that change what the motion depends on most: volume, centre and second moments of the mass,
+//! where the lowest parts are, and how far what no picture tells of is filled (a notch that is filled at the root of an
+//! arm makes it much stiffer). For functionals l_i of the surface and the covariance K, the fields K l_i span all of
+//! the prior's variation of the functionals. Then come those of what is left that move the surface by as much as
+//! matters (Karhunen and Loeve): refinement settles the surface to the motion of a fit, whose errors it takes up in
+//! parts that are too thick or too thin, and these have to be undone.
 //!
-//! `K_ij = sigma_i sigma_j exp(-|x_i - x_j|^2 / 2 l^2) (1 + n_i . n_j) / 2 + c^2 / n + rho^2 b_i b_j`, where sigma is
-//! the standard deviation of a place, l the length of correlation, c the measured error, n the number of cameras, and
-//! rho the rounding, which acts on the bluntness b. An orthonormal basis of them becomes unknowns of the joint stage
-//! beside the material, with unit variances: what the pictures say about the shape is then used, and what they leave
-//! open widens the intervals.
+//! `K_ij = sigma_i sigma_j g_ij (1 + n_i . n_j) / 2 + c^2 / n + rho^2 b_i b_j` with Gibbs' correlation
+//! `g_ij = (2 l_i l_j / (l_i^2 + l_j^2))^(3/2) exp(-|x_i - x_j|^2 / (l_i^2 + l_j^2))`, where sigma is the standard
+//! deviation of a place, l its length of correlation, c the measured error, n the number of cameras, and rho the
+//! rounding, which acts on the bluntness b. The further a place is from all that pictures tell, the longer its l: the
+//! back of a body that no camera sees is too flat as a whole. An orthonormal basis of them becomes unknowns of the
+//! joint stage beside the material, with unit variances: what the pictures say about the shape is then used, and what
+//! they leave open widens the intervals.
 
 pub(crate) mod anchors;
 pub(crate) mod components;
@@ -196,6 +198,24 @@ mod tests {
         let input = Input { doubts: vec![1.0; input.positions.len()], ..input };
         let anchors = anchors_of(&input);
         assert!(anchors.iter().all(|anchor| anchor.deviation.is_finite() && anchor.deviation > 0.2 * SPACING));
+    }
+
+    /// Places to both sides of a pole move together where no picture tells, and each by itself where they are told.
+    #[test]
+    fn what_is_far_from_all_that_is_told_errs_as_a_whole() {
+        let input = ball();
+        let anchors = anchors_of(&input);
+        let tuning = ShapeTuning { rounding_deviation_spacings: 0.0, ..ShapeTuning::default() };
+        let covariance = covariance(&anchors, Scale { common_error_m: 0.0, ..Scale::of(&input, &tuning) });
+        let beside = |pole: DVec3| {
+            let [a, b] = [-0.6, 0.6].map(|x| outermost(&anchors, pole + x * DVec3::X));
+            covariance[(a, b)] / (covariance[(a, a)] * covariance[(b, b)]).sqrt()
+        };
+        let (told, untold) = (beside(DVec3::Y), beside(-DVec3::Y));
+        println!("correlation {told:.2} above, {untold:.2} below");
+        assert!(told < 0.3 && untold > 0.6);
+        let eigenvalues = covariance.symmetric_eigenvalues();
+        assert!(eigenvalues.min() > -1e-9 * eigenvalues.max(), "{eigenvalues}");
     }
 
     /// A reconstruction that is rounded has lost its edges and filled its notches.
