@@ -59,9 +59,9 @@ pub(crate) fn anchors(input: &Input, normals: &[Option<DVec3>], scale: Scale) ->
         .into_iter()
         .map(|i| {
             let (position, normal, is_told) = (input.positions[i], normals[i].unwrap_or(DVec3::Y), is_told(i));
-            let to_told = to_told(position);
-            let deviation = error_m.hypot(tuning.untold_deviation_per_distance * to_told);
-            let correlation_length = (tuning.correlation_length_spacings * spacing).hypot(to_told);
+            let distance = to_told(position);
+            let deviation = error_m.hypot(tuning.untold_deviation_per_distance * distance);
+            let correlation_length = (tuning.correlation_length_spacings * spacing).hypot(distance);
             Anchor { position, normal, is_told, deviation, correlation_length, bluntness: bluntness(position) }
         })
         .collect()
