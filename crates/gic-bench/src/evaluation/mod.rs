@@ -17,7 +17,7 @@ pub struct Evaluation {
     pub velocity: VelocityError,
     /// Frames with true particles.
     pub frames: Vec<FrameError>,
-    /// Volume of the continuum over that of the truth, less one.
+    /// Volume of the reconstructed continuum over that of the truth, less one.
     pub volume_error: Option<f64>,
     /// The same of the twin, whose shape is fitted with its material.
     #[serde(default)]

@@ -26,12 +26,6 @@ const STAGE: &str = "eval";
 /// Seed of the random points that clouds are compared with: the same for every run, so that runs can be compared.
 const SEED: u64 = 0;
 
-/// Volume of the run's twin [m^3].
-fn twin_volume_m3(run: &Path) -> Result<f64> {
-    let (_, world) = Twin::read(&run.join("twin.json"), &[])?.to_world()?;
-    Ok(world.bodies.iter().map(|body| body.masses_kg().iter().sum::<f64>() / body.density_kg_m3).sum())
-}
-
 /// Compares a run with the truth; its scene lies at `scene`, or where the run says.
 ///
 /// # Errors
@@ -84,17 +78,24 @@ pub fn evaluate(
         }
     }
     let reconstructed_m3 = summary.particle_volume_m3 * summary.particles as f64;
-    let error_of = |volume_m3: f64| truth.volume_m3.map(|true_m3| volume_m3 / true_m3 - 1.0);
+    let twin_m3 = truth.volume_m3.map(|_| twin_volume_m3(run)).transpose()?;
+    let error_of = |(volume_m3, true_m3): (f64, f64)| volume_m3 / true_m3 - 1.0;
     Ok(Evaluation {
         model: found.model.clone(),
         parameters: parameter_errors(&found, truth),
         velocity: velocity_error(&found, truth),
         frames,
-        volume_error: error_of(reconstructed_m3),
-        twin_volume_error: error_of(twin_volume_m3(run)?),
+        volume_error: Some(reconstructed_m3).zip(truth.volume_m3).map(error_of),
+        twin_volume_error: twin_m3.zip(truth.volume_m3).map(error_of),
         mask_iou: mean(summary.mask_iou.iter().copied()),
         registration: registration_error(run, truth)?,
     })
+}
+
+/// Volume of the run's twin [m^3].
+fn twin_volume_m3(run: &Path) -> Result<f64> {
+    let (_, world) = Twin::read(&run.join("twin.json"), &[])?.to_world()?;
+    Ok(world.bodies.iter().map(|body| body.masses_kg().iter().sum::<f64>() / body.density_kg_m3).sum())
 }
 
 fn parameter_errors(found: &IdentifyRecord, truth: &Truth) -> Vec<ParameterError> {

@@ -16,7 +16,7 @@ pub(crate) struct Anchor {
     pub is_told: bool,
     /// Of its displacement along the normal [m].
     pub deviation: f64,
-    /// Over which displacements are correlated [m].
+    /// Over which displacements are correlated, the further the longer from what is told [m].
     pub correlation_length: f64,
     /// How much emptier its vicinity is than that of a flat face, twice the share of a ball: positive at edges,
     /// negative in notches.

@@ -4,7 +4,7 @@
 //! may be too far in or out as a whole, too: by the mean of what the cameras are off, each by itself. A part that no
 //! picture tells of (an underside, which meets the ground first) errs the more the further it is from what one tells.
 //! The error of the surface along its normal is modelled as a Gaussian process of these standard deviations, correlated
-//! over a few particle spacings, or the distance to what is told, and among places that face the same way. Of its many
+//! over a few particle spacings and the distance to what is told, and among places that face the same way. Of its many
 //! directions those count that change what the motion depends on most: volume, centre and second moments of the mass,
 //! where the lowest parts are, and how far what no picture tells of is filled (a notch that is filled at the root of an
 //! arm makes it much stiffer). For functionals l_i of the surface and the covariance K, the fields K l_i span all of
@@ -15,10 +15,10 @@
 //! `K_ij = sigma_i sigma_j g_ij (1 + n_i . n_j) / 2 + c^2 / n + rho^2 b_i b_j` with Gibbs' correlation
 //! `g_ij = (2 l_i l_j / (l_i^2 + l_j^2))^(3/2) exp(-|x_i - x_j|^2 / (l_i^2 + l_j^2))`, where sigma is the standard
 //! deviation of a place, l its length of correlation, c the measured error, n the number of cameras, and rho the
-//! rounding, which acts on the bluntness b. The further a place is from all that pictures tell, the longer its l: the
-//! back of a body that no camera sees is too flat as a whole. An orthonormal basis of them becomes unknowns of the
-//! joint stage beside the material, with unit variances: what the pictures say about the shape is then used, and what
-//! they leave open widens the intervals.
+//! rounding, which acts on the bluntness b. `l_i^2` is the square of some particle spacings and that of the distance to
+//! what is told: the back of a body that no camera sees is too flat as a whole. An orthonormal basis of them becomes
+//! unknowns of the joint stage beside the material, with unit variances: what the pictures say about the shape is then
+//! used, and what they leave open widens the intervals.
 
 pub(crate) mod anchors;
 pub(crate) mod components;
