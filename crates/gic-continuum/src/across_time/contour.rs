@@ -88,7 +88,7 @@ impl MomentOutlines<'_> {
 
     /// The surface's contours in all views.
     pub(super) fn contour(&self, surface: &MovedSurface) -> Vec<ContourPoint> {
-        self.views.iter().flat_map(|seen| seen.contour(surface)).collect()
+        self.views.par_iter().flat_map_iter(|seen| seen.contour(surface)).collect()
     }
 }
 

@@ -28,6 +28,9 @@ pub(super) const DEPTH_STEP: f64 = 0.5;
 /// Parts that a step between two depths is cut into, where the likelihood is summed. Budget.
 const PARTS: usize = 8;
 
+/// Distance between two depths at which the likelihood is summed [units]: nothing finer is told.
+pub(super) const RESOLUTION: f64 = DEPTH_STEP / PARTS as f64;
+
 /// Rounds of expectation maximisation. Budget: each costs nothing.
 const MAXIMISATIONS: usize = 20;
 
@@ -147,7 +150,7 @@ impl Moments {
         let weighted = || likelihood.iter().enumerate().map(|(i, l)| (outward(i as f64 / PARTS as f64), l / total));
         let mean: f64 = weighted().map(|(at, weight)| weight * at).sum();
         let variance: f64 = weighted().map(|(at, weight)| weight * (at - mean).powi(2)).sum();
-        Moments { mean, variance: variance + (DEPTH_STEP / PARTS as f64).powi(2) / 12.0 }
+        Moments { mean, variance: variance + RESOLUTION.powi(2) / 12.0 }
     }
 }
 

@@ -15,8 +15,8 @@
 //!    Once depths are at their finest, strides have momentum.
 //!
 //! The depths lie as far apart as the surface is off, and half as far whenever it has settled, that is its steps shrink
-//! no more and no place is further off: what stands out by a tenth of the body differs in colour at all depths nearby,
-//! and agrees only further in.
+//! no more or are finer than such depths resolve, and no place is further off: what stands out by a tenth of the body
+//! differs in colour at all depths nearby, and agrees only further in.
 //!
 //! The last round is kept whose outlines miss by no more than those of any round, but for what an outline tells:
 //! colours of a noisy film pull places about.

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::curve::DEPTH_STEP;
+use super::curve::{DEPTH_STEP, RESOLUTION};
 
 /// The unit that depths and moves are measured in, and how steps go on in it.
 pub(super) struct Unit {
@@ -41,12 +41,14 @@ impl Unit {
     }
 
     /// Takes note of moves `outward` [units]: the unit is halved once the surface has settled, which breaks where there
-    /// is no finer one. Steps that shrink no more are noise, unless some place is still off by more than the unit.
+    /// is no finer one. Steps that shrink no more are noise, and those that a coarse unit does not resolve are left to
+    /// the next one, unless some place is still off by more than the unit.
     pub(super) fn settle(&mut self, outward: &[f64]) -> ControlFlow<()> {
         let step = (outward.iter().map(|d| d * d).sum::<f64>() / outward.len() as f64).sqrt();
         let is_near = outward.iter().all(|d| d.abs() <= 1.0);
+        let has_settled = step >= self.last_step || !self.is_finest() && step <= RESOLUTION;
         self.rounds += 1;
-        if !(step >= self.last_step && is_near || self.rounds >= self.most_rounds) {
+        if !(has_settled && is_near || self.rounds >= self.most_rounds) {
             self.last_step = step;
             return ControlFlow::Continue(());
         }
@@ -79,6 +81,16 @@ mod tests {
         }
         assert!(unit.is_finest() && unit.momentum() == 0.25);
         assert!(unit.settle(&[0.3]).is_break());
+    }
+
+    #[test]
+    fn a_coarse_unit_leaves_what_it_does_not_resolve_to_the_next() {
+        let mut unit = Unit::new(0.01, 0.01, 30);
+        assert!(unit.settle(&[0.06, -0.06]).is_continue());
+        assert!(unit.is_finest());
+        assert!(unit.settle(&[0.06, -0.06]).is_continue());
+        assert!(unit.settle(&[0.05, -0.05]).is_continue());
+        assert!(unit.settle(&[0.05, -0.05]).is_break());
     }
 
     /// As long as a place is far off, but not for ever.
