@@ -117,8 +117,12 @@ pub(crate) fn minimise(
             fit.linearisation = fit.linearisation.measured_anew(problem, &fit.state)?;
             continue;
         };
-        steps += 1;
         let (cost, gain) = (fit.cost, fit.cost - trial.cost);
+        if was_fresh && gain < limits.least_gain {
+            // Not worth leaving the place where the Jacobian is known.
+            break;
+        }
+        steps += 1;
         damping = if trial.damping > damping { trial.damping } else { damping / DAMPING_FACTOR };
         let answer = accepted(&Iterate { state: trial.state.clone(), cost: trial.cost })?;
         let trusted = was_fresh || gain >= tuning.trusted_gain_share * trial.predicted_decrease;

@@ -31,7 +31,7 @@ impl Linearisation {
         state: &State,
         trajectories: Trajectories,
     ) -> Result<Linearisation, FitError> {
-        let tangents = Tangents::of_runs(Tangents::runs(problem, state)?);
+        let tangents = Tangents::of_runs(Tangents::runs(problem, state, &problem.unknowns)?);
         Ok(Linearisation { trajectories, tangents, blocks: None })
     }
 
@@ -44,6 +44,25 @@ impl Linearisation {
     pub(crate) fn carried(mut self, new: Trajectories, delta: &[f64]) -> Linearisation {
         self.tangents.carry(&self.trajectories, &new, delta);
         Linearisation { trajectories: new, tangents: self.tangents, blocks: None }
+    }
+
+    /// Carried from a state to another one far away, where the tangents of the material are measured: those of all else
+    /// hang less on it, and they are many.
+    ///
+    /// # Errors
+    /// Where the other state or its neighbours cannot be simulated.
+    pub(crate) fn carried_far(&self, problem: &Problem, state: &State) -> Result<Linearisation, FitError> {
+        let is_of_material = |(_, unknown): &(usize, Unknown)| matches!(unknown, Unknown::Material(_) | Unknown::Cell);
+        let (places, material): (Vec<usize>, Vec<Unknown>) =
+            problem.unknowns.iter().copied().enumerate().filter(is_of_material).unzip();
+        let (there, runs) = rayon::join(
+            || problem.forward.trajectories(state, &problem.selection),
+            || Tangents::runs(problem, state, &material),
+        );
+        // Unlike a small move, a large one shows no slope.
+        let mut carried = self.clone().carried(there?, &vec![0.0; problem.unknowns.len()]);
+        carried.tangents.replace(&places, runs?);
+        Ok(carried)
     }
 
     /// The same for an objective that compares other things.
@@ -60,6 +79,16 @@ impl Linearisation {
     /// not on its weights.
     pub(crate) fn blocks(&mut self, problem: &Problem) -> &[ResidualBlock] {
         self.blocks.get_or_insert_with(|| self.tangents.blocks(problem, &self.trajectories))
+    }
+
+    /// Of trajectories and their tangents.
+    pub(crate) fn of_parts(trajectories: Trajectories, tangents: Tangents) -> Linearisation {
+        Linearisation { trajectories, tangents, blocks: None }
+    }
+
+    /// The same for a problem with some of the unknowns.
+    pub(crate) fn of_unknowns(self, is_left: impl Fn(usize) -> bool) -> Linearisation {
+        Linearisation { tangents: self.tangents.of_unknowns(is_left), trajectories: self.trajectories, blocks: None }
     }
 
     /// The trajectories and their tangents.
@@ -86,8 +115,10 @@ impl Tangents {
         problem: &Problem,
         state: &State,
     ) -> Result<(Trajectories, Result<Tangents, FitError>), FitError> {
-        let (trajectories, runs) =
-            rayon::join(|| problem.forward.trajectories(state, &problem.selection), || Tangents::runs(problem, state));
+        let (trajectories, runs) = rayon::join(
+            || problem.forward.trajectories(state, &problem.selection),
+            || Tangents::runs(problem, state, &problem.unknowns),
+        );
         let trajectories = trajectories?;
         let tangents = runs.map(Tangents::of_runs);
         Ok((trajectories, tangents))
@@ -99,13 +130,28 @@ impl Tangents {
         self.steps.push(1.0);
     }
 
+    /// Those of some of the unknowns.
+    pub(crate) fn of_unknowns(self, is_left: impl Fn(usize) -> bool) -> Tangents {
+        let all = self.neighbours.into_iter().zip(self.steps).enumerate();
+        let (neighbours, steps) = all.filter(|(k, _)| is_left(*k)).map(|(_, run)| run).unzip();
+        Tangents { neighbours, steps, fresh: self.fresh }
+    }
+
     /// Residuals around `trajectories`, to which these belong, with their Jacobian.
     pub(crate) fn blocks(&self, problem: &Problem, trajectories: &Trajectories) -> Vec<ResidualBlock> {
         problem.objective.blocks(trajectories, &self.neighbours, &self.steps, &problem.selection)
     }
 
-    /// A neighbour and its step for each unknown. A perturbation that fails is tried in the other direction.
-    fn runs(problem: &Problem, state: &State) -> Result<Vec<(Neighbour, f64)>, FitError> {
+    /// Puts `runs` that were measured in the `places` of those that were carried there.
+    fn replace(&mut self, places: &[usize], runs: Vec<(Neighbour, f64)>) {
+        for (k, (neighbour, step)) in places.iter().zip(runs) {
+            (self.neighbours[*k], self.steps[*k]) = (neighbour, step);
+        }
+        self.fresh = places.len() == self.steps.len();
+    }
+
+    /// A neighbour and its step for each of the `unknowns`. A perturbation that fails is tried in the other direction.
+    fn runs(problem: &Problem, state: &State, unknowns: &[Unknown]) -> Result<Vec<(Neighbour, f64)>, FitError> {
         let run = |unknown: &Unknown| {
             let step = problem.coordinates.difference(*unknown);
             if unknown.is_of_drawing() {
@@ -119,7 +165,7 @@ impl Tangents {
             };
             run(forward).or_else(|_| run(-forward))
         };
-        problem.unknowns.par_iter().with_max_len(1).map(run).collect()
+        unknowns.par_iter().with_max_len(1).map(run).collect()
     }
 
     fn of_runs(runs: Vec<(Neighbour, f64)>) -> Tangents {

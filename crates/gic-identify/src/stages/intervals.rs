@@ -42,9 +42,16 @@ struct Covariances {
     hessian: DMatrix<f64>,
     /// The noise of the residuals, inverted.
     weights: Weights,
+    /// How the fit's trajectories change with the unknowns.
+    tangents: Tangents,
 }
 
 impl Covariances {
+    /// The quadratic model about the fit. At a minimum nothing pulls.
+    fn normal(&self) -> Normal {
+        Normal { cost: 0.0, gradient: DVector::zeros(self.hessian.nrows()), hessian: self.hessian.clone() }
+    }
+
     /// How far the video tells the fit from a state that costs so much `more`, as far as the `k`-th unknown goes; 1 at
     /// the end of the interval.
     fn told(&self, k: usize, more: f64) -> f64 {
@@ -68,6 +75,26 @@ impl Uncertainty {
     /// The weights that the fit's residuals give.
     pub(crate) fn weights(&self) -> Option<&Weights> {
         self.covariances.as_ref().map(|c| &c.weights)
+    }
+
+    /// A state with some of the `problem`'s unknowns `to` values of their coordinates, the others where the quadratic
+    /// model about the `fit` has them then; and the linearisation carried there, those unknowns left out. `None` where
+    /// the state cannot be simulated.
+    pub(crate) fn moved(
+        &self,
+        problem: &Problem,
+        (fit, trajectories): (&State, &Trajectories),
+        to: &[(Unknown, f64)],
+    ) -> Option<(State, Linearisation)> {
+        let covariances = self.covariances.as_ref()?;
+        let length = |(unknown, value): &(Unknown, f64)| Some((self.place(*unknown)?, value - fit.get(*unknown)));
+        let lengths: Vec<(usize, f64)> = to.iter().map(length).collect::<Option<_>>()?;
+        let step = problem.step(&covariances.normal(), fit, 0.0, lengths.clone())?;
+        let (moved, delta) = problem.moved(fit, step.as_slice());
+        let there = problem.forward.trajectories(&moved, &problem.selection).ok()?;
+        let here = Linearisation::of_parts(trajectories.clone(), covariances.tangents.clone());
+        let is_left = |k: usize| lengths.iter().all(|(moved, _)| *moved != k);
+        Some((moved, here.carried(there, &delta).of_unknowns(is_left)))
     }
 
     /// The 95 % interval about an unknown's coordinate in the `fit`, with those about what the video does not tell from
@@ -112,10 +139,7 @@ pub(crate) fn uncertainty(
     let (trajectories, tangents) = measured?;
     session.pause()?;
     let covariances = match tangents {
-        Ok(mut tangents) => {
-            on_other_cells.into_iter().for_each(|other| tangents.push(other));
-            covariances(identification, (&problem, &prior), &tangents.blocks(&problem, &trajectories))
-        }
+        Ok(tangents) => covariances(identification, (&problem, &prior), (&trajectories, tangents), on_other_cells),
         Err(reason) => {
             session.warn([format!("no intervals: {reason}")]);
             None
@@ -136,9 +160,7 @@ fn profiled(
     covariances: &Covariances,
 ) -> Vec<(Unknown, (f64, f64))> {
     let problem = problem.weighted_by(&covariances.weights);
-    // At a minimum nothing else pulls.
-    let (count, cost) = (problem.unknowns.len(), 0.0);
-    let normal = Normal { cost, gradient: DVector::zeros(count), hessian: covariances.hessian.clone() };
+    let normal = covariances.normal();
     let least = problem.cost(state, trajectories);
     let told = |k: usize, length: f64| {
         let step = problem.step(&normal, state, 0.0, vec![(k, length)])?;
@@ -170,14 +192,17 @@ fn on_other_cells(identification: &Identification, state: &State) -> Option<Traj
     identification.simulation().trajectories(&coarser, &identification.all_frames()).ok()
 }
 
-/// How sure a fit with these residuals is; `None` where that is not finite. What the fit held stands in columns behind
-/// those of the unknowns, and counts as components of the shape do.
+/// How sure a fit with these trajectories and tangents is; `None` where that is not finite. What the fit held, the
+/// cells, stands in a column behind those of the unknowns, and counts as components of the shape do.
 fn covariances(
     identification: &Identification,
     (problem, prior): (&Problem, &Prior),
-    blocks: &[ResidualBlock],
+    (trajectories, mut tangents): (&Trajectories, Tangents),
+    on_other_cells: Option<Trajectories>,
 ) -> Option<Covariances> {
     let count = problem.unknowns.len();
+    on_other_cells.into_iter().for_each(|other| tangents.push(other));
+    let blocks: &[ResidualBlock] = &tangents.blocks(problem, trajectories);
     let weights = identification.weights_at(blocks, count);
     let columns = blocks.first()?.gradient.len();
     let mut known = DMatrix::identity(columns, columns);
@@ -191,7 +216,8 @@ fn covariances(
     let robust = Covariance::sum(&parts)?;
     let hessian = curvature.hessian(count);
     let independent = curvature.into_independent_covariance();
-    Some(Covariances { robust, independent, hessian, weights })
+    let tangents = tangents.of_unknowns(|k| k < count);
+    Some(Covariances { robust, independent, hessian, weights, tangents })
 }
 
 /// Half-width of an unknown's interval from free flight alone, by the outlines, given what the flight does not seek, or

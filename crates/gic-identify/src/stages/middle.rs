@@ -3,17 +3,16 @@
 //! Where the range of a parameter cuts off a part of what the video admits, the best fit is not in the middle of the
 //! rest: in a valley along which nothing tells Poisson's ratio it ends anywhere, and often at the edge. The mean of the
 //! Gaussian about the fit, cut at the range, errs least on average. The parameter is held there, and all else is fitted
-//! again.
-
-use std::ops::ControlFlow;
+//! again, from where the quadratic model about the fit has it then.
 
 use nalgebra::DVector;
 
 use crate::FitError;
 use crate::forward::trajectories::Trajectories;
+use crate::result::Stage;
 use crate::session::Session;
 use crate::settings::Optimizer;
-use crate::solve::levenberg_marquardt::{Iterate, Limits, minimise};
+use crate::solve::levenberg_marquardt::Limits;
 use crate::solve::problem::Problem;
 use crate::stages::identification::Identification;
 use crate::stages::intervals::Uncertainty;
@@ -32,7 +31,7 @@ pub(crate) fn of_what_is_open(
     (fit, trajectories): (&State, Trajectories),
     uncertainty: &Uncertainty,
 ) -> Result<(State, Trajectories), FitError> {
-    let (held, start) = held(identification, fit, uncertainty);
+    let held = held(identification, fit, uncertainty);
     // The paper reports the end of its material stage.
     let is_fitted = identification.settings.optimizer == Optimizer::LevenbergMarquardt;
     let Some(weights) = uncertainty.weights().filter(|_| is_fitted && !held.is_empty()) else {
@@ -40,30 +39,33 @@ pub(crate) fn of_what_is_open(
     };
     let (simulation, prior) = (identification.simulation(), joint::prior(identification));
     let problem = joint::problem(identification, (&simulation, &prior), 1);
-    let unknowns = problem.unknowns.iter().copied().filter(|unknown| !held.contains(unknown)).collect();
-    let problem = Problem { unknowns, ..problem.weighted_by(weights) };
+    let problem = problem.weighted_by(weights);
+    let Some((start, here)) = uncertainty.moved(&problem, (fit, &trajectories), &held) else {
+        return Ok((fit.clone(), trajectories));
+    };
+    let is_free = |unknown: &Unknown| held.iter().all(|(other, _)| other != unknown);
+    let unknowns = problem.unknowns.iter().copied().filter(is_free).collect();
+    let problem = Problem { unknowns, selection: problem.selection.clone(), ..problem };
     let (iterations, least_gain) = (identification.settings.iterations, identification.tuning.joint.least_gain);
     let limits = Limits::to_the_end(iterations, least_gain);
-    let working = &mut |_: &Iterate| session.pause().map(ControlFlow::Continue);
-    let middle = match minimise(&problem, start, None, limits, working) {
+    let middle = match session.minimise(Stage::Intervals, &problem, (start, Some(here)), limits, &|_| false) {
         Err(FitError::Interrupted) => return Err(FitError::Interrupted),
         Err(_) => return Ok((fit.clone(), trajectories)),
         Ok(middle) => middle,
     };
     let more = middle.cost - problem.cost(fit, &trajectories);
-    let is_told = held.iter().all(|unknown| uncertainty.tells_apart(*unknown, more));
+    let is_told = held.iter().all(|(unknown, _)| uncertainty.tells_apart(*unknown, more));
     Ok(if is_told { (fit.clone(), trajectories) } else { (middle.state, middle.linearisation.trajectories) })
 }
 
-/// The parameters whose Gaussian is cut, and the `fit` moved to the means of the rests, with what follows of the
-/// material. The one that is cut most comes first: given that one, the others of its valley hardly are.
-fn held(identification: &Identification, fit: &State, uncertainty: &Uncertainty) -> (Vec<Unknown>, State) {
-    let (coordinates, open) = (identification.coordinates(), identification.free_materials());
-    let mut held = Vec::new();
-    let Some(mut covariance) = uncertainty.covariance_of(&open) else { return (held, fit.clone()) };
+/// The parameters whose Gaussian is cut, and the means of the rests. The one that is cut most comes first: given that
+/// one, the others of its valley hardly are.
+fn held(identification: &Identification, fit: &State, uncertainty: &Uncertainty) -> Vec<(Unknown, f64)> {
+    let (open, mut held) = (identification.free_materials(), Vec::new());
+    let Some(mut covariance) = uncertainty.covariance_of(&open) else { return held };
     let mut centre = DVector::from_iterator(open.len(), open.iter().map(|unknown| fit.get(*unknown)));
     while let Some((k, mean)) = most_cut(identification, &open, &centre, &covariance) {
-        held.push(open[k]);
+        held.push((open[k], mean));
         // The Gaussian of the others, given this one.
         let matrix = &mut covariance.matrix;
         let slopes = matrix.column(k) / matrix[(k, k)];
@@ -72,8 +74,7 @@ fn held(identification: &Identification, fit: &State, uncertainty: &Uncertainty)
         matrix.fill_row(k, 0.0);
         matrix.fill_column(k, 0.0);
     }
-    let moves: Vec<f64> = open.iter().zip(centre.iter()).map(|(unknown, at)| at - fit.get(*unknown)).collect();
-    (held, coordinates.moved(fit, &open, &moves))
+    held
 }
 
 /// Of the parameters whose interval reaches beyond their range, the one whose interval is the widest for its range: its

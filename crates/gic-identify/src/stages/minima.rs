@@ -23,13 +23,15 @@ impl<'a> Minima<'a> {
         Minima { stage, problem, limits, found: Vec::new() }
     }
 
-    /// Fits from `start`, and keeps a minimum that is new.
+    /// Fits from `start`, with what is known of the best minimum, and keeps a minimum that is new.
     ///
     /// # Errors
     /// Where the start cannot be simulated, and interruption.
     fn seek_from(&mut self, session: &mut Session, start: State) -> Result<(), FitError> {
         let is_known = |step: &Iterate| self.found.iter().any(|(_, basin)| basin.holds(step));
-        let fit = session.minimise(self.stage, self.problem, (start, None), self.limits, &is_known)?;
+        let best = self.found.iter().map(|(fit, _)| fit).min_by(|a, b| a.cost.total_cmp(&b.cost));
+        let known = best.map(|best| best.linearisation.carried_far(self.problem, &start)).transpose()?;
+        let fit = session.minimise(self.stage, self.problem, (start, known), self.limits, &is_known)?;
         if !is_known(&fit.end()) {
             self.keep(fit);
         }
