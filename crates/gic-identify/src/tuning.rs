@@ -142,9 +142,6 @@ impl Default for SurfaceTuning {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ShapeTuning {
-    /// By how much the standard deviation of what no picture tells grows per distance to what one tells. Fitted on: the
-    /// nine scenes.
-    pub untold_deviation_per_distance: f64,
     /// Standard deviation of how much a reconstruction is rounded, edges cut and notches filled at once, per unit of
     /// bluntness (1/2 at a right-angled edge) [particle spacings]. Fitted on: the eight crosses, which lose 2 to 4 mm
     /// of their edges and have 5 to 10 mm too many in their notches.
@@ -169,7 +166,6 @@ pub struct ShapeTuning {
 impl Default for ShapeTuning {
     fn default() -> ShapeTuning {
         ShapeTuning {
-            untold_deviation_per_distance: 0.25,
             rounding_deviation_spacings: 0.6,
             bluntness_radius_spacings: 4.0,
             correlation_length_spacings: 3.0,

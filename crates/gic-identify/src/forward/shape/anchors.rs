@@ -60,7 +60,8 @@ pub(crate) fn anchors(input: &Input, normals: &[Option<DVec3>], scale: Scale) ->
         .map(|i| {
             let (position, normal, is_told) = (input.positions[i], normals[i].unwrap_or(DVec3::Y), is_told(i));
             let distance = to_told(position);
-            let deviation = error_m.hypot(tuning.untold_deviation_per_distance * distance);
+            // Untold, it may lie anywhere up to as far in or out as what is told is away: a uniform distribution.
+            let deviation = error_m.hypot(distance / 3f64.sqrt());
             let correlation_length = (tuning.correlation_length_spacings * spacing).hypot(distance);
             Anchor { position, normal, is_told, deviation, correlation_length, bluntness: bluntness(position) }
         })
