@@ -22,7 +22,7 @@ impl Linearisation {
     /// One forward run more than there are unknowns, all side by side.
     pub(crate) fn measure(problem: &Problem, state: &State) -> Result<Linearisation, FitError> {
         let (trajectories, tangents) = Tangents::measure_with_trajectories(problem, state)?;
-        Ok(Linearisation { trajectories, tangents: tangents?, blocks: None })
+        Ok(Linearisation::of_parts(trajectories, tangents?))
     }
 
     /// One forward run per unknown from `state`, whose own `trajectories` are known.
@@ -32,7 +32,7 @@ impl Linearisation {
         trajectories: Trajectories,
     ) -> Result<Linearisation, FitError> {
         let tangents = Tangents::of_runs(Tangents::runs(problem, state, &problem.unknowns)?);
-        Ok(Linearisation { trajectories, tangents, blocks: None })
+        Ok(Linearisation::of_parts(trajectories, tangents))
     }
 
     /// The same with tangents measured at `state`, to which it belongs.
@@ -43,7 +43,7 @@ impl Linearisation {
     /// Carried to the `new` trajectories, `delta` away.
     pub(crate) fn carried(mut self, new: Trajectories, delta: &[f64]) -> Linearisation {
         self.tangents.carry(&self.trajectories, &new, delta);
-        Linearisation { trajectories: new, tangents: self.tangents, blocks: None }
+        Linearisation::of_parts(new, self.tangents)
     }
 
     /// Carried from a state to another one far away, where the tangents of the material are measured: those of all else
@@ -88,7 +88,7 @@ impl Linearisation {
 
     /// The same for a problem with some of the unknowns.
     pub(crate) fn of_unknowns(self, is_left: impl Fn(usize) -> bool) -> Linearisation {
-        Linearisation { tangents: self.tangents.of_unknowns(is_left), trajectories: self.trajectories, blocks: None }
+        Linearisation::of_parts(self.trajectories, self.tangents.of_unknowns(is_left))
     }
 
     /// The trajectories and their tangents.

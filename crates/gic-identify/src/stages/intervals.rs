@@ -38,8 +38,8 @@ struct Covariances {
     robust: Covariance,
     /// What it would be if all residuals were independent.
     independent: DMatrix<f64>,
-    /// The curvature of the cost along the unknowns.
-    hessian: DMatrix<f64>,
+    /// The quadratic model about the fit.
+    normal: Normal,
     /// The noise of the residuals, inverted.
     weights: Weights,
     /// How the fit's trajectories change with the unknowns.
@@ -47,11 +47,6 @@ struct Covariances {
 }
 
 impl Covariances {
-    /// The quadratic model about the fit. At a minimum nothing pulls.
-    fn normal(&self) -> Normal {
-        Normal { cost: 0.0, gradient: DVector::zeros(self.hessian.nrows()), hessian: self.hessian.clone() }
-    }
-
     /// How far the video tells the fit from a state that costs so much `more`, as far as the `k`-th unknown goes; 1 at
     /// the end of the interval.
     fn told(&self, k: usize, more: f64) -> f64 {
@@ -78,8 +73,8 @@ impl Uncertainty {
     }
 
     /// A state with some of the `problem`'s unknowns `to` values of their coordinates, the others where the quadratic
-    /// model about the `fit` has them then; and the linearisation carried there, those unknowns left out. `None` where
-    /// the state cannot be simulated.
+    /// model about the `fit` has them then; and the linearisation carried there. `None` where the state cannot be
+    /// simulated.
     pub(crate) fn moved(
         &self,
         problem: &Problem,
@@ -89,12 +84,11 @@ impl Uncertainty {
         let covariances = self.covariances.as_ref()?;
         let length = |(unknown, value): &(Unknown, f64)| Some((self.place(*unknown)?, value - fit.get(*unknown)));
         let lengths: Vec<(usize, f64)> = to.iter().map(length).collect::<Option<_>>()?;
-        let step = problem.step(&covariances.normal(), fit, 0.0, lengths.clone())?;
+        let step = problem.step(&covariances.normal, fit, 0.0, lengths)?;
         let (moved, delta) = problem.moved(fit, step.as_slice());
         let there = problem.forward.trajectories(&moved, &problem.selection).ok()?;
         let here = Linearisation::of_parts(trajectories.clone(), covariances.tangents.clone());
-        let is_left = |k: usize| lengths.iter().all(|(moved, _)| *moved != k);
-        Some((moved, here.carried(there, &delta).of_unknowns(is_left)))
+        Some((moved, here.carried(there, &delta)))
     }
 
     /// The 95 % interval about an unknown's coordinate in the `fit`, with those about what the video does not tell from
@@ -160,10 +154,9 @@ fn profiled(
     covariances: &Covariances,
 ) -> Vec<(Unknown, (f64, f64))> {
     let problem = problem.weighted_by(&covariances.weights);
-    let normal = covariances.normal();
     let least = problem.cost(state, trajectories);
     let told = |k: usize, length: f64| {
-        let step = problem.step(&normal, state, 0.0, vec![(k, length)])?;
+        let step = problem.step(&covariances.normal, state, 0.0, vec![(k, length)])?;
         let (moved, _) = problem.moved(state, step.as_slice());
         let moved_cost = problem.cost(&moved, &problem.forward.trajectories(&moved, &problem.selection).ok()?);
         Some(covariances.told(k, moved_cost - least))
@@ -214,10 +207,11 @@ fn covariances(
     let mut parts = curvature.parts(tuning)?;
     parts.push((curvature.prior_covariance(&components), tuning.freedom));
     let robust = Covariance::sum(&parts)?;
-    let hessian = curvature.hessian(count);
+    // At a minimum nothing pulls.
+    let normal = Normal { cost: 0.0, gradient: DVector::zeros(count), hessian: curvature.hessian(count) };
     let independent = curvature.into_independent_covariance();
     let tangents = tangents.of_unknowns(|k| k < count);
-    Some(Covariances { robust, independent, hessian, weights, tangents })
+    Some(Covariances { robust, independent, normal, weights, tangents })
 }
 
 /// Half-width of an unknown's interval from free flight alone, by the outlines, given what the flight does not seek, or

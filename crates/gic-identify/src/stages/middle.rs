@@ -44,8 +44,9 @@ pub(crate) fn of_what_is_open(
         return Ok((fit.clone(), trajectories));
     };
     let is_free = |unknown: &Unknown| held.iter().all(|(other, _)| other != unknown);
+    let here = here.of_unknowns(|k| is_free(&problem.unknowns[k]));
     let unknowns = problem.unknowns.iter().copied().filter(is_free).collect();
-    let problem = Problem { unknowns, selection: problem.selection.clone(), ..problem };
+    let problem = Problem { unknowns, ..problem };
     let (iterations, least_gain) = (identification.settings.iterations, identification.tuning.joint.least_gain);
     let limits = Limits::to_the_end(iterations, least_gain);
     let middle = match session.minimise(Stage::Intervals, &problem, (start, Some(here)), limits, &|_| false) {

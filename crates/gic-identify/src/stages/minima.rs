@@ -29,8 +29,8 @@ impl<'a> Minima<'a> {
     /// Where the start cannot be simulated, and interruption.
     fn seek_from(&mut self, session: &mut Session, start: State) -> Result<(), FitError> {
         let is_known = |step: &Iterate| self.found.iter().any(|(_, basin)| basin.holds(step));
-        let best = self.found.iter().map(|(fit, _)| fit).min_by(|a, b| a.cost.total_cmp(&b.cost));
-        let known = best.map(|best| best.linearisation.carried_far(self.problem, &start)).transpose()?;
+        let known =
+            self.cheapest().map(|(best, _)| best.linearisation.carried_far(self.problem, &start)).transpose()?;
         let fit = session.minimise(self.stage, self.problem, (start, known), self.limits, &is_known)?;
         if !is_known(&fit.end()) {
             self.keep(fit);
@@ -66,7 +66,11 @@ impl<'a> Minima<'a> {
 
     /// The best of them, if any.
     pub(crate) fn best(&self) -> Option<&Basin> {
-        self.found.iter().map(|(_, basin)| basin).min_by(|a, b| a.cost.total_cmp(&b.cost))
+        self.cheapest().map(|(_, basin)| basin)
+    }
+
+    fn cheapest(&self) -> Option<&(Fit, Basin)> {
+        self.found.iter().min_by(|(a, _), (b, _)| a.cost.total_cmp(&b.cost))
     }
 
     /// Whether one of them costs less than `cost` by what a fit goes on for.

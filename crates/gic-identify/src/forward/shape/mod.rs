@@ -3,15 +3,14 @@
 //! How far the surface is off where pictures tell of it is measured: by as much as the outlines of all moments miss. It
 //! may be too far in or out as a whole, too: by the mean of what the cameras are off, each by itself. A part that no
 //! picture tells of (an underside, which meets the ground first) may lie anywhere up to as far in or out as the nearest
-//! that one tells is away.
-//! The error of the surface along its normal is modelled as a Gaussian process of these standard deviations, correlated
-//! over a few particle spacings and the distance to what is told, and among places that face the same way. Of its many
-//! directions those count that change what the motion depends on most: volume, centre and second moments of the mass,
-//! where the lowest parts are, and how far what no picture tells of is filled (a notch that is filled at the root of an
-//! arm makes it much stiffer). For functionals l_i of the surface and the covariance K, the fields K l_i span all of
-//! the prior's variation of the functionals. Then come those of what is left that move the surface by as much as
-//! matters (Karhunen and Loeve): refinement settles the surface to the motion of a fit, whose errors it takes up in
-//! parts that are too thick or too thin, and these have to be undone.
+//! that one tells is away. The error of the surface along its normal is modelled as a Gaussian process of these
+//! standard deviations, correlated over a few particle spacings and the distance to what is told, and among places that
+//! face the same way. Of its many directions those count that change what the motion depends on most: volume, centre
+//! and second moments of the mass, where the lowest parts are, and how far what no picture tells of is filled (a notch
+//! that is filled at the root of an arm makes it much stiffer). For functionals l_i of the surface and the covariance
+//! K, the fields K l_i span all of the prior's variation of the functionals. Then come those of what is left that move
+//! the surface by as much as matters (Karhunen and Loeve): refinement settles the surface to the motion of a fit, whose
+//! errors it takes up in parts that are too thick or too thin, and these have to be undone.
 //!
 //! `K_ij = sigma_i sigma_j g_ij (1 + n_i . n_j) / 2 + c^2 / n + rho^2 b_i b_j` with Gibbs' correlation
 //! `g_ij = (2 l_i l_j / (l_i^2 + l_j^2))^(3/2) exp(-|x_i - x_j|^2 / (l_i^2 + l_j^2))`, where sigma is the standard
