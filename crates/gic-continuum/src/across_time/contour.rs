@@ -1,6 +1,8 @@
 //! Where a surface makes the edge of its silhouette, and how far the mask's outline lies from there.
 
-use glam::{DVec2, DVec3};
+use std::collections::BTreeMap;
+
+use glam::{DVec2, DVec3, I64Vec2};
 use rayon::prelude::*;
 
 use super::silhouette::SilhouetteWindow;
@@ -27,6 +29,12 @@ pub(super) struct ContourPoint {
     pub(super) deformation: f64,
     /// Cosine between that direction and the surface's normal.
     pub(super) alignment: f64,
+    /// The number of the view.
+    view: usize,
+    /// Where it appears there.
+    pixel: DVec2,
+    /// How far from the camera [m].
+    depth: f64,
 }
 
 impl ContourPoint {
@@ -41,6 +49,24 @@ impl ContourPoint {
 pub(super) fn deviation(contour: &[ContourPoint], pixel: f64) -> f64 {
     let robust = robust_deviation(contour.iter().map(|point| point.gap.abs()).collect());
     robust.unwrap_or(f64::INFINITY).max(OUTLINE_ERROR_PX * pixel)
+}
+
+/// How far those points of a contour reach along the ray that appear within `reach` [pixels] of each [m]. The body
+/// touches the ray somewhere there: where that is far, an outline does not tell a place.
+pub(super) fn extents(contour: &[ContourPoint], reach: f64) -> Vec<f64> {
+    let square = |point: &ContourPoint| (point.pixel / reach).floor().as_i64vec2();
+    let mut squares = BTreeMap::<(usize, [i64; 2]), Vec<&ContourPoint>>::new();
+    for point in contour {
+        squares.entry((point.view, square(point).to_array())).or_default().push(point);
+    }
+    let extent = |point: &ContourPoint| {
+        let beside = (-1..=1).flat_map(|y| (-1..=1).map(move |x| I64Vec2::new(x, y)));
+        let around = beside.filter_map(|by| squares.get(&(point.view, (square(point) + by).to_array()))).flatten();
+        let depths = around.filter(|other| other.pixel.distance(point.pixel) <= reach).map(|other| other.depth);
+        let (near, far) = depths.fold((f64::INFINITY, 0.0), |(near, far), depth| (depth.min(near), depth.max(far)));
+        far - near
+    };
+    contour.iter().map(extent).collect()
 }
 
 /// The outlines of all masks of a moment.
@@ -88,7 +114,8 @@ impl MomentOutlines<'_> {
 
     /// The surface's contours in all views.
     pub(super) fn contour(&self, surface: &MovedSurface) -> Vec<ContourPoint> {
-        self.views.par_iter().flat_map_iter(|seen| seen.contour(surface)).collect()
+        let views = self.views.par_iter().enumerate();
+        views.flat_map_iter(|(view, seen)| seen.contour(view, surface)).collect()
     }
 }
 
@@ -124,8 +151,9 @@ impl ViewOutline<'_> {
         (0..points.len()).filter(|i| !is_kept[*i] && pixels[*i].is_some_and(is_uncovered)).collect()
     }
 
-    /// Vertices between triangles that face the camera and triangles that do not, at the edge of the silhouette.
-    fn contour(&self, surface: &MovedSurface) -> Vec<ContourPoint> {
+    /// Vertices between triangles that face the camera, the view of this `number`, and triangles that do not, at the
+    /// edge of the silhouette.
+    fn contour(&self, number: usize, surface: &MovedSurface) -> Vec<ContourPoint> {
         let ViewOutline { view, outline, window, .. } = self;
         let (camera, mesh) = (&view.camera, &surface.mesh);
         let Some(silhouette) = window.silhouette(mesh, camera) else { return Vec::new() };
@@ -151,7 +179,8 @@ impl ViewOutline<'_> {
             let edge = silhouette.outward_px(pixel);
             let deformation = surface.deformation[vertex];
             let gap = (within + edge) * depth / focal;
-            (edge >= -1.0).then_some(ContourPoint { vertex, point, direction, gap, deformation, alignment })
+            let seen = ContourPoint { vertex, point, direction, gap, deformation, alignment, view: number, pixel, depth };
+            (edge >= -1.0).then_some(seen)
         };
         (0..sides.len()).filter(|vertex| sides[*vertex] == [true; 2]).filter_map(point).collect()
     }

@@ -21,6 +21,10 @@
 //! The last round is kept whose outlines miss by no more than those of any round, but for what an outline tells:
 //! colours of a noisy film pull places about.
 //!
+//! An outline tells that the body touches a ray, not where. A place of a contour is told where along the ray nothing
+//! further away than the grid resolves makes the same edge; colours tell places by themselves. What is told in no
+//! moment is in doubt.
+//!
 //! How far a moment's outlines miss after its pose is fitted is the error of its motion: what a moment says counts by
 //! that, so that no tolerance has to be given.
 
@@ -52,6 +56,10 @@ use self::silhouette::MARGIN_PX;
 use self::tracked::{CarriedSurface, MovedSurface, TrackedSurface};
 use self::unit::Unit;
 use crate::{AcrossTimeTuning, Filling, Symmetry, Tuning};
+
+/// Places that an outline tells are no further apart along the ray than this [particle spacings]. Derived: two cells of
+/// the grid, which resolves nothing shorter.
+const TOLD_SPACINGS: f64 = 4.0;
 
 /// One moment of a motion, and the pictures of it.
 #[derive(Clone, Debug)]
@@ -146,21 +154,17 @@ impl Filling {
                 return None;
             }
             let Some((surface, seen, gap_after_m)) = observed.look_at(self, &mut poses, false) else { break };
-            let wanted = observed.wanted(&surface, &seen, symmetry, &unit);
+            let by_colours = observed.wanted_by_colours(&surface, &seen, &unit);
+            let contours = seen.iter().flat_map(SeenMoment::points);
+            let wanted = observed.wanted(&surface.mesh.vertices, (&by_colours, contours), symmetry, &unit);
             pose_fit::follow(&mut poses, moments, &seen);
             least_gap_m = gap_after_m.min(least_gap_m);
             let outline_error_m = OUTLINE_ERROR_PX * median(seen.iter().map(|seen| seen.pixel).collect())?;
             if gap_after_m <= least_gap_m.hypot(outline_error_m) {
-                let untold: Vec<f32> = wanted.iter().map(|(_, weight)| f32::from(u8::from(*weight <= 0.0))).collect();
-                let report = AcrossTime {
-                    rounds: round,
-                    gap_before_m,
-                    gap_after_m,
-                    seen: 1.0 - f64::from(untold.iter().sum::<f32>()) / untold.len() as f64,
-                    moved_m: exchanged_m3(&before, &self.field) / surface.mesh.area(),
-                    outline_error_m,
-                };
-                kept = Some((report, self.field.clone(), (surface.mesh.vertices.clone(), untold)));
+                let moved_m = exchanged_m3(&before, &self.field) / surface.mesh.area();
+                let report = AcrossTime { rounds: round, gap_before_m, gap_after_m, seen: 0.0, moved_m, outline_error_m };
+                let vertices = surface.mesh.vertices.clone();
+                kept = Some(Kept { report, field: self.field.clone(), vertices, by_colours, seen });
             }
             let neighbour_deviation = tuning.across_time.neighbour_deviation * unit.fineness();
             let outward = shared(&surface.adjacent, &wanted, neighbour_deviation, tuning);
@@ -172,14 +176,26 @@ impl Filling {
                 break;
             }
         }
-        let Some((report, field, (vertices, untold))) = kept else {
+        let Some(Kept { report, field, vertices, by_colours, seen }) = kept else {
             self.field = before;
             return None;
         };
+        let telling = seen.iter().flat_map(|moment| moment.telling(field.spacing, TOLD_SPACINGS * spacing));
+        let told = observed.wanted(&vertices, (&by_colours, telling), symmetry, &unit);
+        let untold: Vec<f32> = told.iter().map(|(_, weight)| f32::from(u8::from(*weight <= 0.0))).collect();
         self.doubt = doubt_of_voxels(&field, &vertices, &untold);
         self.field = field;
-        Some(report)
+        Some(AcrossTime { seen: 1.0 - f64::from(untold.iter().sum::<f32>()) / untold.len() as f64, ..report })
     }
+}
+
+/// The round that is kept, and what was seen in it.
+struct Kept {
+    report: AcrossTime,
+    field: DensityField,
+    vertices: Vec<DVec3>,
+    by_colours: Vec<(f64, f64)>,
+    seen: Vec<SeenMoment>,
 }
 
 /// The moments, ready to be compared with a body.
@@ -230,17 +246,22 @@ impl<'a> Observed<'a> {
         Some((surface, seen, gap_m))
     }
 
-    /// How far outward each place of a surface wants to be, and with which weight, in units.
-    fn wanted(
+    /// How far outward each place of a surface wants to be by its colours, and with which weight, in units.
+    fn wanted_by_colours(&self, surface: &TrackedSurface, seen: &[SeenMoment], unit: &Unit) -> Vec<(f64, f64)> {
+        wanted_by_colours(surface, seen, self.moments, &self.pictures, (unit, self.tuning))
+    }
+
+    /// The same of `vertices` [m] by their colours and by points of contours.
+    fn wanted<'b>(
         &self,
-        surface: &TrackedSurface,
-        seen: &[SeenMoment],
+        vertices: &[DVec3],
+        (by_colours, contours): (&[(f64, f64)], impl Iterator<Item = (&'b SeenMoment, &'b ContourPoint)>),
         symmetry: &Symmetry,
         unit: &Unit,
     ) -> Vec<(f64, f64)> {
-        let mut wanted = wanted_by_colours(surface, seen, self.moments, &self.pictures, (unit, self.tuning));
-        wanted_by_outlines(&mut wanted, seen, (unit.m, &self.tuning.across_time));
-        share_with_images(&mut wanted, &surface.mesh.vertices, symmetry, unit.voxel_m());
+        let mut wanted = by_colours.to_vec();
+        add_contours(&mut wanted, contours, (unit.m, &self.tuning.across_time));
+        share_with_images(&mut wanted, vertices, symmetry, unit.voxel_m());
         wanted
     }
 }
@@ -264,6 +285,18 @@ impl SeenMoment {
         let miss = contour::deviation(&contour, pixel);
         SeenMoment { miss, motion_error: miss, pixel, surface, contour }
     }
+
+    /// The points of its contours.
+    fn points(&self) -> impl Iterator<Item = (&SeenMoment, &ContourPoint)> {
+        self.contour.iter().map(move |point| (self, point))
+    }
+
+    /// Those that tell where the surface is: among points that lie within `reach_m` of a ray, none is further away than
+    /// `told_m` along it.
+    fn telling(&self, reach_m: f64, told_m: f64) -> impl Iterator<Item = (&SeenMoment, &ContourPoint)> {
+        let extents = contour::extents(&self.contour, reach_m / self.pixel);
+        self.points().zip(extents).filter(move |(_, extent)| *extent <= told_m).map(|(point, _)| point)
+    }
 }
 
 /// The shape is the same in all moments: what a moment misses by more than the best one is its motion's error.
@@ -275,18 +308,20 @@ fn find_errors_of_motion(seen: &mut [SeenMoment]) {
     }
 }
 
-/// Adds what the outlines of all moments want: each point of a contour is an observation of its place's displacement.
-fn wanted_by_outlines(wanted: &mut [(f64, f64)], seen: &[SeenMoment], (unit, tuning): (f64, &AcrossTimeTuning)) {
+/// Adds what contours want: each point of one is an observation of its place's displacement.
+fn add_contours<'a>(
+    wanted: &mut [(f64, f64)],
+    contours: impl Iterator<Item = (&'a SeenMoment, &'a ContourPoint)>,
+    (unit, tuning): (f64, &AcrossTimeTuning),
+) {
     let mut sums = vec![(0.0, 0.0); wanted.len()];
-    for moment in seen {
-        for point in &moment.contour {
-            let error = moment.motion_error.hypot(tuning.deformation_error * point.deformation);
-            let weight = point.weight(moment.miss) * (unit / error).powi(2);
-            let (sum, total) = &mut sums[point.vertex];
-            // A displacement d along the normal moves the contour by `alignment` d towards the mask's outline.
-            *sum += weight * point.alignment * point.gap / unit;
-            *total += weight * point.alignment * point.alignment;
-        }
+    for (moment, point) in contours {
+        let error = moment.motion_error.hypot(tuning.deformation_error * point.deformation);
+        let weight = point.weight(moment.miss) * (unit / error).powi(2);
+        let (sum, total) = &mut sums[point.vertex];
+        // A displacement d along the normal moves the contour by `alignment` d towards the mask's outline.
+        *sum += weight * point.alignment * point.gap / unit;
+        *total += weight * point.alignment * point.alignment;
     }
     for ((at, weight), (sum, total)) in wanted.iter_mut().zip(sums).filter(|(_, (_, total))| *total > 0.0) {
         *at = (*weight * *at + sum) / (*weight + total);

@@ -134,7 +134,7 @@ fn a_tumbling_body_is_seen_from_all_sides() {
     println!("{before:?} {after:?} {found:?}");
     assert!(before.0 > 0.5 && after.0.abs() < 0.15 * before.0, "volume {before:?} {after:?}");
     assert!(after.1 < 0.4 * before.1, "surface {before:?} {after:?}");
-    assert!(found.gap_after_m < 0.5 * found.gap_before_m && found.seen > 0.9, "{found:?}");
+    assert!(found.gap_after_m < 0.5 * found.gap_before_m && found.seen > 0.85, "{found:?}");
 }
 
 /// One moment: places that look away from all cameras stay in doubt, and edges of silhouettes do not.
@@ -154,6 +154,30 @@ fn what_no_picture_tells_is_in_doubt() {
     let all = mean(doubts.iter().map(|(_, doubt)| *doubt).collect());
     println!("hidden {hidden:.2}, all {all:.2}, told {:.2}", found.seen);
     assert!(hidden > 0.9 && (1.0 - all - found.seen).abs() < 0.05, "{hidden} {all}");
+}
+
+/// How far the places reach along the ray that make the outline in one picture: little of a ball, and all of a cone
+/// that a camera takes for that ball.
+#[test]
+fn an_outline_tells_no_place_of_what_runs_along_the_ray() {
+    let camera = &fine_cameras()[0];
+    let (towards, away) = ((CENTRE - camera.centre).normalize(), CENTRE.distance(camera.centre));
+    let ball = |p: DVec3| p.distance(CENTRE) - 0.1;
+    let cone = |p: DVec3| {
+        let (along, slope) = ((p - camera.centre).dot(towards), (0.1 / away).asin());
+        let beside = (p - camera.centre - along * towards).length();
+        (beside * slope.cos() - along * slope.sin()).max((along - away).abs() - 0.15)
+    };
+    let moment = Moment { positions: particles(ball), flies: true, views: vec![seen(camera, 0, ball)] };
+    let outlines = MomentOutlines::new(&moment);
+    let median_of = |distance: &dyn Fn(DVec3) -> f64| {
+        let (body, particles) = (filling(distance), particles(distance));
+        let surface = TrackedSurface::new(body.surface_mesh(), &particles, SPACING);
+        let contour = outlines.contour(&surface.carried(&particles).moved(&Pose::default()));
+        median(contour::extents(&contour, body.field.spacing / 0.005)).expect("an outline is seen")
+    };
+    let (of_ball, of_cone) = (median_of(&ball), median_of(&cone));
+    assert!(of_ball < 0.02 && of_cone > 0.25, "{of_ball} {of_cone}");
 }
 
 /// A limb that is not there: its outlines lie far outside of all masks. The motion errs by six degrees at its end.
