@@ -53,7 +53,7 @@ pub(crate) fn with_intervals(
 ) -> Result<Estimates, IdentifyError> {
     let (trajectories, uncertainty) =
         uncertainty(identification, session, state, known).map_err(|error| error.of_stage(1))?;
-    let is_explained = is_explained(identification, session, state, &trajectories);
+    let may_be_believed = may_be_believed(identification, session, state, &trajectories);
     let (middle, trajectories) = middle::of_what_is_open(identification, session, (state, trajectories), &uncertainty)
         .map_err(|error| error.of_stage(1))?;
     let parameters = identification.parameters().iter().zip(&state.material).enumerate();
@@ -61,15 +61,16 @@ pub(crate) fn with_intervals(
         .map(|(i, (p, coordinate))| {
             let interval = uncertainty.interval(Unknown::Material(i), state, &middle);
             let about_fit = estimate(identification, (i, p), *coordinate, interval);
-            let identifiable = about_fit.identifiable && is_explained;
+            let identifiable = about_fit.identifiable && may_be_believed;
             Estimate { value: p.value(middle.material[i]), identifiable, ..about_fit }
         })
         .collect();
     Ok(result(identification, session, (&middle, Some(&trajectories)), estimates, Some(&uncertainty)))
 }
 
-/// Whether the model explains the frames after contact. Warns where it does not, and of parameters at their limits.
-fn is_explained(
+/// Whether the body is known and the model explains the frames after contact. Warns where that is not so, and of
+/// parameters at their limits.
+fn may_be_believed(
     identification: &Identification,
     session: &mut Session,
     state: &State,
@@ -78,11 +79,12 @@ fn is_explained(
     let compared = (&identification.video, &identification.comparison);
     let drawn = (trajectories, identification.input.opacities.as_slice());
     let (free, spacing_m) = (identification.flight.free, identification.input.particle_volume_m3.cbrt());
-    let unexplained = verdicts::unexplained(compared, drawn, free, spacing_m);
-    let is_explained = unexplained.is_empty();
-    session.warn(unexplained);
+    let mut doubts = verdicts::unexplained(compared, drawn, free, spacing_m);
+    doubts.extend(verdicts::guessed(identification.shape.told_share()));
+    let may_be_believed = doubts.is_empty();
+    session.warn(doubts);
     session.warn(verdicts::at_limits(&identification.coordinates(), &identification.free_materials(), state));
-    is_explained
+    may_be_believed
 }
 
 /// A result where the material's intervals are the ranges that are searched.

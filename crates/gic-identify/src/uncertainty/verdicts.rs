@@ -1,5 +1,5 @@
-//! Whether the model explains the video, and which estimates lie at the edge of what is admitted. Each verdict is a
-//! warning.
+//! Whether the body is known, whether the model explains the video, and which estimates lie at the edge of what is
+//! admitted. Each verdict is a warning.
 
 use crate::forward::trajectories::Trajectories;
 use crate::observe::video::{ObservedFrame, ObservedVideo};
@@ -7,6 +7,20 @@ use crate::solve::loss::{outline_distance_m, surface_distance_m};
 use crate::solve::surface_residuals::SurfaceComparison;
 use crate::unknowns::coordinates::Coordinates;
 use crate::unknowns::state::{State, Unknown};
+
+/// Share of the surface that pictures have to tell. Derived: of less, most of the body is a guess.
+const LEAST_TOLD_SHARE: f64 = 0.5;
+
+/// Warns where pictures tell so small a share of the surface that most of it is a guess: then the intervals, which take
+/// the guess for right to within its distance from what is told, cannot be believed, either.
+pub(crate) fn guessed(told_share: Option<f64>) -> Option<String> {
+    let told = told_share.filter(|told| *told < LEAST_TOLD_SHARE)?;
+    Some(format!(
+        "no picture tells where {:.0} % of the surface lies, so that the body is a guess and nothing is determined: more \
+         cameras, or a body that tumbles, show more of it",
+        100.0 * (1.0 - told)
+    ))
+}
 
 /// Warns where the frames after contact, from the observation `free` on, are explained worse than those before by more
 /// than `resolved_m`, the finest that the model resolves: the material, an obstacle or the body's shape is another.
@@ -60,4 +74,16 @@ pub(crate) fn at_limits(coordinates: &Coordinates, unknowns: &[Unknown], state: 
             )
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::guessed;
+
+    #[test]
+    fn a_body_that_is_mostly_a_guess_determines_nothing() {
+        let warning = guessed(Some(0.36)).expect("less than half is told");
+        assert!(warning.contains("64 %"), "{warning}");
+        assert_eq!((guessed(Some(0.5)), guessed(None)), (None, None));
+    }
 }

@@ -41,6 +41,8 @@ pub(crate) struct ShapeModes {
     outward: Vec<Vec<f32>>,
     /// Its divergence, the relative change of each particle's volume, shape [modes][n].
     divergences: Vec<Vec<f32>>,
+    /// Share of the surface that some picture tells; `None` of no surface.
+    told_share: Option<f64>,
 }
 
 /// What the surface's errors are measured by.
@@ -83,7 +85,13 @@ impl ShapeModes {
             displacements: (0..components.len()).map(|k| fields.iter().map(|at| at[k].0).collect()).collect(),
             outward: (0..components.len()).map(along).collect(),
             divergences: (0..components.len()).map(|k| fields.iter().map(|at| at[k].1 as f32).collect()).collect(),
+            told_share: Some(anchors.iter().filter(|anchor| anchor.is_told).count() as f64 / anchors.len() as f64),
         }
+    }
+
+    /// Share of the surface that some picture tells; `None` of no surface.
+    pub(crate) fn told_share(&self) -> Option<f64> {
+        self.told_share
     }
 
     /// Number of components.
