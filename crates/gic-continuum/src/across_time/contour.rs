@@ -179,7 +179,8 @@ impl ViewOutline<'_> {
             let edge = silhouette.outward_px(pixel);
             let deformation = surface.deformation[vertex];
             let gap = (within + edge) * depth / focal;
-            let seen = ContourPoint { vertex, point, direction, gap, deformation, alignment, view: number, pixel, depth };
+            let seen =
+                ContourPoint { vertex, point, direction, gap, deformation, alignment, view: number, pixel, depth };
             (edge >= -1.0).then_some(seen)
         };
         (0..sides.len()).filter(|vertex| sides[*vertex] == [true; 2]).filter_map(point).collect()

@@ -162,7 +162,8 @@ impl Filling {
             let outline_error_m = OUTLINE_ERROR_PX * median(seen.iter().map(|seen| seen.pixel).collect())?;
             if gap_after_m <= least_gap_m.hypot(outline_error_m) {
                 let moved_m = exchanged_m3(&before, &self.field) / surface.mesh.area();
-                let report = AcrossTime { rounds: round, gap_before_m, gap_after_m, seen: 0.0, moved_m, outline_error_m };
+                let report =
+                    AcrossTime { rounds: round, gap_before_m, gap_after_m, seen: 0.0, moved_m, outline_error_m };
                 let vertices = surface.mesh.vertices.clone();
                 kept = Some(Kept { report, field: self.field.clone(), vertices, by_colours, seen });
             }
