@@ -33,7 +33,7 @@ pub use gic_simd::Level;
 pub use laws::kind::MaterialKind;
 pub use laws::law::Rules;
 pub use laws::material::{Material, MaterialError};
-pub use options::{Options, Precision};
+pub use options::{Ball, Options, Precision};
 pub use rollouts::frame::{ContactForce, Deformation, Frame};
 pub use rollouts::gradcheck::{GRADCHECK_TOLERANCE, GradcheckRow, gradcheck, gradcheck_materials, gradcheck_world};
 pub use rollouts::gradient::{BodyGradient, FrameAdjoint, Gradient};

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use gic_simd::Level;
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::{Budget, Rules, SimulationError};
@@ -17,6 +18,15 @@ pub enum Precision {
     F32,
     /// Double precision, one particle at a time: the oracle.
     F64,
+}
+
+/// A ball of space.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ball {
+    /// Its centre [m].
+    pub centre_m: DVec3,
+    /// Its radius [m].
+    pub radius_m: f64,
 }
 
 /// How to compute a simulation. What it computes is in [`crate::World`].
@@ -34,6 +44,9 @@ pub struct Options {
     pub gradient_memory_bytes: usize,
     /// Most that a simulation may take; one that is forecast to take more is refused.
     pub budget: Budget,
+    /// Where all particles stay. One that leaves it ends the simulation with [`SimulationError::LeftDomain`]: a body that
+    /// flies apart would need an ever larger grid. `None` is everywhere.
+    pub domain: Option<Ball>,
     /// Whether a single rollout may use more than one thread. The result does not depend on it.
     pub parallel: bool,
     /// A flag that, once raised, ends rollouts and gradients with [`SimulationError::Interrupted`] at their next frame
@@ -59,6 +72,7 @@ impl Default for Options {
             rules: Rules::default(),
             gradient_memory_bytes: 1 << 30,
             budget: Budget::default(),
+            domain: None,
             parallel: true,
             interrupt: None,
         }

@@ -2,7 +2,7 @@
 //! help.
 
 use gic_mpm::{
-    Body, ColliderPath, Frame, Level, Material, MaterialError, Options, Precision, Primitive, SimulationError,
+    Ball, Body, ColliderPath, Frame, Level, Material, MaterialError, Options, Precision, Primitive, SimulationError,
     Simulator, Snapshot, Stepping, World, gradcheck_materials, gradcheck_world, rollout,
 };
 use glam::{DQuat, DVec3};
@@ -248,6 +248,26 @@ fn rollouts_that_cannot_go_on_say_why() {
     assert!(matches!(far, SimulationError::LeftDomain { particle: 5, frame: 1, .. }), "{far}");
     let apart = error(|w| w.bodies[0].positions[5] = DVec3::new(200.0, 200.0, 200.0));
     assert!(matches!(apart, SimulationError::LeftDomain { particle: 5, frame: 1, .. }), "{apart}");
+}
+
+/// A block that falls through a ball of space, and one that stays within it.
+#[test]
+fn what_leaves_the_domain_ends_the_rollout() {
+    let mut world = gradcheck_world(gradcheck_materials()[0]);
+    world.colliders.clear();
+    world.bodies[0].velocity_m_s = DVec3::ZERO;
+    world.gravity_m_s2 = DVec3::new(0.0, -10.0, 0.0);
+    world.frame_rate_hz = 10.0;
+    let centre_m = world.bodies[0].positions[0];
+    let within = |radius_m: f64| {
+        let options = Options { domain: Some(Ball { centre_m, radius_m }), ..Options::default() };
+        let mut last = 0;
+        (rollout(&world, &options, 6, |frame| last = frame.index), last)
+    };
+    // 1.25 m in five frames, and the block is a tenth as large.
+    assert!(matches!(within(2.0), (Ok(()), 5)));
+    let (left, last) = within(0.6);
+    assert!(matches!(left, Err(SimulationError::LeftDomain { .. })) && last == 3, "{left:?} after frame {last}");
 }
 
 proptest! {

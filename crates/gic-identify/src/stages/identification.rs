@@ -1,6 +1,6 @@
 //! What the stages after free flight are given, and what they are made of. Nothing here changes while they run.
 
-use gic_mpm::{MaterialKind, Options};
+use gic_mpm::{Ball, MaterialKind, Options};
 use glam::DVec3;
 
 use crate::forward::flight::Flight;
@@ -184,7 +184,7 @@ impl<'a> Identification<'a> {
             video: &self.video,
             shape: &self.shape,
             kind: self.kind,
-            options: Options { parallel: false, ..Options::default() },
+            options: Options { parallel: false, domain: self.domain(), ..Options::default() },
             resolution: Resolution {
                 thinning: None,
                 spacing_factor: 1.0,
@@ -194,6 +194,17 @@ impl<'a> Identification<'a> {
             rollouts: &self.rollouts.full,
             splat_widths: &self.splat_widths,
         }
+    }
+
+    /// Where a body may be that does what was seen: the ball around all surfaces that were seen, and as far again. `None`
+    /// where none was.
+    fn domain(&self) -> Option<Ball> {
+        let surfaces = self.input.observations.iter().flat_map(|observation| &observation.surface);
+        let seen = surfaces.chain(&self.input.positions);
+        let (low, high) =
+            seen.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)));
+        let is_followed = self.input.observations.iter().all(|observation| !observation.surface.is_empty());
+        is_followed.then(|| Ball { centre_m: 0.5 * (low + high), radius_m: low.distance(high) })
     }
 
     /// The weights that the data's own noise gives at a fit.

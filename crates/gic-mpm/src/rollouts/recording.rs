@@ -37,7 +37,7 @@ impl Recording {
         on_frame: &mut dyn FnMut(Frame),
     ) -> Result<Self, SimulationError> {
         Forecast::of(world, frames)?.check(&options.budget)?;
-        let prepared = PreparedWorld::new(world, options.rules)?;
+        let prepared = PreparedWorld::new(world, options.rules)?.within(options.domain);
         let timing = Timing::of(world);
         Ok(Self(with_engine!(options, engine => {
             Box::new(Recorded::forward((engine, prepared, timing), options, frames, on_frame)?)

@@ -30,7 +30,7 @@ impl Simulator {
     /// As [`Self::new`].
     pub fn for_frames(world: &World, options: &Options, frames: usize) -> Result<Self, SimulationError> {
         Forecast::of(world, frames)?.check(&options.budget)?;
-        let prepared = PreparedWorld::new(world, options.rules)?;
+        let prepared = PreparedWorld::new(world, options.rules)?.within(options.domain);
         Ok(Self(with_engine!(options, engine => Box::new(Running::new(engine, prepared, world, options.precision)))))
     }
 

@@ -19,7 +19,7 @@ use crate::error::SimulationError;
 use crate::laws::law::{Coefficients, Rules};
 use crate::math::mat3::Mat3;
 use crate::world::MassRange;
-use crate::{Body, Collider, Material, World};
+use crate::{Ball, Body, Collider, Material, World};
 
 /// Most nodes of the grid; beyond, the particles are too far apart for a dense one. Derived: f32 holds their indices
 /// exactly.
@@ -67,6 +67,8 @@ pub(crate) struct PreparedWorld {
     /// Nodes with less mass than this [mass units] stay at rest.
     pub(crate) mass_gate: f64,
     pub(crate) rules: Rules,
+    /// Where particles stay: a centre from the grid's origin, and a radius [m].
+    domain: Option<(DVec3, f64)>,
 }
 
 impl PreparedWorld {
@@ -92,7 +94,13 @@ impl PreparedWorld {
             mass_unit,
             mass_gate: mass_gate_kg(lightest_kg, world.grid_spacing_m) / mass_unit,
             rules,
+            domain: None,
         })
+    }
+
+    /// The same where all particles stay in a ball.
+    pub(crate) fn within(self, domain: Option<Ball>) -> Self {
+        Self { domain: domain.map(|ball| (self.frame.point(ball.centre_m), ball.radius_m)), ..self }
     }
 
     /// Number of particles.
@@ -149,6 +157,12 @@ impl PreparedWorld {
         (here.min(there) - margin, here.max(there) + margin)
     }
 
+    /// Whether a particle leaves the domain within `horizon` seconds at its present velocity.
+    fn leaves_domain<R: Scalar>(&self, state: &State<R>, particle: usize, horizon: f64) -> bool {
+        let there = state.position_of(particle) + state.velocity_of(particle) * horizon;
+        self.domain.is_some_and(|(centre, radius)| there.distance_squared(centre) > radius * radius)
+    }
+
     /// The smallest grid that holds all particles, each with the cells that it sweeps ([`Self::swept_cells`]).
     pub(crate) fn extent<R: Scalar>(&self, state: &State<R>, horizon: f64, margin: f64) -> Result<GridBox, Violation> {
         let (mut lowest, mut highest) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
@@ -158,6 +172,9 @@ impl PreparedWorld {
                 low.abs().max_element() < MAX_CELLS_FROM_ORIGIN && high.abs().max_element() < MAX_CELLS_FROM_ORIGIN;
             if !near {
                 return Err(Violation::left_domain(state, p, "too far from the origin, or not a number"));
+            }
+            if self.leaves_domain(state, p, horizon) {
+                return Err(Violation::left_domain(state, p, "outside of where the body may be"));
             }
             lowest = lowest.min(low);
             highest = highest.max(high);
