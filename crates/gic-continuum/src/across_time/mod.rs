@@ -177,16 +177,14 @@ impl Filling {
                 break;
             }
         }
-        let Some(Kept { report, field, vertices, by_colours, seen }) = kept else {
+        let Some(kept) = kept else {
             self.field = before;
             return None;
         };
-        let telling = seen.iter().flat_map(|moment| moment.telling(field.spacing, TOLD_SPACINGS * spacing));
-        let told = observed.wanted(&vertices, (&by_colours, telling), symmetry, &unit);
-        let untold: Vec<f32> = told.iter().map(|(_, weight)| f32::from(u8::from(*weight <= 0.0))).collect();
-        self.doubt = doubt_of_voxels(&field, &vertices, &untold);
-        self.field = field;
-        Some(AcrossTime { seen: 1.0 - f64::from(untold.iter().sum::<f32>()) / untold.len() as f64, ..report })
+        let untold = observed.untold(&kept, symmetry, &unit);
+        self.doubt = doubt_of_voxels(&kept.field, &kept.vertices, &untold);
+        self.field = kept.field;
+        Some(AcrossTime { seen: 1.0 - f64::from(untold.iter().sum::<f32>()) / untold.len() as f64, ..kept.report })
     }
 }
 
@@ -264,6 +262,14 @@ impl<'a> Observed<'a> {
         add_contours(&mut wanted, contours, (unit.m, &self.tuning.across_time));
         share_with_images(&mut wanted, vertices, symmetry, unit.voxel_m());
         wanted
+    }
+
+    /// 1 for each place of the surface that neither colours nor outlines tell in any moment, and 0 for the others.
+    fn untold(&self, kept: &Kept, symmetry: &Symmetry, unit: &Unit) -> Vec<f32> {
+        let told_m = TOLD_SPACINGS * self.spacing;
+        let telling = kept.seen.iter().flat_map(|moment| moment.telling(kept.field.spacing, told_m));
+        let told = self.wanted(&kept.vertices, (&kept.by_colours, telling), symmetry, unit);
+        told.iter().map(|(_, weight)| f32::from(u8::from(*weight <= 0.0))).collect()
     }
 }
 
