@@ -196,15 +196,19 @@ impl<'a> Identification<'a> {
         }
     }
 
-    /// Where a body may be that does what was seen: the ball around all surfaces that were seen, and as far again. `None`
-    /// where none was.
+    /// Where the body may be: around all surfaces that were seen, and as far away as it flies from its first contact on
+    /// where that takes none of its speed. An obstacle gives none. `None` where a frame has no surface.
     fn domain(&self) -> Option<Ball> {
-        let surfaces = self.input.observations.iter().flat_map(|observation| &observation.surface);
-        let seen = surfaces.chain(&self.input.positions);
+        let (input, observations) = (self.input, &self.input.observations);
+        let seen = observations.iter().flat_map(|observation| &observation.surface).chain(&input.positions);
         let (low, high) =
             seen.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)));
-        let is_followed = self.input.observations.iter().all(|observation| !observation.surface.is_empty());
-        is_followed.then(|| Ball { centre_m: 0.5 * (low + high), radius_m: low.distance(high) })
+        let contact_s = observations[self.flight.free.max(1) - 1].time_s;
+        let left_s = observations.last().map_or(0.0, |last| last.time_s) - contact_s;
+        let speed = (self.flight.state.velocity + contact_s * input.gravity_m_s2).length();
+        let flown_m = left_s * speed + 0.5 * left_s * left_s * input.gravity_m_s2.length();
+        let is_followed = observations.iter().all(|observation| !observation.surface.is_empty());
+        is_followed.then(|| Ball { centre_m: 0.5 * (low + high), radius_m: low.distance(high) + flown_m })
     }
 
     /// The weights that the data's own noise gives at a fit.
