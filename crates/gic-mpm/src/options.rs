@@ -44,8 +44,8 @@ pub struct Options {
     pub gradient_memory_bytes: usize,
     /// Most that a simulation may take; one that is forecast to take more is refused.
     pub budget: Budget,
-    /// Where all particles stay. One that leaves it ends the simulation with [`SimulationError::LeftDomain`]: a body that
-    /// flies apart would need an ever larger grid. `None` is everywhere.
+    /// Where all particles stay. One that leaves it ends the simulation with [`SimulationError::LeftDomain`]: a body
+    /// that flies apart would need an ever larger grid. `None` is everywhere.
     pub domain: Option<Ball>,
     /// Whether a single rollout may use more than one thread. The result does not depend on it.
     pub parallel: bool,
