@@ -134,7 +134,6 @@ fn sentence(text: String) -> String {
     letters.next().map_or(text.clone(), |first| format!("{}{}.", first.to_uppercase(), letters.as_str()))
 }
 
-/// What else identification found, a sentence each.
 /// By how much the cameras differ from what the free flight shows of them, at most; `None` where none was in doubt.
 fn cameras_as_found(cameras: &[CameraRecord]) -> Option<String> {
     let largest = |of: &dyn Fn(&CameraRecord) -> f64| cameras.iter().map(of).fold(0.0, f64::max);
@@ -151,6 +150,7 @@ fn cameras_as_found(cameras: &[CameraRecord]) -> Option<String> {
     })
 }
 
+/// What else identification found, a sentence each.
 fn remarks(found: &IdentifyRecord) -> Vec<String> {
     let mut remarks = Vec::new();
     let [x, y, z] = found.angular_velocity_rad_s;
