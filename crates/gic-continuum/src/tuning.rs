@@ -242,6 +242,13 @@ tuned! {
     }
 }
 
+impl ParticleTuning {
+    /// Two cells of the simulation's grid, of particles that are `spacing` apart: it resolves nothing shorter.
+    pub fn resolved(&self, spacing: f64) -> f64 {
+        2.0 * spacing / self.spacing
+    }
+}
+
 tuned! {
     /// Where iterations end.
     IterationTuning {

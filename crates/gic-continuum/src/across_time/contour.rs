@@ -1,8 +1,7 @@
 //! Where a surface makes the edge of its silhouette, and how far the mask's outline lies from there.
 
-use std::collections::BTreeMap;
-
-use glam::{DVec2, DVec3, I64Vec2};
+use gic_geometry::Neighbours;
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::silhouette::SilhouetteWindow;
@@ -54,19 +53,17 @@ pub(super) fn deviation(contour: &[ContourPoint], pixel: f64) -> f64 {
 /// How far those points of a contour reach along the ray that appear within `reach` [pixels] of each [m]. The body
 /// touches the ray somewhere there: where that is far, an outline does not tell a place.
 pub(super) fn extents(contour: &[ContourPoint], reach: f64) -> Vec<f64> {
-    let square = |point: &ContourPoint| (point.pixel / reach).floor().as_i64vec2();
-    let mut squares = BTreeMap::<(usize, [i64; 2]), Vec<&ContourPoint>>::new();
-    for point in contour {
-        squares.entry((point.view, square(point).to_array())).or_default().push(point);
-    }
-    let extent = |point: &ContourPoint| {
-        let beside = (-1..=1).flat_map(|y| (-1..=1).map(move |x| I64Vec2::new(x, y)));
-        let around = beside.filter_map(|by| squares.get(&(point.view, (square(point) + by).to_array()))).flatten();
-        let depths = around.filter(|other| other.pixel.distance(point.pixel) <= reach).map(|other| other.depth);
-        let (near, far) = depths.fold((f64::INFINITY, 0.0), |(near, far), depth| (depth.min(near), depth.max(far)));
+    // Each view in a plane of its own, out of reach of the others.
+    let seen: Vec<DVec3> = contour.iter().map(|point| point.pixel.extend(2.0 * reach * point.view as f64)).collect();
+    let points = Neighbours::new(&seen, reach);
+    let extent = |at: &DVec3| {
+        let (mut near, mut far) = (f64::INFINITY, 0.0f64);
+        points.within(*at, reach, |_, other, _| {
+            (near, far) = (near.min(contour[other].depth), far.max(contour[other].depth));
+        });
         far - near
     };
-    contour.iter().map(extent).collect()
+    seen.iter().map(extent).collect()
 }
 
 /// The outlines of all masks of a moment.

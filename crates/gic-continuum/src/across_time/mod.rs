@@ -21,8 +21,8 @@
 //! The last round is kept whose outlines miss by no more than those of any round, but for what an outline tells:
 //! colours of a noisy film pull places about.
 //!
-//! An outline tells that the body touches a ray, not where. A place of a contour is told where along the ray nothing
-//! further away than the grid resolves makes the same edge; colours tell places by themselves. What is told in no
+//! An outline tells that the body touches a ray, not where. A place of a contour is told where all that makes the same
+//! edge reaches no further along the ray than the grid resolves; colours tell places by themselves. What is told in no
 //! moment is in doubt.
 //!
 //! How far a moment's outlines miss after its pose is fitted is the error of its motion: what a moment says counts by
@@ -56,10 +56,6 @@ use self::silhouette::MARGIN_PX;
 use self::tracked::{CarriedSurface, MovedSurface, TrackedSurface};
 use self::unit::Unit;
 use crate::{AcrossTimeTuning, Filling, Symmetry, Tuning};
-
-/// Places that an outline tells are no further apart along the ray than this [particle spacings]. Derived: two cells of
-/// the grid, which resolves nothing shorter.
-const TOLD_SPACINGS: f64 = 4.0;
 
 /// One moment of a motion, and the pictures of it.
 #[derive(Clone, Debug)]
@@ -154,7 +150,7 @@ impl Filling {
                 return None;
             }
             let Some((surface, seen, gap_after_m)) = observed.look_at(self, &mut poses, false) else { break };
-            let by_colours = observed.wanted_by_colours(&surface, &seen, &unit);
+            let by_colours = wanted_by_colours(&surface, &seen, moments, &observed.pictures, (&unit, tuning));
             let contours = seen.iter().flat_map(SeenMoment::points);
             let wanted = observed.wanted(&surface.mesh.vertices, (&by_colours, contours), symmetry, &unit);
             pose_fit::follow(&mut poses, moments, &seen);
@@ -245,12 +241,8 @@ impl<'a> Observed<'a> {
         Some((surface, seen, gap_m))
     }
 
-    /// How far outward each place of a surface wants to be by its colours, and with which weight, in units.
-    fn wanted_by_colours(&self, surface: &TrackedSurface, seen: &[SeenMoment], unit: &Unit) -> Vec<(f64, f64)> {
-        wanted_by_colours(surface, seen, self.moments, &self.pictures, (unit, self.tuning))
-    }
-
-    /// The same of `vertices` [m] by their colours and by points of contours.
+    /// How far outward each of `vertices` [m] wants to be by its colours and by points of contours, and with which
+    /// weight, in units.
     fn wanted<'b>(
         &self,
         vertices: &[DVec3],
@@ -266,7 +258,7 @@ impl<'a> Observed<'a> {
 
     /// 1 for each place of the surface that neither colours nor outlines tell in any moment, and 0 for the others.
     fn untold(&self, kept: &Kept, symmetry: &Symmetry, unit: &Unit) -> Vec<f32> {
-        let told_m = TOLD_SPACINGS * self.spacing;
+        let told_m = self.tuning.particles.resolved(self.spacing);
         let telling = kept.seen.iter().flat_map(|moment| moment.telling(kept.field.spacing, told_m));
         let told = self.wanted(&kept.vertices, (&kept.by_colours, telling), symmetry, unit);
         told.iter().map(|(_, weight)| f32::from(u8::from(*weight <= 0.0))).collect()
@@ -298,8 +290,8 @@ impl SeenMoment {
         self.contour.iter().map(move |point| (self, point))
     }
 
-    /// Those that tell where the surface is: among points that lie within `reach_m` of a ray, none is further away than
-    /// `told_m` along it.
+    /// Those that tell where the surface is: points that lie within `reach_m` of the ray through one reach no further
+    /// than `told_m` along it.
     fn telling(&self, reach_m: f64, told_m: f64) -> impl Iterator<Item = (&SeenMoment, &ContourPoint)> {
         let extents = contour::extents(&self.contour, reach_m / self.pixel);
         self.points().zip(extents).filter(move |(_, extent)| *extent <= told_m).map(|(point, _)| point)

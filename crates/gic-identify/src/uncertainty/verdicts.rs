@@ -8,13 +8,10 @@ use crate::solve::surface_residuals::SurfaceComparison;
 use crate::unknowns::coordinates::Coordinates;
 use crate::unknowns::state::{State, Unknown};
 
-/// Share of the surface that pictures have to tell. Derived: of less, most of the body is a guess.
-const LEAST_TOLD_SHARE: f64 = 0.5;
-
-/// Warns where pictures tell so small a share of the surface that most of it is a guess: then the intervals, which take
-/// the guess for right to within its distance from what is told, cannot be believed, either.
+/// Warns where pictures tell less of the surface than they leave open: then the intervals, which take a guess for right
+/// to within its distance from what is told, cannot be believed, either.
 pub(crate) fn guessed(told_share: Option<f64>) -> Option<String> {
-    let told = told_share.filter(|told| *told < LEAST_TOLD_SHARE)?;
+    let told = told_share.filter(|told| *told < 1.0 - *told)?;
     Some(format!(
         "no picture tells where {:.0} % of the surface lies, so that the body is a guess and nothing is determined: more \
          cameras, or a body that tumbles, show more of it",

@@ -187,7 +187,7 @@ pub(super) fn overlaps(agreements: &[Option<Agreement>]) -> Vec<f64> {
 
 /// Share of the particles in parts that are thinner than two cells of the simulation's grid.
 pub(super) fn thin_share(filling: &Filling, particles: &Particles, tuning: &Tuning) -> f64 {
-    filling.thin_share(&particles.positions, 2.0 * particles.spacing / tuning.particles.spacing)
+    filling.thin_share(&particles.positions, tuning.particles.resolved(particles.spacing))
 }
 
 /// The nearest of the round numbers ... 0.01, 0.015, 0.02, 0.03, 0.05, 0.07, 0.1 ... [m], by ratio. Grid nodes lie on
