@@ -43,6 +43,8 @@ pub struct WorldDoubt {
     pub tilt_rad: f64,
     /// Of the logarithm of its friction.
     pub log_friction: f64,
+    /// Whether it may also hold what touches it. Not a deviation: one of the two is so.
+    pub may_stick: bool,
     /// Of the logarithm of gravity in the lengths that the cameras see.
     pub log_gravity: f64,
     /// Of gravity's tilt about each of two axes at right angles to it [rad].
@@ -172,8 +174,8 @@ impl Input {
         }
         let deviations = doubt.deviations();
         let are_deviations = deviations.iter().all(|deviation| *deviation >= 0.0 && deviation.is_finite());
-        if !are_deviations || deviations == [0.0; WORLD_UNKNOWNS] {
-            let way_out = "give standard deviations, one of them positive";
+        if !are_deviations || deviations == [0.0; WORLD_UNKNOWNS] && !doubt.may_stick {
+            let way_out = "give standard deviations, one of them positive, or `may_stick`";
             return Err(IdentifyError::input("world_doubt", "is none, or endless", way_out));
         }
         Ok(())

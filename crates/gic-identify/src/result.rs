@@ -85,6 +85,8 @@ pub struct WorldEstimate {
     pub log_friction: f64,
     /// Half-width of that.
     pub log_friction_half_width: Option<f64>,
+    /// Whether it holds what touches it, where that was in doubt.
+    pub sticks: bool,
     /// Logarithm of the factor on gravity: where it is above zero, lengths are by as much too long as cameras see them.
     pub log_gravity: f64,
     /// Half-width of that.

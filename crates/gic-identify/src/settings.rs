@@ -93,6 +93,9 @@ pub struct Start {
     /// Side of a cell of the simulation grid [m], where it is sought; by default that of the input.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub grid_spacing_m: Option<f64>,
+    /// Whether a ground whose contact is in doubt holds what touches it.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub sticks: bool,
 }
 
 /// Settings of identification; [`Default`] is right for every scene but for the material, which has to be said.
@@ -297,7 +300,7 @@ impl Settings {
         if fits_material && !self.stages.contains(&Stage::Search) && self.starts.is_empty() {
             return Err(IdentifyError::input("starts", "is missing", "give one, or begin with the search"));
         }
-        for Start { parameters, grid_spacing_m } in &self.starts {
+        for Start { parameters, grid_spacing_m, .. } in &self.starts {
             if parameters.len() != sought(kind).len() {
                 let wanted = sought(kind).iter().map(|p| p.name).collect::<Vec<_>>().join(", ");
                 let problem = format!("has {} values", parameters.len());

@@ -1,5 +1,6 @@
-//! The world as a hypothesis: a ground that is higher or lower than it was given, tilted, or more or less slippery, and
-//! gravity that is stronger or weaker than it should be in the lengths that the cameras see, or not straight down.
+//! The world as a hypothesis: a ground that is higher or lower than it was given, tilted, more or less slippery or one
+//! that holds what touches it, and gravity that is stronger or weaker than it should be in the lengths that the cameras
+//! see, or not straight down.
 
 use gic_mpm::{Collider, ColliderPath, Contact};
 use glam::{DQuat, DVec3};
@@ -18,6 +19,9 @@ pub(crate) fn colliders(input: &Input, state: &State) -> Vec<Collider> {
         }
         raise(plane, height);
         scale_friction(&mut plane.contact, log_friction.exp());
+        if state.sticks {
+            plane.contact = Contact::Sticky;
+        }
     }
     colliders
 }

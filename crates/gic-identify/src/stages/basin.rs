@@ -36,14 +36,19 @@ impl Basin {
         (at.cost - self.cost) / -self.normal.predicted_decrease(&delta)
     }
 
+    /// The model knows of one contact with the ground only.
+    fn has_contact_of(&self, at: &Iterate) -> bool {
+        at.state.sticks == self.state.sticks
+    }
+
     /// Whether the model holds at a state, which then belongs to this minimum.
     pub(crate) fn holds(&self, at: &Iterate) -> bool {
-        (self.trusted_share..=self.trusted_share.recip()).contains(&self.risen(at))
+        self.has_contact_of(at) && (self.trusted_share..=self.trusted_share.recip()).contains(&self.risen(at))
     }
 
     /// Whether a state costs so much less than the model predicts that another minimum may begin there.
     pub(crate) fn is_left(&self, at: &Iterate) -> bool {
-        self.risen(at) < self.trusted_share
+        !self.has_contact_of(at) || self.risen(at) < self.trusted_share
     }
 }
 

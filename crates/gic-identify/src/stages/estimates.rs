@@ -160,6 +160,7 @@ fn world(state: &State, uncertainty: Option<&Uncertainty>) -> WorldEstimate {
         tilt_half_width_rad: [half_width(1), half_width(2)],
         log_friction,
         log_friction_half_width: half_width(3),
+        sticks: state.sticks,
         log_gravity,
         log_gravity_half_width: half_width(4),
         gravity_tilt_rad: [gravity_tilt_x, gravity_tilt_y],
@@ -169,7 +170,11 @@ fn world(state: &State, uncertainty: Option<&Uncertainty>) -> WorldEstimate {
 
 /// A minimum as a start of other fits.
 fn start_of(simulation: &Simulation, state: &State) -> Start {
-    Start { parameters: sought_values(&simulation.material(state)), grid_spacing_m: Some(simulation.cell_m(state)) }
+    Start {
+        parameters: sought_values(&simulation.material(state)),
+        grid_spacing_m: Some(simulation.cell_m(state)),
+        sticks: state.sticks,
+    }
 }
 
 fn result(

@@ -42,6 +42,8 @@ pub(crate) struct Identification<'a> {
     pub motion_by_outlines: Option<Prior>,
     /// What is known of the world and of the grid besides the pictures; `None` where both are as they are said to be.
     pub world_and_grid: Option<Prior>,
+    /// What is known of the grid and of the material before the video: the range of each parameter.
+    pub before_any_video: Prior,
     /// What is known of the devices besides the pictures; of nothing where all are as they are said to be.
     pub devices: Prior,
     pub flight: FreeFlightFit,
@@ -98,6 +100,7 @@ impl<'a> Identification<'a> {
             splat_widths,
             motion_by_outlines,
             world_and_grid: world_and_grid(input, settings),
+            before_any_video: before_any_video(kind, input, settings),
             devices: devices::prior(input),
             flight,
             weights,
@@ -151,6 +154,11 @@ impl<'a> Identification<'a> {
         self.unknowns_of_world_and_grid().contains(&Unknown::Cell)
     }
 
+    /// Whether nobody says if the ground holds what touches it.
+    pub(crate) fn contact_is_in_doubt(&self) -> bool {
+        self.input.world_doubt.is_some_and(|doubt| doubt.may_stick)
+    }
+
     /// The search for material parameters and cells with the motion of free flight, in the world as given.
     pub(crate) fn material_problem<'b>(&'b self, forward: &'b dyn ForwardModel, pooling: usize) -> Problem<'b> {
         let mut unknowns = self.free_materials();
@@ -162,7 +170,7 @@ impl<'a> Identification<'a> {
             coordinates: self.coordinates(),
             descent: &self.tuning.descent,
             selection: self.touched_frames(pooling),
-            prior: self.world_and_grid.as_ref(),
+            prior: Some(&self.before_any_video),
         }
     }
 
@@ -233,6 +241,17 @@ fn world_and_grid(input: &Input, settings: &Settings) -> Option<Prior> {
     let world = deviations.into_iter().enumerate().map(|(k, deviation)| (Unknown::World(k), 0.0, deviation));
     let known = Prior::independent(world.chain(of_cell.map(|deviation| (Unknown::Cell, 0.0, deviation))));
     Some(known).filter(|known| !known.unknowns.is_empty())
+}
+
+/// The range of each parameter that is sought, and what is known of the world and of the grid.
+fn before_any_video(kind: MaterialKind, input: &Input, settings: &Settings) -> Prior {
+    let is_sought = |(_, parameter): &(usize, &Parameter)| settings.fixed_value(parameter).is_none();
+    let ranges = sought(kind).iter().enumerate().filter(is_sought).map(|(i, parameter)| {
+        let (mean, deviation) = parameter.before_any_video();
+        (Unknown::Material(i), mean, deviation)
+    });
+    let ranges = Prior::independent(ranges);
+    world_and_grid(input, settings).into_iter().fold(ranges, Prior::and)
 }
 
 /// Material parameters as given or in the middle of their starts, at the given velocity or at rest.

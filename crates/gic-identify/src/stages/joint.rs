@@ -148,13 +148,17 @@ fn look_at_others(
     Ok(())
 }
 
-/// Material and cells of a start, everything else where the quadratic model of a minimum has it then; `None` where that
-/// is the minimum itself.
+/// Material, cells and contact of a start, everything else where the quadratic model of a minimum has it then; `None`
+/// where that is the minimum itself.
 fn moved_to(problem: &Problem, basin: &Basin, start: &State) -> Option<State> {
     let is_of_start = |(_, unknown): &(usize, &Unknown)| matches!(unknown, Unknown::Material(_) | Unknown::Cell);
     let length = |(k, unknown): (usize, &Unknown)| (k, start.get(*unknown) - basin.state.get(*unknown));
     let lengths: Vec<(usize, f64)> = problem.unknowns.iter().enumerate().filter(is_of_start).map(length).collect();
-    moved(problem, basin, &lengths)
+    let state = match moved(problem, basin, &lengths) {
+        None if start.sticks == basin.state.sticks => return None,
+        moved => moved.unwrap_or_else(|| basin.state.clone()),
+    };
+    Some(State { sticks: start.sticks, ..state })
 }
 
 /// The joint stage's search, of masks of which so many pixels to a side are averaged, weighted by the noise of free

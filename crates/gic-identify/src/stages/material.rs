@@ -4,7 +4,13 @@
 //! The cost has several local minima. The material alone is fitted, in the world and on the cells that are given: far
 //! from the best fit, these make up for what the material and the shape lack, and lead away. A step from each start
 //! tells which are worth the rest; those that cost not much more than the best are fitted on, and the best looks over
-//! the walls of its minimum. It goes on with the cells; the world waits for the fit of everything. Masks are blurred.
+//! the walls of its minimum. Where nobody says if the ground holds what touches it, the best is fitted with either
+//! contact: minima of one are none of the other. It goes on with the cells; the rest of the world waits for the fit of
+//! everything. Masks are blurred.
+//!
+//! The range of each parameter is known before: a Gaussian of the mean and the deviation of its even distribution.
+//! Refinement settles the body to the motion that is found here. Along a valley that the pictures do not tell apart any
+//! end would do, and the body that an end shapes would then speak for it. The fit of everything knows of no ranges.
 
 use crate::result::Stage;
 use crate::session::Session;
@@ -59,6 +65,7 @@ impl MaterialStage<'_> {
         let limits = self.limits(self.identification.settings.iterations);
         let mut minima = Minima::new(Stage::Material, &material, limits);
         let failure = minima.seek_from_each(session, cheapest(steps, tuning.most_cost_ratio))?;
+        minima.seek_from_each(session, self.with_other_contact(&minima))?;
         look_over_the_walls(session, &mut minima, tuning)?;
         let mut ends = cheapest(minima.into_ends(), tuning.most_cost_ratio).into_iter();
         let best = ends.next().ok_or(failure.unwrap_or(FitError::NoIteration))?;
@@ -87,6 +94,12 @@ impl MaterialStage<'_> {
             session.reach(None, |checkpoint| checkpoint.fits.push(found))?;
         }
         if session.checkpoint().fits.iter().all(Option::is_none) { Err(failure) } else { Ok(()) }
+    }
+
+    /// The best of the minima with the other contact of the ground, where that is in doubt.
+    fn with_other_contact(&self, minima: &Minima) -> Vec<State> {
+        let best = minima.best().filter(|_| self.identification.contact_is_in_doubt());
+        best.map(|best| State { sticks: !best.state.sticks, ..best.state.clone() }).into_iter().collect()
     }
 
     fn limits(&self, iterations: usize) -> Limits {

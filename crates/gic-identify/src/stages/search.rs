@@ -129,5 +129,6 @@ fn given(identification: &Identification, start: &Start) -> State {
     if let Some(cell_m) = start.grid_spacing_m.filter(|_| identification.seeks_cells()) {
         given.log_cell = (cell_m / identification.input.grid_spacing_m).ln();
     }
+    given.sticks = start.sticks && identification.contact_is_in_doubt();
     given
 }

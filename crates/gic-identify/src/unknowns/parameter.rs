@@ -176,6 +176,19 @@ impl Parameter {
         self.coordinate_of_even(moment / total)
     }
 
+    /// Mean and standard deviation of the search coordinate where every value within the bounds is as likely, in the
+    /// unit of [`Parameter::error`]. By the midpoint rule.
+    pub(crate) fn before_any_video(&self) -> (f64, f64) {
+        const INTERVALS: u32 = 256;
+        let (low, high) = self.limits();
+        let (low, high) = (self.even(low), self.even(high));
+        let share = |k: u32| (f64::from(k) + 0.5) / f64::from(INTERVALS);
+        let values = (0..INTERVALS).map(|k| self.coordinate_of_even(low + share(k) * (high - low)));
+        let (sum, squares) = values.fold((0.0, 0.0), |(sum, squares), at| (sum + at, squares + at * at));
+        let mean = sum / f64::from(INTERVALS);
+        (mean, (squares / f64::from(INTERVALS) - mean * mean).sqrt())
+    }
+
     /// A search coordinate in the unit of [`Parameter::error`], up to a factor.
     fn even(&self, coordinate: f64) -> f64 {
         if self.transform == Transform::ModulusRatio { self.value(coordinate) } else { coordinate }
@@ -218,6 +231,22 @@ mod tests {
         for kind in MaterialKind::ALL {
             let names: Vec<&str> = sought(kind).iter().map(|p| p.name).collect();
             assert!(kind.parameter_names().starts_with(&names), "{names:?}");
+        }
+    }
+
+    #[test]
+    fn before_any_video_every_value_of_the_range_is_as_likely() {
+        for p in sought(MaterialKind::Elastic) {
+            let (mean, deviation) = p.before_any_video();
+            if p.transform == Transform::ModulusRatio {
+                // A standard deviation to both sides holds two thirds, about.
+                let share = (p.value(mean + deviation) - p.value(mean - deviation)) / (p.bounds.1 - p.bounds.0);
+                assert!((0.6..0.8).contains(&share), "{share}");
+            } else {
+                let (low, high) = p.limits();
+                assert!((mean - f64::midpoint(low, high)).abs() < 1e-9);
+                assert!((deviation / ((high - low) / 12f64.sqrt()) - 1.0).abs() < 1e-4);
+            }
         }
     }
 

@@ -66,6 +66,8 @@ pub(crate) struct State {
     /// logarithm of the factor on its friction, that of the factor on gravity, and gravity's tilt about two axes at
     /// right angles to it [rad].
     pub world: [f64; WORLD_UNKNOWNS],
+    /// Whether the ground, whose contact is in doubt, holds what touches it.
+    pub sticks: bool,
     /// Logarithm of the factor on the side of the grid's cells.
     pub log_cell: f64,
     /// The numbers of each device's [`CameraOffset`] from the input's; those that are missing are zero.
@@ -83,6 +85,7 @@ impl State {
             splat: 0.0,
             shape: Vec::new(),
             world: [0.0; WORLD_UNKNOWNS],
+            sticks: false,
             log_cell: 0.0,
             devices: Vec::new(),
         }

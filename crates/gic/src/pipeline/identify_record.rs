@@ -101,6 +101,9 @@ pub struct GroundRecord {
     /// The factor that the 95 % interval of that reaches to either side.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub friction_interval_95_factor: Option<f64>,
+    /// Whether it holds what touches it.
+    #[serde(default)]
+    pub sticks: bool,
 }
 
 /// By what a camera differs from what the free flight shows of it.
@@ -144,6 +147,7 @@ impl From<WorldEstimate> for GroundRecord {
             tilt_interval_95_deg: found.tilt_half_width_rad.map(|half| half.map(f64::to_degrees)),
             friction_factor: found.log_friction.exp(),
             friction_interval_95_factor: found.log_friction_half_width.map(f64::exp),
+            sticks: found.sticks,
         }
     }
 }

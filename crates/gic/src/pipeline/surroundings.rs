@@ -110,7 +110,7 @@ impl Run<'_> {
     fn doubt(&self, height_m: f64, tilt_rad: f64) -> Option<WorldDoubt> {
         let shared = self.shared_camera_error().unwrap_or_default();
         let (height_m, tilt_rad) = (height_m.hypot(shared.lateral_m), tilt_rad.hypot(shared.turn_rad));
-        let doubt = floor_doubt(height_m, tilt_rad, self.is_film(), self.has_real_cameras())?;
+        let doubt = floor_doubt(height_m, tilt_rad, self.was_filmed())?;
         Some(WorldDoubt { log_gravity: shared.log_length, ..doubt })
     }
 
@@ -151,10 +151,10 @@ impl Run<'_> {
         matches!(self.scene.format, Format::Nerfstudio | Format::Colmap)
     }
 
-    /// The ground: sticky in the synthetic suites, whose files say so, and one that things bounce off on film.
+    /// The ground: sticky in the synthetic suites, whose files say so; on film one that things bounce off, or sticky.
     fn floor(&self, point: [f64; 3], normal: [f64; 3]) -> Vec<Obstacle> {
         let shape = ObstacleShape::HalfSpace { point_m: point, normal };
-        vec![if self.is_film() {
+        vec![if self.was_filmed() {
             Obstacle { friction: Some(FILMED_FRICTION), ..Obstacle::new(shape, ContactKind::Separating) }
         } else {
             Obstacle::new(shape, ContactKind::Sticky)
@@ -162,19 +162,18 @@ impl Run<'_> {
     }
 }
 
-/// The doubt of a floor, whose friction is guessed in a film, and of gravity. Where cameras lag or are not as stated,
-/// somebody filmed, whatever the format: then up is not quite up.
-fn floor_doubt(height_m: f64, tilt_rad: f64, is_film: bool, has_real_cameras: bool) -> Option<WorldDoubt> {
-    let was_filmed = is_film || has_real_cameras;
+/// The doubt of a floor and of gravity. Where somebody filmed, contact is guessed, and up is not quite up.
+fn floor_doubt(height_m: f64, tilt_rad: f64, was_filmed: bool) -> Option<WorldDoubt> {
     let of_film = |deviation: f64| if was_filmed { deviation } else { 0.0 };
     let doubt = WorldDoubt {
         height_m,
         tilt_rad: of_film(tilt_rad),
-        log_friction: if is_film { FILMED_LOG_FRICTION } else { 0.0 },
+        log_friction: of_film(FILMED_LOG_FRICTION),
+        may_stick: was_filmed,
         gravity_tilt_rad: of_film(FILMED_TILT_RAD),
         ..WorldDoubt::default()
     };
-    (height_m > 0.0 || has_real_cameras).then_some(doubt)
+    (height_m > 0.0 || was_filmed).then_some(doubt)
 }
 
 /// The obstacles as the fit moved them.
@@ -185,10 +184,14 @@ pub(super) fn as_fitted(mut obstacles: Vec<Obstacle>, fitted: &[Collider]) -> Ve
         {
             (*point_m, *normal) = ((*position_m).into(), fitted.into());
         }
-        if let (Some(friction), Contact::Slip { friction: fitted } | Contact::Separating { friction: fitted }) =
-            (&mut obstacle.friction, collider.contact)
-        {
-            *friction = fitted;
+        match (&mut obstacle.friction, collider.contact) {
+            (_, Contact::Sticky) if obstacle.contact != ContactKind::Sticky => {
+                (obstacle.contact, obstacle.friction) = (ContactKind::Sticky, None);
+            }
+            (Some(friction), Contact::Slip { friction: fitted } | Contact::Separating { friction: fitted }) => {
+                *friction = fitted;
+            }
+            _ => (),
         }
     }
     obstacles
@@ -200,13 +203,11 @@ mod tests {
 
     #[test]
     fn up_is_not_quite_up_where_somebody_filmed() {
-        assert_eq!(floor_doubt(0.0, 0.0, false, false), None, "a suite states its floor");
+        assert_eq!(floor_doubt(0.0, 0.0, false), None, "a suite states its floor");
         let tilts = |doubt: Option<WorldDoubt>| doubt.map(|doubt| (doubt.tilt_rad, doubt.gravity_tilt_rad));
-        assert_eq!(tilts(floor_doubt(0.01, 0.01, false, false)), Some((0.0, 0.0)), "of a suite only the height");
-        let stated = floor_doubt(0.0, 0.001, false, true);
+        assert_eq!(tilts(floor_doubt(0.01, 0.01, false)), Some((0.0, 0.0)), "of a suite only the height");
+        let stated = floor_doubt(0.0, 0.001, true);
         assert_eq!(tilts(stated), Some((0.001, FILMED_TILT_RAD)), "cameras that lag are real");
-        let guessed = floor_doubt(0.01, FILMED_TILT_RAD, true, false);
-        assert_eq!(tilts(guessed), Some((FILMED_TILT_RAD, FILMED_TILT_RAD)));
-        assert!(guessed.is_some_and(|doubt| doubt.log_friction > 0.0));
+        assert!(stated.is_some_and(|doubt| doubt.log_friction > 0.0 && doubt.may_stick));
     }
 }

@@ -172,11 +172,12 @@ fn remarks(found: &IdentifyRecord) -> Vec<String> {
                 let (low, high) = (ground.friction_factor / half, ground.friction_factor * half);
                 format!(" (95 % from {low:.2} to {high:.2})")
             });
-            remarks.push(format!(
-                "It is tilted by {:.1} degrees (95 % within {half:.1}); its friction is {:.2} times what was assumed{factor}.",
-                x.hypot(y),
-                ground.friction_factor
-            ));
+            let contact = if ground.sticks {
+                "it holds what touches it".into()
+            } else {
+                format!("it lets go, and its friction is {:.2} times what was assumed{factor}", ground.friction_factor)
+            };
+            remarks.push(format!("It is tilted by {:.1} degrees (95 % within {half:.1}); {contact}.", x.hypot(y)));
         }
     }
     if let Some(half) = found.gravity_interval_95_factor {
