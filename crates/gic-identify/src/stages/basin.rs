@@ -89,6 +89,14 @@ mod tests {
     }
 
     #[test]
+    fn a_minimum_knows_of_one_contact() {
+        let mut held = at([2.0, 3.0], 12.0);
+        assert!(valley().holds(&held));
+        held.state.sticks = true;
+        assert!(!valley().holds(&held) && valley().is_left(&held));
+    }
+
+    #[test]
     fn what_costs_less_than_a_minimum_is_none_of_its_states() {
         let better = at([4.0, 5.0], 9.0);
         assert!(!valley().holds(&better) && valley().is_left(&better));
