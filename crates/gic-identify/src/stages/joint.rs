@@ -102,7 +102,8 @@ fn promised_cost(problem: &Problem, fit: &mut Fit) -> f64 {
     fit.cost - problem.largest_decrease(&normal, &fit.state).unwrap_or(0.0)
 }
 
-/// The weights of the noise at a state: of what a step leaves that the other cameras want.
+/// The weights of the noise at a state. Refinement's fits weigh anew from one to the next. An identification from
+/// search to intervals at once weighs by what a step leaves: it starts too far off to take all it misses for noise.
 fn noise_weights(
     identification: &Identification,
     session: &mut Session,
@@ -112,21 +113,22 @@ fn noise_weights(
     session.pause()?;
     let (blocks, unknowns) = (here.blocks(problem), problem.unknowns.len());
     let weights = identification.weights_at(blocks, unknowns);
-    Ok(identification.weights_at(&left_by_others(&problem.weighted_by(&weights), state, blocks), unknowns))
+    let stages = &identification.settings.stages;
+    if !(stages.contains(&Stage::Material) && stages.contains(&Stage::Intervals)) {
+        return Ok(weights);
+    }
+    Ok(identification.weights_at(&after_a_step(&problem.weighted_by(&weights), state, blocks), unknowns))
 }
 
-/// The blocks after the step that the others want: what these do not explain is noise. A camera's pictures are left out
-/// together, for each of few pulls the fit to itself, and what it has wrong is the same in all frames; a surface, which
-/// no camera has, is left out alone.
-fn left_by_others(problem: &Problem, state: &State, blocks: &[ResidualBlock]) -> Vec<ResidualBlock> {
-    let group = |block: &ResidualBlock| block.camera.ok_or(block.observation);
-    let step_of_others = |left_out| {
-        let others: Vec<ResidualBlock> = blocks.iter().filter(|b| group(b) != left_out).cloned().collect();
+/// The blocks after the step that those of the other observations want: what these do not explain is noise.
+fn after_a_step(problem: &Problem, state: &State, blocks: &[ResidualBlock]) -> Vec<ResidualBlock> {
+    let step_of_others = |observation: usize| {
+        let others: Vec<ResidualBlock> = blocks.iter().filter(|b| b.observation != observation).cloned().collect();
         problem.step(&problem.normal(&others, state), state, 0.0, Vec::new())
     };
-    let groups: BTreeSet<_> = blocks.iter().map(group).collect();
-    let steps: BTreeMap<_, _> = groups.into_iter().map(|left_out| (left_out, step_of_others(left_out))).collect();
-    let moved = |block: &ResidualBlock| match &steps[&group(block)] {
+    let observations: BTreeSet<usize> = blocks.iter().map(|block| block.observation).collect();
+    let steps: BTreeMap<usize, _> = observations.into_iter().map(|o| (o, step_of_others(o))).collect();
+    let moved = |block: &ResidualBlock| match &steps[&block.observation] {
         Some(step) => block.moved(step),
         None => block.clone(),
     };
