@@ -158,26 +158,29 @@ fn remarks(found: &IdentifyRecord) -> Vec<String> {
         remarks.push(format!("It begins to turn at ({x:.3}, {y:.3}, {z:.3}) rad/s."));
     }
     if let Some(ground) = &found.ground {
-        let half = ground.height_interval_95_m.map(|half| format!(" (95 % within {:.1} mm)", 1e3 * half));
-        remarks.push(format!(
-            "The ground lies {:.1} mm {} than it was taken to be{}.",
-            1e3 * ground.height_m.abs(),
-            if ground.height_m < 0.0 { "lower" } else { "higher" },
-            half.unwrap_or_default()
-        ));
+        if ground.height_m != 0.0 {
+            let half = ground.height_interval_95_m.map(|half| format!(" (95 % within {:.1} mm)", 1e3 * half));
+            remarks.push(format!(
+                "The ground lies {:.1} mm {} than it was taken to be{}.",
+                1e3 * ground.height_m.abs(),
+                if ground.height_m < 0.0 { "lower" } else { "higher" },
+                half.unwrap_or_default()
+            ));
+        }
         if ground.tilt_deg != [0.0; 2] {
             let [x, y] = ground.tilt_deg;
             let half = ground.tilt_interval_95_deg.iter().flatten().copied().fold(0.0, f64::max);
-            let factor = ground.friction_interval_95_factor.map_or(String::new(), |half| {
-                let (low, high) = (ground.friction_factor / half, ground.friction_factor * half);
-                format!(" (95 % from {low:.2} to {high:.2})")
-            });
-            let contact = if ground.sticks {
-                "it holds what touches it".into()
-            } else {
-                format!("it lets go, and its friction is {:.2} times what was assumed{factor}", ground.friction_factor)
-            };
-            remarks.push(format!("It is tilted by {:.1} degrees (95 % within {half:.1}); {contact}.", x.hypot(y)));
+            remarks.push(format!("The ground is tilted by {:.1} degrees (95 % within {half:.1}).", x.hypot(y)));
+        }
+        if ground.sticks {
+            remarks.push("The ground holds what touches it.".into());
+        } else if let Some(half) = ground.friction_interval_95_factor {
+            let (low, high) = (ground.friction_factor / half, ground.friction_factor * half);
+            remarks.push(format!(
+                "The ground lets go of what touches it; its friction is {:.2} times what was assumed (95 % from {low:.2} to \
+                 {high:.2}).",
+                ground.friction_factor
+            ));
         }
     }
     if let Some(half) = found.gravity_interval_95_factor {
