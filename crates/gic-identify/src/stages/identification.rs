@@ -88,6 +88,7 @@ impl<'a> Identification<'a> {
             fit_free_flight(&flight, objective, start, outlines, settings).map_err(|error| error.of_stage(1))?;
         let weights = flight_weights(&flight, &largest_weights(input, count), &tuning.noise);
         video.discount_unseen(input, flight.free);
+        let world_and_grid = world_and_grid(input, settings);
         Ok(Identification {
             input,
             kind,
@@ -99,8 +100,8 @@ impl<'a> Identification<'a> {
             shape,
             splat_widths,
             motion_by_outlines,
-            world_and_grid: world_and_grid(input, settings),
-            before_any_video: before_any_video(kind, input, settings),
+            before_any_video: before_any_video(kind, settings, world_and_grid.clone()),
+            world_and_grid,
             devices: devices::prior(input),
             flight,
             weights,
@@ -117,10 +118,7 @@ impl<'a> Identification<'a> {
 
     /// The material parameters that are sought.
     pub(crate) fn free_materials(&self) -> Vec<Unknown> {
-        (0..self.parameters().len())
-            .filter(|i| self.settings.fixed_value(&self.parameters()[*i]).is_none())
-            .map(Unknown::Material)
-            .collect()
+        free_parameters(self.kind, self.settings).map(|(i, _)| Unknown::Material(i)).collect()
     }
 
     /// All observations, compared as sharply as they are.
@@ -243,15 +241,18 @@ fn world_and_grid(input: &Input, settings: &Settings) -> Option<Prior> {
     Some(known).filter(|known| !known.unknowns.is_empty())
 }
 
+/// The parameters that are sought, with their places in [`sought`].
+fn free_parameters(kind: MaterialKind, settings: &Settings) -> impl Iterator<Item = (usize, &'static Parameter)> {
+    sought(kind).iter().enumerate().filter(|(_, parameter)| settings.fixed_value(parameter).is_none())
+}
+
 /// The range of each parameter that is sought, and what is known of the world and of the grid.
-fn before_any_video(kind: MaterialKind, input: &Input, settings: &Settings) -> Prior {
-    let is_sought = |(_, parameter): &(usize, &Parameter)| settings.fixed_value(parameter).is_none();
-    let ranges = sought(kind).iter().enumerate().filter(is_sought).map(|(i, parameter)| {
+fn before_any_video(kind: MaterialKind, settings: &Settings, world_and_grid: Option<Prior>) -> Prior {
+    let ranges = free_parameters(kind, settings).map(|(i, parameter)| {
         let (mean, deviation) = parameter.before_any_video();
         (Unknown::Material(i), mean, deviation)
     });
-    let ranges = Prior::independent(ranges);
-    world_and_grid(input, settings).into_iter().fold(ranges, Prior::and)
+    world_and_grid.into_iter().fold(Prior::independent(ranges), Prior::and)
 }
 
 /// Material parameters as given or in the middle of their starts, at the given velocity or at rest.

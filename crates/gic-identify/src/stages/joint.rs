@@ -154,10 +154,8 @@ fn moved_to(problem: &Problem, basin: &Basin, start: &State) -> Option<State> {
     let is_of_start = |(_, unknown): &(usize, &Unknown)| matches!(unknown, Unknown::Material(_) | Unknown::Cell);
     let length = |(k, unknown): (usize, &Unknown)| (k, start.get(*unknown) - basin.state.get(*unknown));
     let lengths: Vec<(usize, f64)> = problem.unknowns.iter().enumerate().filter(is_of_start).map(length).collect();
-    let state = match moved(problem, basin, &lengths) {
-        None if start.sticks == basin.state.sticks => return None,
-        moved => moved.unwrap_or_else(|| basin.state.clone()),
-    };
+    let of_other_contact = || (start.sticks != basin.state.sticks).then(|| basin.state.clone());
+    let state = moved(problem, basin, &lengths).or_else(of_other_contact)?;
     Some(State { sticks: start.sticks, ..state })
 }
 

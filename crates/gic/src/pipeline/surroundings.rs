@@ -136,19 +136,15 @@ impl Run<'_> {
         all.iter().all(|deviation| deviation.is_finite()).then_some(shared)
     }
 
-    /// Whether it shows something real, which no simulator made on a grid.
+    /// Whether it shows something real, which no simulator made on a grid: the format is not that of a suite, whose
+    /// files say what the ground is, or the cameras lag or are not as stated.
     pub(super) fn was_filmed(&self) -> bool {
-        self.is_film() || self.has_real_cameras()
+        matches!(self.scene.format, Format::Nerfstudio | Format::Colmap) || self.has_real_cameras()
     }
 
     /// Whether cameras lag or are not as stated.
     pub(super) fn has_real_cameras(&self) -> bool {
         !self.scene.delays_s.is_empty() || !self.scene.calibration_errors.is_empty()
-    }
-
-    /// Whether the scene was filmed, and not rendered by a suite whose files say what the ground is.
-    fn is_film(&self) -> bool {
-        matches!(self.scene.format, Format::Nerfstudio | Format::Colmap)
     }
 
     /// The ground: sticky in the synthetic suites, whose files say so; on film one that things bounce off, or sticky.
@@ -209,5 +205,8 @@ mod tests {
         let stated = floor_doubt(0.0, 0.001, true);
         assert_eq!(tilts(stated), Some((0.001, FILMED_TILT_RAD)), "cameras that lag are real");
         assert!(stated.is_some_and(|doubt| doubt.log_friction > 0.0 && doubt.may_stick));
+        let guessed = floor_doubt(0.01, FILMED_TILT_RAD, true);
+        assert_eq!(tilts(guessed), Some((FILMED_TILT_RAD, FILMED_TILT_RAD)));
+        assert!(guessed.is_some_and(|doubt| doubt.log_friction > 0.0));
     }
 }

@@ -174,11 +174,13 @@ fn remarks(found: &IdentifyRecord) -> Vec<String> {
         }
         if ground.sticks {
             remarks.push("The ground holds what touches it.".into());
-        } else if let Some(half) = ground.friction_interval_95_factor {
-            let (low, high) = (ground.friction_factor / half, ground.friction_factor * half);
+        } else if ground.friction_factor != 1.0 {
+            let factor = ground.friction_interval_95_factor.map_or(String::new(), |half| {
+                let (low, high) = (ground.friction_factor / half, ground.friction_factor * half);
+                format!(" (95 % from {low:.2} to {high:.2})")
+            });
             remarks.push(format!(
-                "The ground lets go of what touches it; its friction is {:.2} times what was assumed (95 % from {low:.2} to \
-                 {high:.2}).",
+                "The ground lets go of what touches it; its friction is {:.2} times what was assumed{factor}.",
                 ground.friction_factor
             ));
         }
