@@ -118,9 +118,6 @@ pub struct SurfaceTuning {
     pub contact_margin_cells: f64,
     /// Residuals beyond this count linearly (Huber) [cells]. Fitted on: the nine scenes.
     pub huber_knee_cells: f64,
-    /// Exponent with which the Gaussians of grains widen where they part. Fitted on: the true particles of sand_1,
-    /// sand_3 and bear_sand, whose outlines differ least from the masks with .85, .8 and 1.1.
-    pub grains_exponent: f64,
 }
 
 impl Default for SurfaceTuning {
@@ -133,7 +130,6 @@ impl Default for SurfaceTuning {
             most_points: 1500,
             contact_margin_cells: 1.0,
             huber_knee_cells: 0.5,
-            grains_exponent: 0.85,
         }
     }
 }
@@ -298,22 +294,18 @@ impl Default for AdamTuning {
     }
 }
 
-/// Stage 4: material, motion, splat size and shape together.
+/// Stage 4: material, motion and shape together.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct JointTuning {
     /// A fit ends when the cost falls by less than this. Derived: the cost is half of chi-squared, whose standard error
     /// is one.
     pub least_gain: f64,
-    /// Standard deviation of the logarithm of the Gaussians' size about the one that fits free flight with the shape as
-    /// reconstructed. Budget: without it fits find the same after a fifth to a half more rollouts. Fitted on: the nine
-    /// scenes.
-    pub splat_deviation: f64,
 }
 
 impl Default for JointTuning {
     fn default() -> JointTuning {
-        JointTuning { least_gain: 0.1, splat_deviation: 0.05 }
+        JointTuning { least_gain: 0.1 }
     }
 }
 

@@ -1,14 +1,13 @@
-//! Stage 4: material, velocity, rotation where there is one, the Gaussians' size and the body's shape together.
+//! Stage 4: material, velocity, rotation where there is one, and the body's shape together.
 //!
-//! Errors of free flight and of the shape then do not bias the material, and the intervals know of them. The fit starts
+//! Errors of free flight and of the shape then do not bias the material, and the intervals know of them. The Gaussians
+//! keep the size that free flight gives them: wider ones would fit a smaller body as well (decision 89). The fit starts
 //! from the best minimum of the material, with blurred masks, in which steps reach further. That is all that carries a
 //! body on. Where intervals are wanted, it goes on to sharp masks and looks at the other minima of the material, too:
 //! with the body as it is now one of them may explain the video better. They are fitted roughly, for all but the best
 //! only tell what the video leaves open: each is taken to cost what its quadratic model promises.
 
 use std::collections::{BTreeMap, BTreeSet};
-
-use nalgebra::{DMatrix, DVector};
 
 use crate::FitError;
 use crate::IdentifyError;
@@ -180,39 +179,23 @@ pub(crate) fn problem<'a>(
 /// The position stays that of free flight: free, it is traded for the velocity.
 fn unknowns(identification: &Identification) -> Vec<Unknown> {
     let mut unknowns = identification.free_materials();
-    let has_masks = !identification.video.frames[0].views.is_empty();
-    if has_masks {
-        unknowns.push(Unknown::Splat);
-    }
     unknowns.extend(&identification.flight.motion);
     unknowns.extend(identification.unknowns_of_world_and_grid());
-    if has_masks {
+    if !identification.video.frames[0].views.is_empty() {
         unknowns.extend(&identification.devices.unknowns);
         unknowns.extend((0..identification.shape.count()).map(Unknown::Shape));
     }
     unknowns
 }
 
-/// What is known of the joint stage's unknowns besides the pictures: of the Gaussians' size, of the shape, of the
-/// world, the grid and the devices and, by the outlines, of the motion.
+/// What is known of the joint stage's unknowns besides the pictures: of the shape, of the world, the grid and the
+/// devices and, by the outlines, of the motion.
 pub(crate) fn prior(identification: &Identification) -> Prior {
-    let is_nuisance = |u: &Unknown| matches!(u, Unknown::Splat | Unknown::Shape(_));
-    let unknowns: Vec<Unknown> = unknowns(identification).into_iter().filter(is_nuisance).collect();
-    let tuning = &identification.tuning.joint;
-    let deviation = |u: &Unknown| match u {
-        Unknown::Splat => tuning.splat_deviation,
-        _ => 1.0,
-    };
-    let information = DVector::from_iterator(unknowns.len(), unknowns.iter().map(|u| deviation(u).powi(-2)));
-    let means = unknowns.iter().map(|u| identification.flight.state.get(*u));
-    let nuisances = Prior {
-        information: DMatrix::from_diagonal(&information),
-        mean: DVector::from_iterator(unknowns.len(), means),
-        unknowns,
-    };
+    let components = unknowns(identification).into_iter().filter(|u| matches!(u, Unknown::Shape(_)));
+    let shape = Prior::independent(components.map(|component| (component, 0.0, 1.0)));
     let devices = &identification.devices;
     // The motion is as sure as the outlines say where the devices are as they are said to be.
     let motion = identification.motion_by_outlines.as_ref().filter(|_| devices.unknowns.is_empty());
     let known = [motion, identification.world_and_grid.as_ref(), Some(devices)];
-    known.into_iter().flatten().fold(nuisances, |all, prior| all.and(prior.clone()))
+    known.into_iter().flatten().fold(shape, |all, prior| all.and(prior.clone()))
 }

@@ -4,7 +4,7 @@
 //! 1. [`free_flight`]: initial velocity, position and the Gaussians' size from the frames before contact.
 //! 2. [`search`]: starting points of the material, from a grid on a coarse simulation grid.
 //! 3. [`material`]: minima of the material with that motion, from the best starts and from neighbours of the best fit.
-//! 4. [`joint`]: material, motion, the world, the Gaussians' size and the body's shape together, from the best of them.
+//! 4. [`joint`]: material, motion, the world and the body's shape together, from the best of them.
 //! 5. [`intervals`], [`middle`] and [`estimates`]: how sure they are, the middle of what the video leaves open, whether
 //!    they explain it, and everything into one result.
 
