@@ -1,4 +1,7 @@
 //! The distinct local minima of a problem. A fit that comes into one that is known ends there.
+//!
+//! The best is the cheapest. A ground that holds what touches it is rare where nobody says so: such a minimum counts
+//! only if no other is about as cheap, as a law does that has more unknowns (decisions 36 and 87).
 
 use crate::FitError;
 use crate::result::Stage;
@@ -6,6 +9,7 @@ use crate::session::Session;
 use crate::solve::levenberg_marquardt::{Fit, Iterate, Limits};
 use crate::solve::problem::Problem;
 use crate::stages::basin::Basin;
+use crate::tuning::CLOSE_RELATIVE_DIFFERENCE;
 use crate::unknowns::state::State;
 
 /// The minima that were found so far.
@@ -29,8 +33,7 @@ impl<'a> Minima<'a> {
     /// Where the start cannot be simulated, and interruption.
     fn seek_from(&mut self, session: &mut Session, start: State) -> Result<(), FitError> {
         let is_known = |step: &Iterate| self.found.iter().any(|(_, basin)| basin.holds(step));
-        let known =
-            self.cheapest().map(|(best, _)| best.linearisation.carried_far(self.problem, &start)).transpose()?;
+        let known = self.first().map(|(best, _)| best.linearisation.carried_far(self.problem, &start)).transpose()?;
         let fit = session.minimise(self.stage, self.problem, (start, known), self.limits, &is_known)?;
         if !is_known(&fit.end()) {
             self.keep(fit);
@@ -66,11 +69,11 @@ impl<'a> Minima<'a> {
 
     /// The best of them, if any.
     pub(crate) fn best(&self) -> Option<&Basin> {
-        self.cheapest().map(|(_, basin)| basin)
+        self.first().map(|(_, basin)| basin)
     }
 
-    fn cheapest(&self) -> Option<&(Fit, Basin)> {
-        self.found.iter().min_by(|(a, _), (b, _)| a.cost.total_cmp(&b.cost))
+    fn first(&self) -> Option<&(Fit, Basin)> {
+        self.found.iter().min_by(|(a, _), (b, _)| counted(a).total_cmp(&counted(b)))
     }
 
     /// Whether one of them costs less than `cost` by what a fit goes on for.
@@ -78,15 +81,38 @@ impl<'a> Minima<'a> {
         self.best().is_some_and(|best| best.cost < cost - self.limits.least_gain_at(cost))
     }
 
-    /// Where they are and what they cost, the cheapest first.
+    /// Where they are and what they count for, the best first.
     pub(crate) fn into_ends(self) -> Vec<(f64, State)> {
-        self.into_fits().into_iter().map(|fit| (fit.cost, fit.state)).collect()
+        self.into_fits().into_iter().map(|fit| (counted(&fit), fit.state)).collect()
     }
 
-    /// All of them, the cheapest first.
+    /// All of them, the best first.
     pub(crate) fn into_fits(self) -> Vec<Fit> {
         let mut fits: Vec<Fit> = self.found.into_iter().map(|(fit, _)| fit).collect();
-        fits.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        fits.sort_by(|a, b| counted(a).total_cmp(&counted(b)));
         fits
+    }
+}
+
+/// What a minimum counts for: what it costs and, if its ground holds what touches it, as much more as one may cost that
+/// is about as good.
+fn counted(fit: &Fit) -> f64 {
+    as_counted(fit.cost, fit.state.sticks)
+}
+
+fn as_counted(cost: f64, sticks: bool) -> f64 {
+    if sticks { (1.0 + CLOSE_RELATIVE_DIFFERENCE) * cost } else { cost }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_two_that_explain_the_video_about_as_well_the_ground_lets_go() {
+        let sticks_rather = |sticky: f64, separating: f64| as_counted(sticky, true) < as_counted(separating, false);
+        // The filmed ball, and a rendered film whose floor sticks.
+        assert!(!sticks_rather(16.1, 17.3) && sticks_rather(1054.0, 2041.0));
+        assert!(!sticks_rather(0.0, 0.0), "a body that touches nothing");
     }
 }
