@@ -44,7 +44,7 @@ pub use result::{Estimate, Estimates, Loss, Stage, Step, WorldEstimate};
 pub use settings::{MaterialChoice, Optimizer, Settings, Start, Target};
 pub use stages::identify;
 pub use tuning::{
-    AdamTuning, CLOSE_RELATIVE_DIFFERENCE, DescentTuning, FreeFlightTuning, JointTuning, MaskTuning, MaterialTuning,
-    NoiseTuning, ResolutionTuning, SearchTuning, ShapeTuning, SurfaceTuning, Tuning, VerdictTuning,
+    AdamTuning, DescentTuning, FreeFlightTuning, JointTuning, MaskTuning, MaterialTuning, NoiseTuning,
+    ResolutionTuning, SearchTuning, ShapeTuning, SurfaceTuning, Tuning, VerdictTuning,
 };
 pub use unknowns::parameter::{Parameter, material_of, sought, sought_values};

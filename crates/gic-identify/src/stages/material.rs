@@ -4,9 +4,9 @@
 //! The cost has several local minima. The material alone is fitted, in the world and on the cells that are given: far
 //! from the best fit, these make up for what the material and the shape lack, and lead away. A step from each start
 //! tells which are worth the rest; those that cost not much more than the best are fitted on, and the best looks over
-//! the walls of its minimum. Where nobody says if the ground holds what touches it, the best is fitted with either
-//! contact: minima of one are none of the other. It goes on with the cells; the rest of the world waits for the fit of
-//! everything. Masks are blurred.
+//! the walls of its minimum. Where nobody says if the ground holds what touches it, all that is done with either
+//! contact: minima of one are none of the other. The best goes on with the cells; the rest of the world waits for the
+//! fit of everything. Masks are blurred.
 //!
 //! The range of each parameter is known before: a Gaussian of the mean and the deviation of its even distribution.
 //! Refinement settles the body to the motion that is found here. Along a valley that the pictures do not tell apart any
@@ -63,11 +63,16 @@ impl MaterialStage<'_> {
         let on_sought_cells = self.on_sought_cells();
         let material = on_sought_cells.of_material_alone();
         let limits = self.limits(self.identification.settings.iterations);
-        let mut minima = Minima::new(Stage::Material, &material, limits);
-        let failure = minima.seek_from_each(session, cheapest(steps, tuning.most_cost_ratio))?;
-        minima.seek_from_each(session, self.with_other_contact(&minima))?;
-        look_over_the_walls(session, &mut minima, tuning)?;
-        let mut ends = cheapest(minima.into_ends(), tuning.most_cost_ratio).into_iter();
+        let starts = cheapest(steps, tuning.most_cost_ratio);
+        let (mut ends, mut failure) = (Vec::new(), None);
+        for &sticks in self.contacts() {
+            let mut minima = Minima::new(Stage::Material, &material, limits);
+            let starts = starts.iter().map(|start| State { sticks, ..start.clone() }).collect();
+            failure = minima.seek_from_each(session, starts)?.or(failure);
+            look_over_the_walls(session, &mut minima, tuning)?;
+            ends.extend(minima.into_ends());
+        }
+        let mut ends = cheapest(ends, tuning.most_cost_ratio).into_iter();
         let best = ends.next().ok_or(failure.unwrap_or(FitError::NoIteration))?;
         let best = if on_sought_cells.unknowns == material.unknowns {
             best
@@ -96,10 +101,9 @@ impl MaterialStage<'_> {
         if session.checkpoint().fits.iter().all(Option::is_none) { Err(failure) } else { Ok(()) }
     }
 
-    /// The best of the minima with the other contact of the ground, where that is in doubt.
-    fn with_other_contact(&self, minima: &Minima) -> Vec<State> {
-        let best = minima.best().filter(|_| self.identification.contact_is_in_doubt());
-        best.map(|best| State { sticks: !best.state.sticks, ..best.state.clone() }).into_iter().collect()
+    /// Whether the ground holds what touches it: one answer where that is known, as the world has it, or both.
+    fn contacts(&self) -> &'static [bool] {
+        if self.identification.contact_is_in_doubt() { &[false, true] } else { &[false] }
     }
 
     fn limits(&self, iterations: usize) -> Limits {

@@ -6,7 +6,7 @@
 
 use gic_continuum::{Appearance, Drawing, informed_gaussians};
 use gic_files::FileError;
-use gic_identify::{CLOSE_RELATIVE_DIFFERENCE, Estimates, Input, Stage as IdentifyStage};
+use gic_identify::{Estimates, Input, Stage as IdentifyStage};
 use gic_metrics::{mean, mean_and_variance};
 use gic_mpm::MaterialKind;
 use gic_splat::{RenderSettings, render};
@@ -24,8 +24,10 @@ const HELD_BACK_SHARE: f64 = 0.3;
 /// A law is fitted in full if its rough fit predicts at most this many times as badly as the best one's. Budget: a full
 /// fit costs three rough ones.
 const FULL_FIT_ERROR_RATIO: f64 = 3.0;
-/// Laws are also close if their errors differ by less than so many standard errors of the difference, over the cameras.
-/// Derived: 95 % of a Gaussian's.
+/// Two laws are close if their errors differ by less than this share of the smaller one. Fitted on: five scenes, in
+/// which the true law is chosen or close ...
+const CLOSE_RELATIVE_DIFFERENCE: f64 = 0.1;
+/// ... or by less than so many standard errors of the difference, over the cameras. Derived: 95 % of a Gaussian's.
 const CLOSE_STANDARD_ERRORS: f64 = 2.0;
 
 /// `selection.json`: how the laws predict.
