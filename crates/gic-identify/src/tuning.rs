@@ -23,10 +23,6 @@ pub(crate) const CUTOFF_SIGMAS: f32 = 4.0;
 /// variances, and the error of what is rounded. Derived: that of a box.
 pub(crate) const STEP_VARIANCE: f32 = 1.0 / 12.0;
 
-/// Half of what chi-squared, of one freedom, stays below in 95 of 100: where two explanations differ by less in cost,
-/// the video does not tell them apart. Derived.
-pub(crate) const TOLD_APART_COST: f64 = 0.5 * 1.96 * 1.96;
-
 /// Every tuned number of identification.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]

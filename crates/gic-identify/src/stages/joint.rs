@@ -80,13 +80,13 @@ fn fit(
     // The cost is in units of chi-squared: what matters is the absolute gain.
     let to_the_end = Limits::to_the_end(iterations, tuning.joint.least_gain);
     let fit = session.minimise(Stage::Joint, &sharp, (rough.state, Some(here)), to_the_end, &|_| false)?;
-    let first = fit.state.clone();
+    let fitted_to_the_end = fit.state.clone();
     let mut minima = Minima::new(Stage::Joint, &sharp, limits);
     minima.keep(fit);
     look_at_others(session, &mut minima, (starts.as_slice(), &tuning.material))?;
     let mut fits = minima.into_fits().into_iter();
     let mut best = fits.next().ok_or(FitError::NoIteration)?;
-    if best.state != first {
+    if best.state != fitted_to_the_end {
         let start = (best.state, Some(best.linearisation));
         best = session.minimise(Stage::Joint, &sharp, start, to_the_end, &|_| false)?;
     }

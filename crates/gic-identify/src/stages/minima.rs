@@ -9,7 +9,8 @@ use crate::session::Session;
 use crate::solve::levenberg_marquardt::{Fit, Iterate, Limits};
 use crate::solve::problem::Problem;
 use crate::stages::basin::Basin;
-use crate::tuning::TOLD_APART_COST;
+use crate::uncertainty::interval::told;
+use crate::uncertainty::variance::Variance;
 use crate::unknowns::state::State;
 
 /// The minima that were found so far.
@@ -73,7 +74,7 @@ impl<'a> Minima<'a> {
     }
 
     fn first(&self) -> Option<&(Fit, Basin)> {
-        self.found.iter().min_by(|(a, _), (b, _)| counted(a).total_cmp(&counted(b)))
+        self.found.iter().min_by(|(a, _), (b, _)| counted(a.cost, &a.state).total_cmp(&counted(b.cost, &b.state)))
     }
 
     /// Whether one of them costs less than `cost` by what a fit goes on for.
@@ -83,24 +84,22 @@ impl<'a> Minima<'a> {
 
     /// Where they are and what they count for, the best first.
     pub(crate) fn into_ends(self) -> Vec<(f64, State)> {
-        self.into_fits().into_iter().map(|fit| (counted(&fit), fit.state)).collect()
+        self.into_fits().into_iter().map(|fit| (counted(fit.cost, &fit.state), fit.state)).collect()
     }
 
     /// All of them, the best first.
     pub(crate) fn into_fits(self) -> Vec<Fit> {
         let mut fits: Vec<Fit> = self.found.into_iter().map(|(fit, _)| fit).collect();
-        fits.sort_by(|a, b| counted(a).total_cmp(&counted(b)));
+        fits.sort_by(|a, b| counted(a.cost, &a.state).total_cmp(&counted(b.cost, &b.state)));
         fits
     }
 }
 
-/// What a minimum counts for: what it costs and, if its ground holds what touches it, as much more as tells two apart.
-fn counted(fit: &Fit) -> f64 {
-    as_counted(fit.cost, fit.state.sticks)
-}
-
-fn as_counted(cost: f64, sticks: bool) -> f64 {
-    if sticks { cost + TOLD_APART_COST } else { cost }
+/// What a minimum counts for: what it costs and, if its ground holds what touches it, as much more as tells two apart
+/// at noise that is known.
+fn counted(cost: f64, state: &State) -> f64 {
+    let known = Variance { value: 1.0, freedom: f64::INFINITY };
+    if state.sticks { cost + told(1.0, known, known.value).recip() } else { cost }
 }
 
 #[cfg(test)]
@@ -109,7 +108,10 @@ mod tests {
 
     #[test]
     fn of_two_that_the_video_does_not_tell_apart_the_ground_lets_go() {
-        let sticks_rather = |sticky: f64, separating: f64| as_counted(sticky, true) < as_counted(separating, false);
+        let separating_ground = State::new(Vec::new());
+        let sticky_ground = State { sticks: true, ..separating_ground.clone() };
+        let sticks_rather =
+            |sticky: f64, separating: f64| counted(sticky, &sticky_ground) < counted(separating, &separating_ground);
         // The filmed ball, and a rendered film whose floor sticks.
         assert!(!sticks_rather(16.1, 17.3) && sticks_rather(1135.0, 1211.0));
         assert!(!sticks_rather(0.0, 0.0), "a body that touches nothing");
