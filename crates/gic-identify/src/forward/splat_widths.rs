@@ -69,6 +69,7 @@ mod tests {
         let mean = splat_widths.scales(&grown).iter().sum::<f32>() / 1000.0;
         assert!((mean / 0.005 - 1.1).abs() < 0.06, "{mean}");
         let grains = of(MaterialKind::Sand).scales(&grown).iter().sum::<f32>() / 1000.0;
+        assert!(grains > mean * 1.03, "{grains} {mean}");
         // 1.1^3 of the density, of which the heap's edge has the root.
         assert!((grains / 0.005 - 1.1f32.powf(1.5)).abs() < 0.03, "{grains}");
     }
