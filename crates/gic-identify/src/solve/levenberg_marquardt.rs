@@ -6,7 +6,7 @@
 //! by what it showed (a rank-one update), so that most steps cost two rollouts. They are measured anew when a step
 //! gains much less than the quadratic model predicts, and less per rollout than the last did whose Jacobian was
 //! measured: along a bent valley with many unknowns no model holds for long, but a step along an old one costs next to
-//! nothing. A failed rollout is a rejected step.
+//! nothing. A failed rollout is a rejected step; where the Jacobian cannot be measured anew, the fit has ended.
 
 use std::ops::ControlFlow;
 
@@ -76,6 +76,12 @@ impl Fit {
     pub(crate) fn end(&self) -> Iterate {
         Iterate { state: self.state.clone(), cost: self.cost }
     }
+
+    /// Measures the Jacobian where it ended; whether that can be. Elsewhere it stays as it was carried there.
+    fn measure_anew(&mut self, problem: &Problem) -> bool {
+        let measured = Linearisation::around(problem, &self.state, self.linearisation.trajectories.clone());
+        measured.map(|measured| self.linearisation = measured).is_ok()
+    }
 }
 
 /// Minimises from `start`, around which `known` is known already.
@@ -83,7 +89,8 @@ impl Fit {
 /// `accepted` hears of every step and may end the fit there.
 ///
 /// # Errors
-/// Where the start itself or all of its neighbours cannot be simulated, and what `accepted` returns.
+/// Where the start or, if nothing is `known` of them, one of its neighbours cannot be simulated, and what `accepted`
+/// returns.
 pub(crate) fn minimise(
     problem: &Problem,
     start: State,
@@ -114,8 +121,10 @@ pub(crate) fn minimise(
                 break;
             }
             // The direction itself may be stale.
-            fit.linearisation = fit.linearisation.measured_anew(problem, &fit.state)?;
-            continue;
+            if fit.measure_anew(problem) {
+                continue;
+            }
+            break;
         };
         let (cost, gain) = (fit.cost, fit.cost - trial.cost);
         if was_fresh && gain < limits.least_gain {
@@ -138,8 +147,8 @@ pub(crate) fn minimise(
             break;
         }
         let pays = rate >= measured_rate && gain >= limits.least_gain;
-        if limits.secants && !trusted && !pays && steps < limits.iterations {
-            fit.linearisation = fit.linearisation.measured_anew(problem, &fit.state)?;
+        if limits.secants && !trusted && !pays && steps < limits.iterations && !fit.measure_anew(problem) {
+            break;
         }
     }
     Ok(fit)
@@ -208,4 +217,100 @@ fn try_step(problem: &Problem, state: &State, normal: &Normal, damping: f64) -> 
     let cost = problem.cost(&moved, &trajectories);
     let predicted_decrease = normal.predicted_decrease(&delta);
     cost.is_finite().then_some(Trial { state: moved, cost, trajectories, damping, delta, predicted_decrease })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    use glam::{DMat3, DVec3};
+
+    use super::*;
+    use crate::forward::drawing::Drawing;
+    use crate::forward::silhouette::coverage;
+    use crate::forward::trajectories::{ForwardModel, FrameSelection};
+    use crate::input::Input;
+    use crate::observe::mask_view::MaskView;
+    use crate::observe::test_camera::test_camera;
+    use crate::observe::video::{ObservedFrame, ObservedVideo};
+    use crate::solve::objective::Objective;
+    use crate::solve::residual_block::Weights;
+    use crate::solve::surface_residuals::SurfaceComparison;
+    use crate::tuning::Tuning;
+    use crate::unknowns::coordinates::Coordinates;
+    use crate::unknowns::state::Unknown;
+
+    const SPACING: f64 = 0.01;
+    const PARTICLES: i32 = 6 * 6 * 6;
+    const TRUTH: DVec3 = DVec3::new(0.02, -0.015, 0.01);
+
+    /// A cube where a state's offset puts it, until nothing can be simulated any more.
+    #[derive(Default)]
+    struct Cube {
+        has_failed: AtomicBool,
+    }
+
+    impl ForwardModel for Cube {
+        fn trajectories(&self, state: &State, _: &FrameSelection) -> Result<Trajectories, FitError> {
+            if self.has_failed.load(Ordering::Relaxed) {
+                return Err(FitError::NotFinite);
+            }
+            let place = |i: i32| DVec3::new(f64::from(i % 6), f64::from(i / 6 % 6), f64::from(i / 36)) * SPACING;
+            let positions = (0..PARTICLES).map(|i| (place(i) + state.offset).as_vec3().to_array()).collect();
+            Ok(Trajectories {
+                positions: vec![positions],
+                velocities: Vec::new(),
+                scales: vec![vec![0.6 * SPACING as f32; PARTICLES as usize]],
+                drawing: Drawing::of(state),
+                outward_displacements: Vec::new(),
+            })
+        }
+    }
+
+    /// How far off the cube's offset is that is found by two masks; no rollout succeeds after so many `steps`.
+    fn error_m_after(steps: usize) -> f64 {
+        let cube = Cube::default();
+        let selection = FrameSelection { first: 0, end: 1, pooling: 1 };
+        let input = Input::of_body(vec![DVec3::ZERO; PARTICLES as usize], SPACING);
+        let seen = cube.trajectories(&State { offset: TRUTH, ..State::new(Vec::new()) }, &selection).unwrap();
+        let views = [0.0, 1.3].map(|turn| {
+            let turn = DMat3::from_rotation_y(turn);
+            let camera = test_camera(80, 200.0, turn, DVec3::splat(2.5 * SPACING) - turn.z_axis);
+            MaskView::new(0, &camera, &coverage(seen.gaussians(0, &input.opacities), &camera), 1)
+        });
+        let frame = ObservedFrame { simulated_frame: 0, time_s: 0.0, views: views.to_vec(), surface: None };
+        let video = ObservedVideo { frames: vec![frame] };
+        let (tuning, weights) = (Tuning::default(), Weights::uniform(1e4, 1.0, 1));
+        let comparison = SurfaceComparison::new(&input, None, &tuning);
+        let problem = Problem {
+            forward: &cube,
+            objective: Objective {
+                video: &video,
+                opacities: &input.opacities,
+                surface_comparison: &comparison,
+                weights: &weights,
+            },
+            unknowns: (0..3).map(Unknown::Offset).collect(),
+            coordinates: Coordinates { parameters: &[], tuning: &tuning.descent },
+            descent: &tuning.descent,
+            selection,
+            prior: None,
+        };
+        let mut taken = 0;
+        let mut accepted = |_: &Iterate| {
+            taken += 1;
+            cube.has_failed.store(taken == steps, Ordering::Relaxed);
+            Ok(ControlFlow::Continue(()))
+        };
+        let limits = Limits::to_the_end(30, 1e-6);
+        let fit = minimise(&problem, State::new(Vec::new()), None, limits, &mut accepted).expect("a fit");
+        fit.state.offset.distance(TRUTH)
+    }
+
+    #[test]
+    fn a_fit_ends_where_nothing_around_it_can_be_simulated() {
+        let (after_a_step, at_the_end) = (error_m_after(1), error_m_after(usize::MAX));
+        println!("{after_a_step} {at_the_end}");
+        assert!(at_the_end < 1e-5 && (1e-3..TRUTH.length()).contains(&after_a_step));
+    }
 }

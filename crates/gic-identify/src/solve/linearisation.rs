@@ -35,11 +35,6 @@ impl Linearisation {
         Ok(Linearisation::of_parts(trajectories, tangents))
     }
 
-    /// The same with tangents measured at `state`, to which it belongs.
-    pub(crate) fn measured_anew(self, problem: &Problem, state: &State) -> Result<Linearisation, FitError> {
-        Linearisation::around(problem, state, self.trajectories)
-    }
-
     /// Carried to the `new` trajectories, `delta` away.
     pub(crate) fn carried(mut self, new: Trajectories, delta: &[f64]) -> Linearisation {
         self.tangents.carry(&self.trajectories, &new, delta);
